@@ -1,0 +1,157 @@
+//! The mathematics of one spring, without indices.
+//!
+//! A spring joins two particles i and j. With `d = x_i − x_j`, `l = ‖d‖`, `n = d/l` and the strain `l/l0 − 1`:
+//!
+//! | quantity | formula | unit |
+//! |---|---|---|
+//! | elastic force on i | `−k (l/l0 − 1) n` | N |
+//! | elastic energy | `½ k (l − l0)²/l0` | J |
+//! | damping force on i | `−b n nᵀ (v_i − v_j)` | N |
+//! | stiffness block `K^s` | `k (1/l0 − 1/l) (I − nnᵀ) + (k/l0) nnᵀ` | N/m |
+//! | damping block | `b nnᵀ` | N·s/m |
+//!
+//! The force on j is the opposite. `k` is a force (N per unit strain), not N/m: the stiffness against a change of
+//! length is `k/l0`. `K^s` is the negative Jacobian of the force on i, `∂f_i/∂x_i = −K^s`, `∂f_i/∂x_j = +K^s`; it follows
+//! from `∂l/∂x_i = n` and `∂n/∂x_i = (I − nnᵀ)/l`. Source: lecture notes "Review of Backward Euler Implementation",
+//! CS838-2, University of Wisconsin–Madison, 7 October 2011, whose force law this is; the derivation is our own.
+//!
+//! **Edge cases.** At `l = l0` the transverse coefficient is zero, so all options agree. As `l → 0` it tends to −∞:
+//! a spring may be arbitrarily short, and its block is right to rounding, but at `l = 0` the direction does not
+//! exist and [`Extension::between`] returns `None`. The test is on the computed length, so ends nearer than about
+//! 1e-162 m, whose squared distance underflows, count as coincident too.
+
+use nalgebra::{Matrix3, Vector3};
+
+/// Parameters of one spring.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spring {
+    /// k, the force per unit strain, in N; positive.
+    pub stiffness: f64,
+    /// l0, the rest length, in m; positive.
+    pub rest_length: f64,
+    /// b, the damping along the spring, in N·s/m; not negative.
+    pub damping: f64,
+}
+
+/// Which part of the stiffness block enters the system matrix: the notes' options I, II and III.
+///
+/// Forces are never changed, only the matrix is. Under `Tension` and `Axial` every block is positive semidefinite.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Stiffness {
+    /// The exact `K^s`. Indefinite for a compressed spring (`l < l0`).
+    #[doc(alias = "option I")]
+    Full,
+    /// Drops the transverse term of compressed springs.
+    #[doc(alias = "option II")]
+    Tension,
+    /// Drops the transverse term of every spring.
+    #[doc(alias = "option III")]
+    Axial,
+}
+
+impl Stiffness {
+    /// The three options in the notes' order.
+    pub const ALL: [Self; 3] = [Self::Full, Self::Tension, Self::Axial];
+
+    /// The name used on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::Tension => "tension",
+            Self::Axial => "axial",
+        }
+    }
+}
+
+/// Where a spring's ends are relative to each other: its direction and length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extension {
+    /// n, the unit vector from j to i.
+    pub direction: Vector3<f64>,
+    /// l, in m.
+    pub length: f64,
+}
+
+impl Extension {
+    /// From the positions of the ends, in m; `None` when they coincide.
+    pub fn between(xi: &Vector3<f64>, xj: &Vector3<f64>) -> Option<Self> {
+        let d = xi - xj;
+        let length = d.norm();
+        (length != 0.0).then(|| Self { direction: d / length, length })
+    }
+}
+
+impl Spring {
+    /// `l/l0 − 1`, negative under compression. Computed as `(l − l0)/l0`, whose difference is exact near rest.
+    pub fn strain(&self, at: &Extension) -> f64 {
+        (at.length - self.rest_length) / self.rest_length
+    }
+
+    /// Whether the spring is shorter than at rest, so that its transverse term is negative.
+    pub fn is_compressed(&self, at: &Extension) -> bool {
+        at.length < self.rest_length
+    }
+
+    /// Elastic force on end i, `−k (l/l0 − 1) n`, in N.
+    pub fn elastic_force(&self, at: &Extension) -> Vector3<f64> {
+        at.direction * (-self.stiffness * self.strain(at))
+    }
+
+    /// Elastic energy `½ k (l − l0)²/l0`, in J.
+    pub fn elastic_energy(&self, at: &Extension) -> f64 {
+        let strain = self.strain(at);
+        0.5 * self.stiffness * self.rest_length * strain * strain
+    }
+
+    /// Damping force on end i, `−b n nᵀ v` with `v = v_i − v_j`, in N.
+    pub fn damping_force(&self, at: &Extension, v: &Vector3<f64>) -> Vector3<f64> {
+        at.direction * (-self.damping * at.direction.dot(v))
+    }
+
+    /// The stiffness block `K^s` under an option, in N/m.
+    pub fn stiffness_block(&self, at: &Extension, option: Stiffness) -> SpringBlock {
+        // k (1/l0 − 1/l), written with the exact difference l − l0 so that it keeps its digits near rest.
+        let transverse = self.stiffness * (at.length - self.rest_length) / (self.rest_length * at.length);
+        let transverse = match option {
+            Stiffness::Full => transverse,
+            Stiffness::Tension if self.is_compressed(at) => 0.0,
+            Stiffness::Tension => transverse,
+            Stiffness::Axial => 0.0,
+        };
+        SpringBlock { direction: at.direction, transverse, axial: self.stiffness / self.rest_length }
+    }
+
+    /// The damping block `b nnᵀ`, in N·s/m.
+    pub fn damping_block(&self, at: &Extension) -> SpringBlock {
+        SpringBlock { direction: at.direction, transverse: 0.0, axial: self.damping }
+    }
+}
+
+/// The symmetric block `α (I − nnᵀ) + β nnᵀ` that a spring puts between its ends.
+///
+/// Its eigenvalues are α (twice) and β. Stiffness blocks, damping blocks and their combinations are all of this form.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpringBlock {
+    /// n, the spring's direction.
+    pub direction: Vector3<f64>,
+    /// α, the coefficient across the spring.
+    pub transverse: f64,
+    /// β, the coefficient along the spring.
+    pub axial: f64,
+}
+
+impl SpringBlock {
+    /// The 3×3 matrix `α I + (β − α) nnᵀ`; symmetric to the bit.
+    pub fn matrix(&self) -> Matrix3<f64> {
+        let n = &self.direction;
+        let excess = self.axial - self.transverse;
+        // (β − α)(n_r n_c), in this order: the product n_r n_c commutes exactly, so rows and columns agree to the bit.
+        Matrix3::from_fn(|r, c| excess * (n[r] * n[c]) + if r == c { self.transverse } else { 0.0 })
+    }
+
+    /// The product with a vector, `α d + (β − α) n (nᵀd)`.
+    pub fn apply(&self, d: &Vector3<f64>) -> Vector3<f64> {
+        let n = &self.direction;
+        d * self.transverse + n * ((self.axial - self.transverse) * n.dot(d))
+    }
+}

@@ -1,0 +1,223 @@
+//! From a description in code or in a file to a checked [`System`] and its initial [`State`].
+
+use super::{Axes, Constraint, DofMap, Motion, Prescribed, State, System};
+use crate::error::{Invalid, Result};
+use crate::spring::{Extension, Spring};
+use nalgebra::Vector3;
+
+/// Description of a system, checked by [`build`](Self::build).
+///
+/// The fields are public so that large descriptions can be moved in whole; the methods are for writing one by hand.
+/// Keys in error messages are those of the scene format.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SystemBuilder {
+    /// Modelled axes: 1, 2 or 3. The components of all vectors beyond it are ignored and must be zero.
+    pub dimension: usize,
+    /// Acceleration, in m/s².
+    pub gravity: Vector3<f64>,
+    /// x(0), in m.
+    pub positions: Vec<Vector3<f64>>,
+    /// v(0), in m/s; as many as positions.
+    pub velocities: Vec<Vector3<f64>>,
+    /// Masses, in kg; as many as positions.
+    pub masses: Vec<f64>,
+    /// End points of every spring.
+    pub pairs: Vec<[u32; 2]>,
+    /// Parameters of every spring; as many as pairs.
+    pub springs: Vec<Spring>,
+    /// Prescribed coordinates; later entries override earlier ones.
+    pub constraints: Vec<Constraint>,
+}
+
+impl Default for SystemBuilder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl SystemBuilder {
+    /// An empty three-dimensional system without gravity.
+    pub fn new() -> Self {
+        Self {
+            dimension: 3,
+            gravity: Vector3::zeros(),
+            positions: Vec::new(),
+            velocities: Vec::new(),
+            masses: Vec::new(),
+            pairs: Vec::new(),
+            springs: Vec::new(),
+            constraints: Vec::new(),
+        }
+    }
+
+    /// Sets the gravitational acceleration, in m/s².
+    pub fn gravity(&mut self, x: f64, y: f64, z: f64) -> &mut Self {
+        self.gravity = Vector3::new(x, y, z);
+        self
+    }
+
+    /// Adds a particle at rest, position in m and mass in kg; returns its index.
+    pub fn particle(&mut self, position: [f64; 3], mass: f64) -> usize {
+        self.positions.push(position.into());
+        self.velocities.push(Vector3::zeros());
+        self.masses.push(mass);
+        self.positions.len() - 1
+    }
+
+    /// Joins two particles by a spring; returns its index.
+    pub fn spring(&mut self, i: usize, j: usize, spring: Spring) -> usize {
+        // An index beyond u32 cannot name a particle; u32::MAX makes `build` reject it as out of range.
+        self.pairs.push([i, j].map(|p| u32::try_from(p).unwrap_or(u32::MAX)));
+        self.springs.push(spring);
+        self.springs.len() - 1
+    }
+
+    /// Prescribes coordinates.
+    pub fn constrain(&mut self, constraint: Constraint) -> &mut Self {
+        self.constraints.push(constraint);
+        self
+    }
+
+    /// Holds a particle where it is.
+    pub fn hold(&mut self, particle: usize) -> &mut Self {
+        self.constrain(Constraint::hold([particle]))
+    }
+
+    /// Checks everything and builds the system and its state at time zero. Prescribed coordinates start where
+    /// their motion has them at time zero, with the motion's velocity.
+    ///
+    /// # Errors
+    /// [`Invalid`] for the first value that breaks a rule of the scene format, with its key and index.
+    pub fn build(self) -> Result<(System, State)> {
+        self.check()?;
+        let modelled = Axes::first(self.dimension);
+        let (prescribed, held) = Prescribed::new(self.constraints, &self.positions, modelled);
+        let dofs = DofMap::new(held.into_iter().map(|axes| modelled.without(axes)).collect());
+        let is_free = |&p: &u32| dofs.free_axes(p as usize) != Axes::NONE;
+        let active = (0u32..).zip(&self.pairs).filter(|(_, pair)| pair.iter().any(is_free)).map(|(s, _)| s).collect();
+        let system = System {
+            dimension: self.dimension,
+            gravity: self.gravity,
+            masses: self.masses,
+            pairs: self.pairs,
+            springs: self.springs,
+            prescribed,
+            dofs,
+            active,
+        };
+        let mut state = State { time: 0.0, positions: self.positions, velocities: self.velocities };
+        state.prescribe(&system);
+        Ok((system, state))
+    }
+
+    fn check(&self) -> Result<(), Invalid> {
+        if !(1..=3).contains(&self.dimension) {
+            return Err(Invalid::new("particles.positions", self.dimension, "rows must have 1, 2 or 3 entries"));
+        }
+        self.check_particles()?;
+        self.check_springs()?;
+        self.constraints.iter().enumerate().try_for_each(|(index, c)| self.check_constraint(index, c))
+    }
+
+    fn check_particles(&self) -> Result<(), Invalid> {
+        let n = self.positions.len();
+        // Rows are numbered in u32 (as in the sparse matrices), three to a particle.
+        if n > u32::MAX as usize / 3 {
+            return Err(Invalid::new("particles.positions", n, "more particles than can be numbered"));
+        }
+        check_length("particles.velocities", self.velocities.len(), n, "particles")?;
+        check_length("particles.masses", self.masses.len(), n, "particles")?;
+        self.check_vector("gravity", None, &self.gravity)?;
+        for (i, x) in self.positions.iter().enumerate() {
+            self.check_vector("particles.positions", Some(i), x)?;
+        }
+        for (i, v) in self.velocities.iter().enumerate() {
+            self.check_vector("particles.velocities", Some(i), v)?;
+        }
+        self.masses.iter().enumerate().try_for_each(|(i, &m)| check_positive("particles.masses", i, m))
+    }
+
+    fn check_springs(&self) -> Result<(), Invalid> {
+        let n = self.positions.len();
+        check_length("springs.stiffness", self.springs.len(), self.pairs.len(), "springs")?;
+        for (s, (&[i, j], spring)) in self.pairs.iter().zip(&self.springs).enumerate() {
+            let pair = format!("[{i}, {j}]");
+            let (i, j) = (i as usize, j as usize);
+            if i >= n || j >= n {
+                let rule = format!("names a particle that does not exist (there are {n})");
+                return Err(Invalid::new("springs.pairs", pair, rule).at(s));
+            }
+            if i == j {
+                return Err(Invalid::new("springs.pairs", pair, "joins a particle to itself").at(s));
+            }
+            if Extension::between(&self.positions[i], &self.positions[j]).is_none() {
+                return Err(Invalid::new("springs.pairs", pair, "is a spring of zero current length").at(s));
+            }
+            check_positive("springs.stiffness", s, spring.stiffness)?;
+            check_positive("springs.rest_lengths", s, spring.rest_length)?;
+            if !(spring.damping.is_finite() && spring.damping >= 0.0) {
+                let rule = "must be finite and not negative";
+                return Err(Invalid::new("springs.damping", spring.damping, rule).at(s));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_constraint(&self, index: usize, constraint: &Constraint) -> Result<(), Invalid> {
+        let key = format!("constraints[{index}]");
+        for (at, &particle) in constraint.particles.iter().enumerate() {
+            if particle >= self.positions.len() {
+                let rule = format!("names a particle that does not exist (there are {})", self.positions.len());
+                return Err(Invalid::new(format!("{key}.particles"), particle, rule).at(at));
+            }
+        }
+        match &constraint.motion {
+            Motion::Held => Ok(()),
+            Motion::Velocity(v) => self.check_vector(&format!("{key}.velocity"), None, v),
+            Motion::Path { times, offsets } => {
+                let times_key = format!("{key}.path.times");
+                let offsets_key = format!("{key}.path.offsets");
+                if times.is_empty() {
+                    return Err(Invalid::new(times_key, "[]", "must have at least one entry"));
+                }
+                check_length(&offsets_key, offsets.len(), times.len(), "times")?;
+                for (at, &time) in times.iter().enumerate() {
+                    if !time.is_finite() {
+                        return Err(Invalid::new(times_key, time, "must be finite").at(at));
+                    }
+                    if at > 0 && time <= times[at - 1] {
+                        return Err(Invalid::new(times_key, time, "times must increase").at(at));
+                    }
+                }
+                offsets.iter().enumerate().try_for_each(|(at, x)| self.check_vector(&offsets_key, Some(at), x))
+            }
+        }
+    }
+
+    /// Finite, and zero beyond the scene's dimension.
+    fn check_vector(&self, key: &str, index: Option<usize>, v: &Vector3<f64>) -> Result<(), Invalid> {
+        let rule = if v.iter().any(|c| !c.is_finite()) {
+            "must be finite"
+        } else if v.iter().skip(self.dimension).any(|&c| c != 0.0) {
+            "must be zero along the axes that are not modelled"
+        } else {
+            return Ok(());
+        };
+        let components: Vec<f64> = v.iter().take(self.dimension).copied().collect();
+        Err(Invalid { index, ..Invalid::new(key, format!("{components:?}"), rule) })
+    }
+}
+
+fn check_length(key: &str, found: usize, expected: usize, of: &str) -> Result<(), Invalid> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(Invalid::new(key, format!("a list of {found}"), format!("must have one entry for each of the {expected} {of}")))
+}
+
+fn check_positive(key: &str, index: usize, value: f64) -> Result<(), Invalid> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    Err(Invalid::new(key, value, "must be finite and positive").at(index))
+}

@@ -1,0 +1,194 @@
+//! Kinematic particles: which coordinates are prescribed, and how they move.
+
+use nalgebra::Vector3;
+
+/// A set of axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Axes(u8);
+
+impl Axes {
+    /// No axis.
+    pub const NONE: Self = Self(0);
+    /// x, y and z.
+    pub const ALL: Self = Self(0b111);
+
+    /// The first `dimension` axes.
+    pub fn first(dimension: usize) -> Self {
+        Self(Self::ALL.0 >> (3 - dimension.min(3)))
+    }
+
+    /// The axes with the given indices (0, 1, 2).
+    pub fn of(axes: &[usize]) -> Self {
+        Self(axes.iter().fold(0, |bits, &axis| bits | 1 << axis) & Self::ALL.0)
+    }
+
+    /// Whether the axis is in the set.
+    pub fn contains(self, axis: usize) -> bool {
+        self.0 >> axis & 1 == 1
+    }
+
+    /// Number of axes.
+    pub fn count(self) -> usize {
+        self.0.count_ones() as usize
+    }
+
+    /// Number of axes of the set below `axis`.
+    pub fn rank(self, axis: usize) -> usize {
+        (self.0 & ((1 << axis) - 1)).count_ones() as usize
+    }
+
+    /// The axes in ascending order.
+    pub fn iter(self) -> impl Iterator<Item = usize> {
+        (0..3).filter(move |&axis| self.contains(axis))
+    }
+
+    /// This set without the axes of the other.
+    pub fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+}
+
+/// How prescribed coordinates move, as an offset from where they start.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Motion {
+    /// `x(t) = x(0)`.
+    Held,
+    /// `x(t) = x(0) + t·v`, v in m/s.
+    Velocity(Vector3<f64>),
+    /// `x(t) = x(0) + offset(t)`, piecewise linear and clamped at both ends.
+    Path {
+        /// Increasing, in s.
+        times: Vec<f64>,
+        /// As many as times, in m.
+        offsets: Vec<Vector3<f64>>,
+    },
+}
+
+impl Motion {
+    /// Offset along one axis at time t, in m.
+    pub fn offset(&self, t: f64, axis: usize) -> f64 {
+        match self {
+            Self::Held => 0.0,
+            Self::Velocity(v) => t * v[axis],
+            Self::Path { times, offsets } => match times.partition_point(|&time| time <= t) {
+                0 => offsets[0][axis],
+                next if next == times.len() => offsets[next - 1][axis],
+                next => {
+                    let (t0, t1) = (times[next - 1], times[next]);
+                    let (x0, x1) = (offsets[next - 1][axis], offsets[next][axis]);
+                    x0 + (x1 - x0) * ((t - t0) / (t1 - t0))
+                }
+            },
+        }
+    }
+
+    /// Velocity along one axis just after time t (the right derivative of the offset), in m/s.
+    pub fn velocity(&self, t: f64, axis: usize) -> f64 {
+        match self {
+            Self::Held => 0.0,
+            Self::Velocity(v) => v[axis],
+            Self::Path { times, offsets } => match times.partition_point(|&time| time <= t) {
+                next if next == 0 || next == times.len() => 0.0,
+                next => (offsets[next][axis] - offsets[next - 1][axis]) / (times[next] - times[next - 1]),
+            },
+        }
+    }
+}
+
+/// Particles whose coordinates along some axes are prescribed. Later constraints override earlier ones.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Constraint {
+    /// The particles.
+    pub particles: Vec<usize>,
+    /// The prescribed axes.
+    pub axes: Axes,
+    /// How they move.
+    pub motion: Motion,
+}
+
+impl Constraint {
+    /// Holds all axes of some particles where they are.
+    pub fn hold(particles: impl IntoIterator<Item = usize>) -> Self {
+        Self { particles: particles.into_iter().collect(), axes: Axes::ALL, motion: Motion::Held }
+    }
+}
+
+/// All prescribed coordinates, each with its start and its motion.
+#[derive(Debug, Clone, Default)]
+pub struct Prescribed {
+    motions: Vec<Motion>,
+    coordinates: Vec<Coordinate>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Coordinate {
+    particle: u32,
+    axis: u8,
+    motion: u32,
+    start: f64,
+}
+
+impl Prescribed {
+    /// Resolves constraints, the last one that names a coordinate deciding; returns also every particle's
+    /// prescribed axes. `positions` are those at time zero.
+    pub(super) fn new(constraints: Vec<Constraint>, positions: &[Vector3<f64>], modelled: Axes) -> (Self, Vec<Axes>) {
+        let mut deciding = std::collections::BTreeMap::new();
+        for (index, constraint) in constraints.iter().enumerate() {
+            for &particle in &constraint.particles {
+                for axis in constraint.axes.iter().filter(|&axis| modelled.contains(axis)) {
+                    deciding.insert((particle, axis), index);
+                }
+            }
+        }
+        let mut axes = vec![Axes::NONE; positions.len()];
+        let mut coordinates = Vec::with_capacity(deciding.len());
+        for ((particle, axis), motion) in deciding {
+            axes[particle].0 |= 1 << axis;
+            let start = positions[particle][axis];
+            coordinates.push(Coordinate { particle: particle as u32, axis: axis as u8, motion: motion as u32, start });
+        }
+        let motions = constraints.into_iter().map(|constraint| constraint.motion).collect();
+        (Self { motions, coordinates }, axes)
+    }
+
+    /// Whether any prescribed coordinate ever moves.
+    pub fn moves(&self) -> bool {
+        self.coordinates.iter().any(|c| self.motions[c.motion as usize] != Motion::Held)
+    }
+
+    /// Number of prescribed coordinates.
+    pub fn len(&self) -> usize {
+        self.coordinates.len()
+    }
+
+    /// Whether there is no prescribed coordinate.
+    pub fn is_empty(&self) -> bool {
+        self.coordinates.is_empty()
+    }
+
+    /// Sets the prescribed coordinates of full-length positions to their values at time t.
+    pub fn set_positions(&self, t: f64, positions: &mut [Vector3<f64>]) {
+        for c in &self.coordinates {
+            let axis = c.axis as usize;
+            positions[c.particle as usize][axis] = c.start + self.motions[c.motion as usize].offset(t, axis);
+        }
+    }
+
+    /// Sets the prescribed components of full-length velocities to their values just after time t.
+    pub fn set_velocities(&self, t: f64, velocities: &mut [Vector3<f64>]) {
+        for c in &self.coordinates {
+            let axis = c.axis as usize;
+            velocities[c.particle as usize][axis] = self.motions[c.motion as usize].velocity(t, axis);
+        }
+    }
+
+    /// Writes the displacement of every prescribed coordinate from `positions` to its place at time t into
+    /// `displacement`, in m, leaving the free entries alone (the notes' *Set-Boundary-Conditions*).
+    pub fn displacement(&self, t: f64, positions: &[Vector3<f64>], displacement: &mut [Vector3<f64>]) {
+        for c in &self.coordinates {
+            let (particle, axis) = (c.particle as usize, c.axis as usize);
+            let target = c.start + self.motions[c.motion as usize].offset(t, axis);
+            displacement[particle][axis] = target - positions[particle][axis];
+        }
+    }
+}

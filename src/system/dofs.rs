@@ -1,0 +1,151 @@
+//! The map between (particle, axis) and rows: the one place that decides what is a degree of freedom.
+
+use super::Axes;
+use nalgebra::Vector3;
+
+/// One free coordinate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Dof {
+    /// The particle.
+    pub particle: usize,
+    /// 0, 1, 2 for x, y, z.
+    pub axis: usize,
+}
+
+impl Dof {
+    /// The axis as a letter.
+    pub fn axis_name(&self) -> char {
+        ['x', 'y', 'z'][self.axis]
+    }
+}
+
+impl std::fmt::Display for Dof {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "particle {} axis {}", self.particle, self.axis_name())
+    }
+}
+
+/// The free degrees of freedom, numbered by particle, then axis.
+///
+/// A *full-length* vector has a 3-vector for every particle; a *reduced* vector has one number for every free
+/// coordinate. [`gather`](Self::gather) and [`scatter`](Self::scatter) go between them; gathering is the notes' *Project*.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DofMap {
+    /// first[p] is the row of particle p's first free axis; first[particles] is the number of rows.
+    first: Vec<u32>,
+    free: Vec<Axes>,
+}
+
+impl DofMap {
+    /// From the free axes of every particle.
+    pub fn new(free: Vec<Axes>) -> Self {
+        let mut first = Vec::with_capacity(free.len() + 1);
+        let mut rows = 0;
+        first.push(rows);
+        for axes in &free {
+            rows += axes.count() as u32;
+            first.push(rows);
+        }
+        Self { first, free }
+    }
+
+    /// All three axes of `particles` particles free.
+    pub fn unconstrained(particles: usize) -> Self {
+        Self::new(vec![Axes::ALL; particles])
+    }
+
+    /// Number of free degrees of freedom: the order of every matrix.
+    pub fn len(&self) -> usize {
+        self.first.last().map_or(0, |&rows| rows as usize)
+    }
+
+    /// Whether nothing can move.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of particles, free or not.
+    pub fn particles(&self) -> usize {
+        self.free.len()
+    }
+
+    /// The free axes of a particle.
+    pub fn free_axes(&self, particle: usize) -> Axes {
+        self.free[particle]
+    }
+
+    /// The rows of a particle: as many as it has free axes, in the order of the axes.
+    pub fn rows(&self, particle: usize) -> std::ops::Range<usize> {
+        self.first[particle] as usize..self.first[particle + 1] as usize
+    }
+
+    /// The row of a coordinate; `None` when it is prescribed or not modelled.
+    pub fn row(&self, dof: Dof) -> Option<usize> {
+        let free = self.free[dof.particle];
+        free.contains(dof.axis).then(|| self.first[dof.particle] as usize + free.rank(dof.axis))
+    }
+
+    /// The coordinate of a row.
+    pub fn dof(&self, row: usize) -> Dof {
+        let particle = self.first.partition_point(|&first| first as usize <= row) - 1;
+        let axis = self.free[particle].iter().nth(row - self.first[particle] as usize);
+        Dof { particle, axis: axis.unwrap_or(0) }
+    }
+
+    /// The coordinates of all rows, in order.
+    pub fn iter(&self) -> impl Iterator<Item = Dof> + '_ {
+        (0..self.particles()).flat_map(|particle| self.free[particle].iter().map(move |axis| Dof { particle, axis }))
+    }
+
+    /// A particle's part of a reduced vector, as a 3-vector with zeros on the axes that are not free.
+    #[inline]
+    pub fn get(&self, reduced: &[f64], particle: usize) -> Vector3<f64> {
+        let rows = &reduced[self.rows(particle)];
+        match *rows {
+            [x, y, z] => Vector3::new(x, y, z),
+            _ => {
+                let mut full = Vector3::zeros();
+                for (axis, &value) in self.free[particle].iter().zip(rows) {
+                    full[axis] = value;
+                }
+                full
+            }
+        }
+    }
+
+    /// Adds a 3-vector to a particle's part of a reduced vector, dropping the axes that are not free.
+    #[inline]
+    pub fn add(&self, reduced: &mut [f64], particle: usize, v: &Vector3<f64>) {
+        let rows = &mut reduced[self.rows(particle)];
+        match rows {
+            [x, y, z] => {
+                *x += v.x;
+                *y += v.y;
+                *z += v.z;
+            }
+            _ => {
+                for (axis, value) in self.free[particle].iter().zip(rows) {
+                    *value += v[axis];
+                }
+            }
+        }
+    }
+
+    /// Full-length to reduced: takes the free coordinates (the notes' *Project*, which drops the others).
+    pub fn gather(&self, full: &[Vector3<f64>], reduced: &mut [f64]) {
+        for (particle, v) in full.iter().enumerate() {
+            for (axis, value) in self.free[particle].iter().zip(&mut reduced[self.rows(particle)]) {
+                *value = v[axis];
+            }
+        }
+    }
+
+    /// Reduced to full-length: sets the free coordinates and leaves the others as they are.
+    pub fn scatter(&self, reduced: &[f64], full: &mut [Vector3<f64>]) {
+        for (particle, v) in full.iter_mut().enumerate() {
+            for (axis, value) in self.free[particle].iter().zip(&reduced[self.rows(particle)]) {
+                v[axis] = *value;
+            }
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! The data of a scene: particles, springs and constraints, and the free degrees of freedom that follow from them.
+
+mod builder;
+mod constraint;
+mod dofs;
+mod state;
+
+pub use builder::SystemBuilder;
+pub use constraint::{Axes, Constraint, Motion, Prescribed};
+pub use dofs::{Dof, DofMap};
+pub use state::State;
+
+use crate::spring::Spring;
+use nalgebra::Vector3;
+
+/// A mass–spring system: everything that does not change while it moves.
+///
+/// Made by a [`SystemBuilder`], which checks every value; a `System` is valid by construction. Vectors always have
+/// three components; in a planar or one-dimensional scene the absent ones are zero and have no degree of freedom.
+#[derive(Debug, Clone)]
+pub struct System {
+    dimension: usize,
+    gravity: Vector3<f64>,
+    masses: Vec<f64>,
+    pairs: Vec<[u32; 2]>,
+    springs: Vec<Spring>,
+    prescribed: Prescribed,
+    dofs: DofMap,
+    active: Vec<u32>,
+}
+
+impl System {
+    /// Number of modelled axes: 1, 2 or 3.
+    pub fn dimension(&self) -> usize {
+        self.dimension
+    }
+
+    /// Gravitational acceleration, in m/s².
+    pub fn gravity(&self) -> Vector3<f64> {
+        self.gravity
+    }
+
+    /// Mass of every particle, in kg.
+    pub fn masses(&self) -> &[f64] {
+        &self.masses
+    }
+
+    /// Number of particles.
+    pub fn particles(&self) -> usize {
+        self.masses.len()
+    }
+
+    /// The end points (i, j) of every spring.
+    pub fn pairs(&self) -> &[[u32; 2]] {
+        &self.pairs
+    }
+
+    /// The end points (i, j) of one spring.
+    pub fn pair(&self, spring: usize) -> [usize; 2] {
+        self.pairs[spring].map(|p| p as usize)
+    }
+
+    /// Every spring, in the scene's order.
+    pub fn springs(&self) -> &[Spring] {
+        &self.springs
+    }
+
+    /// Indices of the springs that have a free end, ascending. Only these enter forces and matrices: a spring
+    /// between two wholly prescribed particles moves nothing.
+    pub fn active_springs(&self) -> &[u32] {
+        &self.active
+    }
+
+    /// The map between (particle, axis) and the rows of reduced vectors and matrices.
+    pub fn dofs(&self) -> &DofMap {
+        &self.dofs
+    }
+
+    /// The prescribed coordinates and their motion.
+    pub fn prescribed(&self) -> &Prescribed {
+        &self.prescribed
+    }
+
+    /// Whether any spring that enters the matrices has damping. Without one there is no G.
+    pub fn is_damped(&self) -> bool {
+        self.active.iter().any(|&s| self.springs[s as usize].damping > 0.0)
+    }
+}

@@ -1,0 +1,36 @@
+//! What changes while a system moves.
+
+use super::System;
+use nalgebra::Vector3;
+
+/// Positions and velocities of all particles at one time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    /// t, in s.
+    pub time: f64,
+    /// x, one row per particle, in m.
+    pub positions: Vec<Vector3<f64>>,
+    /// v, one row per particle, in m/s.
+    pub velocities: Vec<Vector3<f64>>,
+}
+
+impl State {
+    /// Whether every coordinate and velocity is a finite number.
+    pub fn is_finite(&self) -> bool {
+        self.positions.iter().chain(&self.velocities).all(|v| v.iter().all(|c| c.is_finite()))
+    }
+
+    /// Puts every prescribed coordinate where its motion has it at `self.time`, with that motion's velocity.
+    pub fn prescribe(&mut self, system: &System) {
+        let prescribed = system.prescribed();
+        prescribed.set_positions(self.time, &mut self.positions);
+        prescribed.set_velocities(self.time, &mut self.velocities);
+    }
+
+    /// Copies another state of the same system without allocating.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.time = other.time;
+        self.positions.copy_from_slice(&other.positions);
+        self.velocities.copy_from_slice(&other.velocities);
+    }
+}
