@@ -3,9 +3,15 @@
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]
 
+pub mod assembly;
 pub mod error;
+pub mod force;
+pub mod integrate;
+pub mod linear;
+pub mod operator;
 pub mod spring;
 pub mod system;
+pub mod work;
 
 pub use error::{Error, Result};
 pub use spring::{Spring, Stiffness};
