@@ -4,9 +4,11 @@
 #![deny(missing_docs)]
 
 pub mod error;
+pub mod scene;
 pub mod spring;
 pub mod system;
 
 pub use error::{Error, Result};
+pub use scene::Scene;
 pub use spring::{Spring, Stiffness};
 pub use system::{Constraint, DofMap, Motion, State, System, SystemBuilder};
