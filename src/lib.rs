@@ -4,8 +4,10 @@
 #![deny(missing_docs)]
 
 pub mod error;
+pub mod figure;
 pub mod spring;
 pub mod system;
+pub mod verify;
 
 pub use error::{Error, Result};
 pub use spring::{Spring, Stiffness};
