@@ -5,6 +5,7 @@
 
 pub mod error;
 pub mod figure;
+pub mod report;
 pub mod spring;
 pub mod system;
 pub mod verify;
