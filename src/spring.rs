@@ -158,6 +158,11 @@ impl std::ops::Add for SpringBlock {
 }
 
 impl SpringBlock {
+    /// The smaller eigenvalue, `min(α, β)`.
+    pub fn lowest(&self) -> f64 {
+        self.transverse.min(self.axial)
+    }
+
     /// The 3×3 matrix `α I + (β − α) nnᵀ`; symmetric to the bit.
     pub fn matrix(&self) -> Matrix3<f64> {
         let n = &self.direction;
