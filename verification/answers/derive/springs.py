@@ -258,9 +258,14 @@ def cholesky_succeeds(matrix):
     return True
 
 
-def inertia(matrix):
+def eigenvalues(matrix):
+    """Eigenvalues of a symmetric matrix, ascending."""
+    return sorted(mp.eigsy(matrix, eigvals_only=True))
+
+
+def inertia(matrix, values=None):
     """Counts of negative, zero and positive eigenvalues; zero is what 30 digits cannot tell from it."""
-    values = list(mp.eigsy(matrix, eigvals_only=True))
+    values = eigenvalues(matrix) if values is None else values
     cut = max(abs(v) for v in values) * mpf(10) ** -30
     negative = sum(v < -cut for v in values)
     positive = sum(v > cut for v in values)
