@@ -51,6 +51,13 @@ def close(a, b, tolerance=mpf(10) ** -35):
         raise AssertionError(f"{mp.nstr(a, 20)} and {mp.nstr(b, 20)} differ by more than {mp.nstr(tolerance, 3)}")
 
 
+def close_rows(a, b, tolerance=mpf(10) ** -35):
+    """close() for rows of vectors."""
+    for p, q in zip(a, b, strict=True):
+        for c, d in zip(p, q, strict=True):
+            close(c, d, tolerance)
+
+
 def _text(value, indent):
     if isinstance(value, float) and not math.isfinite(value):
         raise ValueError("JSON has no such number")
