@@ -4,6 +4,7 @@
 #![deny(missing_docs)]
 
 pub mod error;
+pub mod output;
 pub mod spring;
 pub mod system;
 

@@ -1,0 +1,1 @@
+//! `summary.json`: what a run did and how it ended.
