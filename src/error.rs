@@ -32,6 +32,9 @@ pub enum Error {
         /// The operating system's reason.
         source: std::io::Error,
     },
+    /// A configuration in which a spring has no direction.
+    #[error(transparent)]
+    DegenerateSpring(#[from] crate::force::DegenerateSpring),
     /// The command's arguments do not fit together or do not fit the scene.
     #[error("{0}")]
     Usage(String),

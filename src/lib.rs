@@ -3,10 +3,16 @@
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]
 
+pub mod assembly;
 pub mod error;
+pub mod force;
+pub mod integrate;
+pub mod linear;
+pub mod operator;
 pub mod output;
 pub mod spring;
 pub mod system;
+pub mod work;
 
 pub use error::{Error, Result};
 pub use spring::{Spring, Stiffness};

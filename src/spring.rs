@@ -140,6 +140,23 @@ pub struct SpringBlock {
     pub axial: f64,
 }
 
+impl std::ops::Mul<f64> for SpringBlock {
+    type Output = Self;
+
+    fn mul(self, factor: f64) -> Self {
+        Self { transverse: self.transverse * factor, axial: self.axial * factor, ..self }
+    }
+}
+
+/// The sum of two blocks of one spring: both must have the same direction, which the sum keeps.
+impl std::ops::Add for SpringBlock {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { transverse: self.transverse + other.transverse, axial: self.axial + other.axial, ..self }
+    }
+}
+
 impl SpringBlock {
     /// The 3×3 matrix `α I + (β − α) nnᵀ`; symmetric to the bit.
     pub fn matrix(&self) -> Matrix3<f64> {

@@ -71,6 +71,12 @@ impl System {
         &self.active
     }
 
+    /// The active springs with their ends, in order: (spring, [i, j], parameters).
+    #[inline]
+    pub fn active(&self) -> impl ExactSizeIterator<Item = (usize, [usize; 2], &Spring)> + '_ {
+        self.active.iter().map(|&s| (s as usize, self.pair(s as usize), &self.springs[s as usize]))
+    }
+
     /// The map between (particle, axis) and the rows of reduced vectors and matrices.
     pub fn dofs(&self) -> &DofMap {
         &self.dofs
@@ -83,6 +89,6 @@ impl System {
 
     /// Whether any spring that enters the matrices has damping. Without one there is no G.
     pub fn is_damped(&self) -> bool {
-        self.active.iter().any(|&s| self.springs[s as usize].damping > 0.0)
+        self.active().any(|(_, _, spring)| spring.damping > 0.0)
     }
 }

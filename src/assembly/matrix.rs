@@ -1,0 +1,182 @@
+//! A symmetric sparse matrix of particle blocks: values on a [`BlockPattern`].
+
+use super::{BlockPattern, BlockSlot};
+use crate::operator::{BlockDiagonal, LinearOperator};
+use crate::system::DofMap;
+use faer::sparse::SparseColMatRef;
+use nalgebra::Matrix3;
+use nalgebra_sparse::{CooMatrix, CscMatrix};
+use std::sync::Arc;
+
+/// A symmetric sparse matrix over the free degrees of freedom; the lower triangle is stored.
+#[derive(Debug, Clone)]
+pub struct SymmetricMatrix {
+    pattern: Arc<BlockPattern>,
+    values: Vec<f64>,
+}
+
+impl SymmetricMatrix {
+    /// The zero matrix on a pattern.
+    pub fn zeros(pattern: Arc<BlockPattern>) -> Self {
+        let values = vec![0.0; pattern.entries()];
+        Self { pattern, values }
+    }
+
+    /// The pattern.
+    pub fn pattern(&self) -> &Arc<BlockPattern> {
+        &self.pattern
+    }
+
+    /// The map between (particle, axis) and rows.
+    pub fn dofs(&self) -> &DofMap {
+        self.pattern.dofs()
+    }
+
+    /// The stored values, by columns.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Sets all values to zero.
+    pub fn set_zero(&mut self) {
+        self.values.fill(0.0);
+    }
+
+    /// Adds `value` to the diagonal entries of a particle's free axes.
+    #[inline]
+    pub fn add_to_diagonal(&mut self, particle: usize, value: f64) {
+        for column in 0..self.dofs().rows(particle).len() {
+            let first = self.pattern.column(particle, column).start;
+            self.values[first] += value;
+        }
+    }
+
+    /// Adds a symmetric block to (p, p). The lower triangle of `block` is read.
+    #[inline]
+    pub fn add_diagonal_block(&mut self, particle: usize, block: &Matrix3<f64>) {
+        let free = self.pattern.dofs().free_axes(particle);
+        for (column, c) in free.iter().enumerate() {
+            let first = self.pattern.column(particle, column).start;
+            let values = &mut self.values[first..];
+            for (value, r) in values.iter_mut().zip(free.iter().skip(column)) {
+                *value += block[(r, c)];
+            }
+        }
+    }
+
+    /// Adds a block to the pair of the slot, (i, j) as it was asked for, and its transpose to (j, i).
+    #[inline]
+    pub fn add_block(&mut self, slot: BlockSlot, block: &Matrix3<f64>) {
+        if slot.transposed {
+            self.add_below(slot, &block.transpose(), 1.0);
+        } else {
+            self.add_below(slot, block, 1.0);
+        }
+    }
+
+    /// Stamps a symmetric block B between two particles: +B on both diagonal blocks, −B on the off-diagonal ones.
+    #[inline]
+    pub fn stamp(&mut self, [i, j]: [usize; 2], slot: BlockSlot, block: &Matrix3<f64>) {
+        self.add_diagonal_block(i, block);
+        self.add_diagonal_block(j, block);
+        self.add_below(slot, block, -1.0);
+    }
+
+    #[inline]
+    fn add_below(&mut self, slot: BlockSlot, block: &Matrix3<f64>, sign: f64) {
+        let dofs = self.pattern.dofs();
+        let (row_axes, column_axes) = (dofs.free_axes(slot.row as usize), dofs.free_axes(slot.column as usize));
+        let columns = column_axes.count();
+        for (column, c) in column_axes.iter().enumerate() {
+            let start = self.pattern.column(slot.column as usize, column).start;
+            let first = start + (columns - column) + slot.offset as usize;
+            for (value, r) in self.values[first..].iter_mut().zip(row_axes.iter()) {
+                *value += sign * block[(r, c)];
+            }
+        }
+    }
+
+    /// The stored lower triangle as faer's sparse type, without a copy. Use it with `Side::Lower`;
+    /// `to_owned` makes faer's owning type of it.
+    pub fn as_faer(&self) -> SparseColMatRef<'_, u32, f64> {
+        SparseColMatRef::new(self.pattern.symbolic(), &self.values)
+    }
+
+    /// The maximum norm `‖A‖ = max_r Σ_c |a_rc|`; `sums` is scratch of length n.
+    pub fn norm_inf(&self, sums: &mut [f64]) -> f64 {
+        sums.fill(0.0);
+        for (row, column, value) in self.iter() {
+            sums[row] += value.abs();
+            if row != column {
+                sums[column] += value.abs();
+            }
+        }
+        sums.iter().fold(0.0, |largest, &sum| if sum <= largest { largest } else { sum })
+    }
+
+    /// Entries (row, column, value) of the stored lower triangle, by columns, rows ascending.
+    pub fn iter(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+        let symbolic = self.pattern.symbolic();
+        (0..self.order()).flat_map(move |column| {
+            let range = symbolic.col_range(column);
+            let rows = &symbolic.row_idx()[range.clone()];
+            rows.iter().zip(&self.values[range]).map(move |(&row, &value)| (row as usize, column, value))
+        })
+    }
+
+    /// The whole matrix, both triangles, as nalgebra-sparse triplets.
+    pub fn to_coo(&self) -> CooMatrix<f64> {
+        let mut coo = CooMatrix::new(self.order(), self.order());
+        for (row, column, value) in self.iter() {
+            coo.push(row, column, value);
+            if row != column {
+                coo.push(column, row, value);
+            }
+        }
+        coo
+    }
+
+    /// The whole matrix, both triangles, as nalgebra-sparse compressed columns.
+    pub fn to_csc(&self) -> CscMatrix<f64> {
+        CscMatrix::from(&self.to_coo())
+    }
+}
+
+impl LinearOperator for SymmetricMatrix {
+    fn order(&self) -> usize {
+        self.pattern.order()
+    }
+
+    fn apply(&self, w: &[f64], y: &mut [f64]) {
+        let symbolic = self.pattern.symbolic();
+        y.fill(0.0);
+        for column in 0..self.order() {
+            let range = symbolic.col_range(column);
+            let mut below = 0.0;
+            for (&row, &value) in symbolic.row_idx()[range.clone()].iter().zip(&self.values[range]) {
+                let row = row as usize;
+                y[row] += value * w[column];
+                if row != column {
+                    below += value * w[row];
+                }
+            }
+            y[column] += below;
+        }
+    }
+}
+
+impl BlockDiagonal for SymmetricMatrix {
+    fn diagonal_blocks(&self, blocks: &mut [Matrix3<f64>]) {
+        for (particle, block) in blocks.iter_mut().enumerate() {
+            *block = Matrix3::zeros();
+            let free = self.dofs().free_axes(particle);
+            for (column, c) in free.iter().enumerate() {
+                let values = &self.values[self.pattern.column(particle, column)];
+                for (&value, r) in values.iter().zip(free.iter().skip(column)) {
+                    block[(r, c)] = value;
+                    block[(c, r)] = value;
+                }
+            }
+        }
+    }
+}

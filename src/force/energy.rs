@@ -1,0 +1,53 @@
+//! Energies and momenta of a state.
+
+use crate::spring::Extension;
+use crate::system::{State, System};
+use nalgebra::Vector3;
+
+/// The energy of a state by kind, in J.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Energy {
+    /// `Σ ½ m v²`, prescribed particles included.
+    pub kinetic: f64,
+    /// `Σ ½ k (l − l0)²/l0` over all springs.
+    pub elastic: f64,
+    /// `−Σ m gravity·x`, zero at the origin.
+    pub gravitational: f64,
+}
+
+impl Energy {
+    /// Of a state. Coincident ends are no obstacle here: the length of such a spring is zero.
+    pub fn of(system: &System, state: &State) -> Self {
+        let masses = system.masses();
+        let kinetic = masses.iter().zip(&state.velocities).map(|(m, v)| 0.5 * m * v.norm_squared()).sum();
+        let gravity = system.gravity();
+        let gravitational = masses.iter().zip(&state.positions).map(|(m, x)| -m * gravity.dot(x)).sum();
+        let elastic = system
+            .springs()
+            .iter()
+            .zip(system.pairs())
+            .map(|(spring, &[i, j])| {
+                let (xi, xj) = (&state.positions[i as usize], &state.positions[j as usize]);
+                let collapsed = Extension { direction: Vector3::zeros(), length: 0.0 };
+                spring.elastic_energy(&Extension::between(xi, xj).unwrap_or(collapsed))
+            })
+            .sum();
+        Self { kinetic, elastic, gravitational }
+    }
+
+    /// The sum of all kinds.
+    pub fn total(&self) -> f64 {
+        self.kinetic + self.elastic + self.gravitational
+    }
+}
+
+/// `Σ m v`, in kg·m/s.
+pub fn linear_momentum(system: &System, state: &State) -> Vector3<f64> {
+    system.masses().iter().zip(&state.velocities).map(|(m, v)| v * *m).sum()
+}
+
+/// `Σ m x × v` about the origin, in kg·m²/s.
+pub fn angular_momentum(system: &System, state: &State) -> Vector3<f64> {
+    let moving = state.positions.iter().zip(&state.velocities);
+    system.masses().iter().zip(moving).map(|(m, (x, v))| x.cross(v) * *m).sum()
+}

@@ -1,0 +1,50 @@
+//! Direction and length of every active spring at one configuration, computed once and used by all formulas.
+
+use crate::spring::Extension;
+use crate::system::System;
+use nalgebra::Vector3;
+
+/// A spring whose ends coincide: its direction, and with it force and stiffness, do not exist.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("spring {spring} has length zero: its ends, particles {} and {}, coincide", pair[0], pair[1])]
+pub struct DegenerateSpring {
+    /// The spring.
+    pub spring: usize,
+    /// Its ends.
+    pub pair: [usize; 2],
+}
+
+/// n and l of every active spring, in the order of [`System::active_springs`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Extensions(Vec<Extension>);
+
+impl Extensions {
+    /// At the given full-length positions.
+    ///
+    /// # Errors
+    /// The first spring whose ends coincide.
+    pub fn at(system: &System, positions: &[Vector3<f64>]) -> Result<Self, DegenerateSpring> {
+        let extension = |(spring, pair, _): (usize, [usize; 2], _)| {
+            let [i, j] = pair;
+            Extension::between(&positions[i], &positions[j]).ok_or(DegenerateSpring { spring, pair })
+        };
+        system.active().map(extension).collect::<Result<_, _>>().map(Self)
+    }
+
+    /// Recomputes for new positions of the same system, without allocating.
+    ///
+    /// # Errors
+    /// As [`at`](Self::at); the extensions are then partly old and partly new.
+    pub fn update(&mut self, system: &System, positions: &[Vector3<f64>]) -> Result<(), DegenerateSpring> {
+        for ((spring, pair, _), at) in system.active().zip(&mut self.0) {
+            let [i, j] = pair;
+            *at = Extension::between(&positions[i], &positions[j]).ok_or(DegenerateSpring { spring, pair })?;
+        }
+        Ok(())
+    }
+
+    /// In the order of the active springs.
+    pub fn iter(&self) -> std::slice::Iter<'_, Extension> {
+        self.0.iter()
+    }
+}

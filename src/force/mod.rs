@@ -1,0 +1,46 @@
+//! Sums over springs: the forces, energies and momenta of a whole system.
+//!
+//! Forces are full-length vectors, in N, and are *added* to what the caller passes in. Springs between two wholly
+//! prescribed particles are left out of forces (they move nothing) but count in the elastic energy.
+
+mod energy;
+mod extensions;
+
+pub use energy::{Energy, angular_momentum, linear_momentum};
+pub use extensions::{DegenerateSpring, Extensions};
+
+use crate::system::System;
+use nalgebra::Vector3;
+
+/// Adds the elastic force f_el: `−k (l/l0 − 1) n` on end i of every spring and the opposite on end j.
+pub fn add_elastic_force(system: &System, extensions: &Extensions, force: &mut [Vector3<f64>]) {
+    for ((_, [i, j], spring), at) in system.active().zip(extensions.iter()) {
+        let f = spring.elastic_force(at);
+        force[i] += f;
+        force[j] -= f;
+    }
+}
+
+/// Adds the damping force f_d: `−b n nᵀ (v_i − v_j)` on end i of every damped spring and the opposite on end j.
+pub fn add_damping_force(
+    system: &System,
+    extensions: &Extensions,
+    velocities: &[Vector3<f64>],
+    force: &mut [Vector3<f64>],
+) {
+    for ((_, [i, j], spring), at) in system.active().zip(extensions.iter()) {
+        if spring.damping > 0.0 {
+            let f = spring.damping_force(at, &(velocities[i] - velocities[j]));
+            force[i] += f;
+            force[j] -= f;
+        }
+    }
+}
+
+/// Adds the weight `m_i · gravity` of every particle.
+pub fn add_weight(system: &System, force: &mut [Vector3<f64>]) {
+    let gravity = system.gravity();
+    for (f, mass) in force.iter_mut().zip(system.masses()) {
+        *f += gravity * *mass;
+    }
+}

@@ -1,0 +1,78 @@
+//! Why a step could not be done, and the status that a run ends with.
+
+use crate::force::DegenerateSpring;
+use crate::linear::SolveFailure;
+use serde::Serialize;
+
+/// Why a step could not be done.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum StepFailure {
+    /// The linear system has no solution that can be vouched for.
+    #[error(transparent)]
+    Solve(#[from] SolveFailure),
+    /// The ends of a spring coincide.
+    #[error(transparent)]
+    DegenerateSpring(#[from] DegenerateSpring),
+    /// The nonlinear equations were not solved.
+    #[error("Newton's method {reason} after {iterations} iterations at a relative residual of {relative_residual:.3e}")]
+    Newton {
+        /// Iterations done.
+        iterations: u64,
+        /// Residual force over the scale of the forces.
+        relative_residual: f64,
+        /// What stopped it.
+        reason: NotSolved,
+    },
+    /// The new state would not be finite.
+    #[error("the new positions or velocities are not finite")]
+    NonFinite,
+}
+
+/// What stopped Newton's method.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NotSolved {
+    /// No step length along the Newton direction makes progress.
+    LineSearch,
+    /// The iteration limit.
+    IterationLimit,
+}
+
+impl std::fmt::Display for NotSolved {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::LineSearch => "found no step length that makes progress",
+            Self::IterationLimit => "reached its iteration limit",
+        })
+    }
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Status {
+    /// It came to its end.
+    Completed,
+    /// It was asked to stop.
+    Interrupted,
+    /// A was not positive definite where it must be.
+    Indefinite,
+    /// A linear or nonlinear solver did not converge, or its solution cannot be trusted.
+    NotConverged,
+    /// Numbers overflowed or became undefined.
+    NonFinite,
+    /// The ends of a spring coincide.
+    DegenerateSpring,
+}
+
+impl StepFailure {
+    /// The status of a run that this failure ends.
+    pub fn status(&self) -> Status {
+        match self {
+            Self::Solve(SolveFailure::Indefinite(_)) => Status::Indefinite,
+            Self::Solve(SolveFailure::NotConverged { .. } | SolveFailure::Untrusted { .. }) => Status::NotConverged,
+            Self::Solve(SolveFailure::NonFinite) | Self::NonFinite => Status::NonFinite,
+            Self::DegenerateSpring(_) => Status::DegenerateSpring,
+            Self::Newton { .. } => Status::NotConverged,
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! The notes' method: backward Euler with the forces linearised at the start of the step, one linear solve a step.
+//!
+//! Backward Euler, `M (v' − v)/dt = f_el(x') + f_d(x', v') + g` with `v' = δx/dt`, linearised at x with
+//! `f_el(x') ≈ f_el(x) + K δx` and `f_d(x', v') ≈ G v'`, becomes
+//!
+//! ```text
+//! A δx = b,   A = M/dt² − G/dt − K,   b = M v/dt + g + f_el(x),   x' = x + δx,   v' = δx/dt.
+//! ```
+//!
+//! In this form no damping stands on the right. Prescribed particles move by the known δx_c; their rows and columns leave
+//! the system, and the free rows get `b_f −= A_fc δx_c`.
+
+use super::implicit::{ImplicitOptions, LinearSystem};
+use super::{Statistics, StepFailure, TimeStepper};
+use crate::error::Result;
+use crate::force::{add_elastic_force, add_weight};
+use crate::operator::Combination;
+use crate::system::{State, System};
+use nalgebra::Vector3;
+
+/// Linearised (linearly implicit) backward Euler, first order.
+pub struct LinearBackwardEuler<'s> {
+    linear: LinearSystem<'s>,
+    force: Vec<Vector3<f64>>,
+    displacement: Vec<Vector3<f64>>,
+}
+
+impl<'s> LinearBackwardEuler<'s> {
+    /// Prepares everything that stays the same from step to step: pattern, slot map, ordering, symbolic analysis.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `state`; a matrix that is too large.
+    pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
+        let zeros = || vec![Vector3::zeros(); system.particles()];
+        Ok(Self { linear: LinearSystem::new(system, state, options)?, force: zeros(), displacement: zeros() })
+    }
+}
+
+impl TimeStepper for LinearBackwardEuler<'_> {
+    fn name(&self) -> &'static str {
+        "linear-backward-euler"
+    }
+
+    fn solver(&self) -> Option<&'static str> {
+        Some(self.linear.solver())
+    }
+
+    fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        let Self { linear, force, displacement } = self;
+        let system = linear.system;
+        let time = state.time + dt;
+        linear.set_extensions(&state.positions)?;
+        linear.statistics.work.force_evaluations += 1;
+        set_right_hand_side(linear, state, dt, force);
+        system.prescribed().displacement(time, &state.positions, displacement);
+        linear.solve(Combination::step(dt), force, displacement)?;
+        advance(system, state, displacement, dt)
+    }
+
+    fn statistics(&self) -> &Statistics {
+        &self.linear.statistics
+    }
+}
+
+/// `b = M v/dt + g + f_el(x)`, full-length and without the coupling to prescribed particles.
+pub(super) fn set_right_hand_side(linear: &LinearSystem, state: &State, dt: f64, b: &mut [Vector3<f64>]) {
+    let system = linear.system;
+    for ((b, mass), v) in b.iter_mut().zip(system.masses()).zip(&state.velocities) {
+        *b = v * (mass / dt);
+    }
+    add_weight(system, b);
+    add_elastic_force(system, &linear.extensions, b);
+}
+
+/// `x += δx`, `v = δx/dt`, `t += dt`; prescribed coordinates exactly where their motion has them.
+///
+/// # Errors
+/// When the new state would not be finite; the state is then as it was.
+pub(super) fn advance(
+    system: &System,
+    state: &mut State,
+    displacement: &[Vector3<f64>],
+    dt: f64,
+) -> Result<(), StepFailure> {
+    let is_finite = |v: &Vector3<f64>| v.iter().all(|c| c.is_finite());
+    if !state.positions.iter().zip(displacement).all(|(x, d)| is_finite(&(x + d)) && is_finite(&(d / dt))) {
+        return Err(StepFailure::NonFinite);
+    }
+    state.time += dt;
+    for ((x, v), d) in state.positions.iter_mut().zip(&mut state.velocities).zip(displacement) {
+        *x += d;
+        *v = d / dt;
+    }
+    system.prescribed().set_positions(state.time, &mut state.positions);
+    Ok(())
+}

@@ -1,0 +1,55 @@
+//! The matrices and the right-hand side of one step, assembled for the caller.
+
+use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
+use crate::error::Result;
+use crate::force::{Extensions, add_elastic_force, add_weight};
+use crate::operator::{Combination, SystemOperator};
+use crate::spring::Stiffness;
+use crate::system::{State, System};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// Everything of `A δx = b` at a state, over the free degrees of freedom ordered by particle, then axis.
+#[derive(Debug, Clone)]
+pub struct StepMatrices {
+    /// `A = M/dt² − G/dt − K`, in N/m.
+    pub a: SymmetricMatrix,
+    /// M, in kg.
+    pub m: SymmetricMatrix,
+    /// `G = ∂f_d/∂v`, in N·s/m; negative semidefinite, empty without damping.
+    pub g: SymmetricMatrix,
+    /// `K = ∂f_el/∂x` under the option, in N/m; negative where the system is stable.
+    pub k: SymmetricMatrix,
+    /// `b = M v/dt + g + f_el(x) − A_fc δx_c`, in N, with the prescribed motion on the right-hand side.
+    pub b: Vec<f64>,
+}
+
+impl StepMatrices {
+    /// Assembles the linearised backward Euler step of length dt from a state.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring; a matrix that is too large.
+    pub fn assemble(system: &System, state: &State, option: Stiffness, dt: f64) -> Result<Self> {
+        let extensions = Extensions::at(system, &state.positions)?;
+        let stiffness = Arc::new(SpringPattern::of_stiffness(system)?);
+        let matrix = |pattern: Arc<SpringPattern>, combination| {
+            let operator = SystemOperator::new(system, &extensions, option, combination);
+            (SystemMatrix::assemble(pattern, &operator).into_matrix(), operator)
+        };
+        let (m, _) = matrix(Arc::new(SpringPattern::of_mass(system)?), Combination::MASS);
+        let (g, _) = matrix(Arc::new(SpringPattern::of_damping(system)?), Combination::DAMPING);
+        let (k, _) = matrix(stiffness.clone(), Combination::STIFFNESS);
+        let (a, operator) = matrix(stiffness, Combination::step(dt));
+
+        let mut force: Vec<Vector3<f64>> =
+            system.masses().iter().zip(&state.velocities).map(|(m, v)| v * (m / dt)).collect();
+        add_weight(system, &mut force);
+        add_elastic_force(system, &extensions, &mut force);
+        let mut displacement = vec![Vector3::zeros(); system.particles()];
+        system.prescribed().displacement(state.time + dt, &state.positions, &mut displacement);
+        let mut b = vec![0.0; system.dofs().len()];
+        system.dofs().gather(&force, &mut b);
+        operator.subtract_coupling(&displacement, &mut b);
+        Ok(Self { a, m, g, k, b })
+    }
+}

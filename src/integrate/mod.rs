@@ -1,0 +1,43 @@
+//! Time stepping: one method a file behind [`TimeStepper`], and the run loop that drives them.
+
+mod backward_euler;
+mod explicit;
+mod failure;
+mod implicit;
+mod linear_backward_euler;
+mod matrices;
+mod run;
+mod schedule;
+mod statistics;
+
+pub use backward_euler::{BackwardEuler, NewtonOptions};
+pub use explicit::{ForwardEuler, SymplecticEuler};
+pub use failure::{NotSolved, Status, StepFailure};
+pub use implicit::{ImplicitOptions, StiffnessPolicy};
+pub use linear_backward_euler::LinearBackwardEuler;
+pub use matrices::StepMatrices;
+pub use run::{Outcome, RunFailure, run};
+pub use schedule::Schedule;
+pub use statistics::Statistics;
+
+use crate::system::State;
+
+/// A method that advances a system's state.
+pub trait TimeStepper {
+    /// The method's name on the command line and in files.
+    fn name(&self) -> &'static str;
+
+    /// The linear solver really used; `None` for explicit methods.
+    fn solver(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Advances the state by `dt` seconds.
+    ///
+    /// # Errors
+    /// Why the step could not be done; the state is then as it was.
+    fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure>;
+
+    /// What has been done since the stepper was made.
+    fn statistics(&self) -> &Statistics;
+}

@@ -1,0 +1,60 @@
+//! The run loop: step after step until the end, a failure, or a request to stop.
+
+use super::{Schedule, Status, StepFailure, TimeStepper};
+use crate::system::State;
+use std::ops::ControlFlow;
+
+/// How a run ended. The state is the last good one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outcome {
+    /// Steps done.
+    pub steps: u64,
+    /// What ended it early.
+    pub end: Result<ControlFlow<()>, RunFailure>,
+}
+
+/// A step that could not be done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunFailure {
+    /// Its number, from 1.
+    pub step: u64,
+    /// The time at its start, in s.
+    pub time: f64,
+    /// Why.
+    pub failure: StepFailure,
+}
+
+impl Outcome {
+    /// The run's status.
+    pub fn status(&self) -> Status {
+        match self.end {
+            Ok(ControlFlow::Continue(())) => Status::Completed,
+            Ok(ControlFlow::Break(())) => Status::Interrupted,
+            Err(failure) => failure.failure.status(),
+        }
+    }
+}
+
+/// Advances `state` along the schedule. After every step `observe` sees the number of steps done and the new state, and
+/// may ask to stop.
+pub fn run(
+    stepper: &mut dyn TimeStepper,
+    state: &mut State,
+    schedule: &Schedule,
+    mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
+) -> Outcome {
+    let start = state.time;
+    let mut steps = 0;
+    while let Some(dt) = schedule.step(steps) {
+        if let Err(failure) = stepper.step(state, dt) {
+            let failed = RunFailure { step: steps + 1, time: state.time, failure };
+            return Outcome { steps, end: Err(failed) };
+        }
+        steps += 1;
+        state.time = start + schedule.elapsed(steps);
+        if observe(steps, state).is_break() && steps < schedule.len() {
+            return Outcome { steps, end: Ok(ControlFlow::Break(())) };
+        }
+    }
+    Outcome { steps, end: Ok(ControlFlow::Continue(())) }
+}

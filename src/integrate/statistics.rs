@@ -1,0 +1,25 @@
+//! What a time stepper has done so far.
+
+use crate::linear::Solution;
+use crate::work::Work;
+use serde::Serialize;
+
+/// Work and quality of the steps done so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Statistics {
+    /// Counters of work.
+    pub work: Work,
+    /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions.
+    pub max_relative_residual: f64,
+    /// Solves of the on-demand policy in which A was indefinite and the transverse terms of compressed springs were
+    /// dropped.
+    pub tension_solves: u64,
+    /// Accepted solves with an indefinite A (LDLᵀ under the full stiffness): such a step need not be meaningful.
+    pub indefinite_solves: u64,
+}
+
+impl Statistics {
+    pub(super) fn record(&mut self, solution: &Solution) {
+        self.max_relative_residual = self.max_relative_residual.max(solution.relative_residual);
+    }
+}

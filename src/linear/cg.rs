@@ -1,0 +1,165 @@
+//! The preconditioned conjugate gradient method, with an outcome for every way it can end.
+//!
+//! For symmetric positive definite A (Hestenes and Stiefel 1952; notation of Shewchuk 1994):
+//! `α = rᵀz/pᵀAp`, `x += α p`, `r −= α A p`, `z = P⁻¹ r`, `β = rᵀz/(rᵀz)_old`, `p = z + β p`.
+//! The recurrence's r drifts away from `b − A x`. When it says "converged" the true residual is computed; if that is
+//! still too large, the iteration restarts from it, as long as this at least halves it from one restart to the next.
+
+use super::norms::{dot, norm};
+use super::preconditioner::Preconditioner;
+use crate::operator::LinearOperator;
+
+/// How conjugate gradients ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum CgOutcome {
+    /// The true residual is within the tolerance.
+    Converged,
+    /// A direction p with `pᵀAp ≤ 0` was met, so A is not positive definite; it is in
+    /// [`ConjugateGradient::direction`].
+    NegativeCurvature {
+        /// `pᵀAp`.
+        curvature: f64,
+        /// `pᵀAp/pᵀp`.
+        rayleigh_quotient: f64,
+    },
+    /// The true residual stays above the tolerance although the recurrence has converged: rounding is in the way.
+    Stagnated,
+    /// The iteration limit came first.
+    IterationLimit,
+    /// An infinite or undefined number appeared.
+    NonFinite,
+}
+
+/// Outcome, effort and true residual of a solve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CgReport {
+    /// How it ended.
+    pub outcome: CgOutcome,
+    /// Products with A made for search directions; the iteration in which an outcome was met.
+    pub iterations: u64,
+    /// `‖b − A x‖/‖b‖`, recomputed from x at the end; zero for b = 0 and x = 0.
+    pub relative_residual: f64,
+}
+
+/// The method's parameters and its four work vectors.
+#[derive(Debug, Clone)]
+pub struct ConjugateGradient {
+    /// Stops at `‖b − A x‖ ≤ tolerance·‖b‖`.
+    pub tolerance: f64,
+    /// The most iterations a solve may take.
+    pub iteration_limit: u64,
+    residual: Vec<f64>,
+    preconditioned: Vec<f64>,
+    direction: Vec<f64>,
+    product: Vec<f64>,
+}
+
+impl ConjugateGradient {
+    /// For matrices of order n. The default limit of 10 n + 100 is far beyond the n that exact arithmetic needs.
+    pub fn new(order: usize, tolerance: f64) -> Self {
+        let zeros = || vec![0.0; order];
+        Self {
+            tolerance,
+            iteration_limit: 10 * order as u64 + 100,
+            residual: zeros(),
+            preconditioned: zeros(),
+            direction: zeros(),
+            product: zeros(),
+        }
+    }
+
+    /// The last search direction: after [`CgOutcome::NegativeCurvature`] the p that proves it.
+    pub fn direction(&self) -> &[f64] {
+        &self.direction
+    }
+
+    /// Solves `A x = b` starting from the given x.
+    pub fn solve(
+        &mut self,
+        a: &impl LinearOperator,
+        preconditioner: &Preconditioner,
+        b: &[f64],
+        x: &mut [f64],
+    ) -> CgReport {
+        let scale = norm(b);
+        let target = self.tolerance * scale;
+        let mut iterations = 0;
+        let mut residual = self.set_true_residual(a, b, x);
+        let mut last = f64::INFINITY;
+        let outcome = loop {
+            if !residual.is_finite() {
+                break CgOutcome::NonFinite;
+            }
+            if residual <= target {
+                break CgOutcome::Converged;
+            }
+            // A restart that does not at least halve the true residual has come to the end of the digits.
+            if residual > 0.5 * last {
+                break CgOutcome::Stagnated;
+            }
+            last = residual;
+            let stop = self.iterate(a, preconditioner, x, target, &mut iterations);
+            residual = self.set_true_residual(a, b, x);
+            match stop {
+                Some(CgOutcome::IterationLimit) if residual <= target => break CgOutcome::Converged,
+                Some(outcome) => break outcome,
+                None => {}
+            }
+        };
+        let relative_residual = if residual == 0.0 { 0.0 } else { residual / scale };
+        CgReport { outcome, iterations, relative_residual }
+    }
+
+    /// Iterates from the residual until its recurrence reaches the target (`None`) or something stops it.
+    fn iterate(
+        &mut self,
+        a: &impl LinearOperator,
+        preconditioner: &Preconditioner,
+        x: &mut [f64],
+        target: f64,
+        iterations: &mut u64,
+    ) -> Option<CgOutcome> {
+        let Self { residual: r, preconditioned: z, direction: p, product: q, .. } = self;
+        preconditioner.apply(r, z);
+        p.copy_from_slice(z);
+        let mut rz = dot(r, z);
+        while norm(r) > target {
+            if *iterations >= self.iteration_limit {
+                return Some(CgOutcome::IterationLimit);
+            }
+            a.apply(p, q);
+            let curvature = dot(p, q);
+            if !curvature.is_finite() {
+                return Some(CgOutcome::NonFinite);
+            }
+            if curvature <= 0.0 {
+                return Some(CgOutcome::NegativeCurvature { curvature, rayleigh_quotient: curvature / dot(p, p) });
+            }
+            *iterations += 1;
+            let alpha = rz / curvature;
+            for (x, p) in x.iter_mut().zip(p.iter()) {
+                *x += alpha * p;
+            }
+            for (r, q) in r.iter_mut().zip(q.iter()) {
+                *r -= alpha * q;
+            }
+            preconditioner.apply(r, z);
+            let next = dot(r, z);
+            let beta = next / rz;
+            rz = next;
+            for (p, z) in p.iter_mut().zip(z.iter()) {
+                *p = z + beta * *p;
+            }
+        }
+        None
+    }
+
+    /// `r = b − A x`; returns its norm. The search direction is left alone: it may be asked for.
+    fn set_true_residual(&mut self, a: &impl LinearOperator, b: &[f64], x: &[f64]) -> f64 {
+        a.apply(x, &mut self.product);
+        for ((r, b), q) in self.residual.iter_mut().zip(b).zip(&self.product) {
+            *r = b - q;
+        }
+        norm(&self.residual)
+    }
+}

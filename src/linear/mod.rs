@@ -1,0 +1,51 @@
+//! Linear solvers: conjugate gradients and sparse factorizations behind one trait.
+//!
+//! [`Cholesky`], [`Ldlt`] and [`ConjugateGradient`] work on any [`SymmetricMatrix`](crate::assembly::SymmetricMatrix) or
+//! [`LinearOperator`](crate::operator::LinearOperator). [`LinearSolver`] is what a time step uses: it takes a
+//! [`SystemOperator`], does once a matrix what can be done once, and solves as often as asked.
+
+mod cg;
+mod direct;
+mod factorization;
+mod iterative;
+mod norms;
+mod outcome;
+mod preconditioner;
+mod select;
+
+pub use cg::{CgOutcome, CgReport, ConjugateGradient};
+pub use direct::{CholeskySolver, LdltSolver};
+pub use factorization::{Cholesky, FactorSize, Ldlt, NonPositivePivot};
+pub use iterative::{Application, CgSolver};
+pub use norms::{backward_error, dot, norm};
+pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
+pub use preconditioner::{NotPositiveBlock, Preconditioner, PreconditionerKind};
+pub use select::{SolverChoice, SolverOptions, select};
+
+use crate::operator::SystemOperator;
+use crate::work::Work;
+
+/// Solves `A x = b` for a sequence of matrices of one system.
+pub trait LinearSolver {
+    /// The solver's name on the command line and in files.
+    fn name(&self) -> &'static str;
+
+    /// Takes over a matrix: refills and factors it, or sets up the preconditioner. Says what this proved.
+    ///
+    /// # Errors
+    /// When the matrix is found not to be positive definite by a solver that needs it, or not finite.
+    fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure>;
+
+    /// Solves with the matrix of the last `prepare`, which must be given again. `b` and `x` are reduced; on entry `x`
+    /// is the first guess of an iterative solver.
+    ///
+    /// # Errors
+    /// When no solution can be vouched for; `x` is then unspecified.
+    fn solve(
+        &mut self,
+        a: &SystemOperator,
+        b: &[f64],
+        x: &mut [f64],
+        work: &mut Work,
+    ) -> Result<Solution, SolveFailure>;
+}

@@ -1,0 +1,104 @@
+//! What a solve can say about itself.
+
+use crate::system::Dof;
+
+/// What is known about the definiteness of a matrix after it was prepared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Definiteness {
+    /// A Cholesky factorization exists, or all pivots of LDLᵀ are positive: positive definite to rounding.
+    Positive,
+    /// LDLᵀ has this many negative pivots.
+    Indefinite {
+        /// Number of negative pivots; by Sylvester's law the number of negative eigenvalues.
+        negative: usize,
+        /// A coordinate whose pivot is negative.
+        dof: Dof,
+    },
+    /// Not examined: conjugate gradients may still meet negative curvature, or may not, whatever A is.
+    Unknown,
+}
+
+/// A solution that the solver vouches for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Solution {
+    /// `‖b − A x‖/‖b‖`, recomputed from x with the matrix-free product; zero for b = 0.
+    pub relative_residual: f64,
+}
+
+/// Why there is no solution.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum SolveFailure {
+    /// A is not positive definite.
+    #[error("the system matrix is not positive definite: {0}")]
+    Indefinite(Evidence),
+    /// Conjugate gradients did not reach the tolerance.
+    #[error(
+        "conjugate gradients {reason} after {iterations} iterations at a relative residual of {relative_residual:.3e}"
+    )]
+    NotConverged {
+        /// Iterations done.
+        iterations: u64,
+        /// The true one, at the end.
+        relative_residual: f64,
+        /// What stopped it.
+        reason: NotConverged,
+    },
+    /// The factorization of an indefinite matrix lost too many digits.
+    #[error("the LDLᵀ solution cannot be trusted: its backward error is {backward_error:.3e}")]
+    Untrusted {
+        /// `‖b − A x‖/(‖A‖‖x‖ + ‖b‖)` in the maximum norm, after refinement.
+        backward_error: f64,
+    },
+    /// The matrix, the right-hand side or the solution has an infinite or undefined entry.
+    #[error("the linear system has entries that are not finite")]
+    NonFinite,
+}
+
+/// What proves that A is not positive definite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Evidence {
+    /// A factorization met a pivot that is not positive at this coordinate.
+    Pivot(Dof),
+    /// The diagonal block of a particle, seen when the preconditioner was set up, is not positive definite.
+    DiagonalBlock(Dof),
+    /// Conjugate gradients met a direction p with `pᵀAp ≤ 0`.
+    NegativeCurvature {
+        /// Iteration in which it was met, from 0.
+        iteration: u64,
+        /// `pᵀAp/pᵀp`, in N/m.
+        rayleigh_quotient: f64,
+    },
+}
+
+impl std::fmt::Display for Evidence {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Pivot(dof) => write!(f, "the pivot of {dof} is not positive"),
+            Self::DiagonalBlock(dof) => write!(f, "the diagonal block at {dof} is not positive definite"),
+            Self::NegativeCurvature { iteration, rayleigh_quotient } => {
+                write!(
+                    f,
+                    "conjugate gradients met negative curvature in iteration {iteration}, pᵀAp/pᵀp = {rayleigh_quotient:.3e} N/m"
+                )
+            }
+        }
+    }
+}
+
+/// What stopped conjugate gradients short of the tolerance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NotConverged {
+    /// The true residual does not fall any more: rounding is in the way.
+    Stagnated,
+    /// The iteration limit.
+    IterationLimit,
+}
+
+impl std::fmt::Display for NotConverged {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Stagnated => "stagnated",
+            Self::IterationLimit => "reached its iteration limit",
+        })
+    }
+}

@@ -1,0 +1,80 @@
+//! Choosing a solver.
+
+use super::{CgSolver, CholeskySolver, LdltSolver, LinearSolver, PreconditionerKind};
+use crate::error::Result;
+use crate::system::System;
+use crate::work::Work;
+use faer::Par;
+
+/// Which linear solver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum SolverChoice {
+    /// By size and by what the option promises about definiteness, see [`select`].
+    Auto,
+    /// Sparse Cholesky.
+    Llt,
+    /// Sparse LDLᵀ.
+    Ldlt,
+    /// Matrix-free conjugate gradients.
+    Cg,
+    /// Conjugate gradients on the assembled matrix.
+    CgAssembled,
+}
+
+/// Which linear solver, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SolverOptions {
+    /// Which.
+    pub solver: SolverChoice,
+    /// For conjugate gradients; `None` chooses (block Jacobi).
+    pub preconditioner: Option<PreconditionerKind>,
+    /// For conjugate gradients: `‖b − A x‖ ≤ tolerance·‖b‖`.
+    pub tolerance: f64,
+    /// Parallelism of the factorizations.
+    pub par: Par,
+}
+
+impl Default for SolverOptions {
+    fn default() -> Self {
+        Self { solver: SolverChoice::Auto, preconditioner: None, tolerance: 1e-10, par: Par::Seq }
+    }
+}
+
+/// Factor operations per spring up to which `Auto` factors: about what a thousand conjugate gradient iterations cost.
+/// Cloths of 10⁵ particles (1.3e5 per spring) factor faster than they iterate, lattices of 10⁴ (1.3e6) do not.
+const FLOPS_PER_SPRING: f64 = 1.5e5;
+
+/// Where an option does not promise a definite A, a factorization is worth ten times as much: it alone refuses.
+const FLOPS_PER_SPRING_UNPROMISED: f64 = 1.5e6;
+
+/// Degrees of freedom beyond which `Auto` does not even analyse: the analysis alone would take seconds.
+const LARGEST_ANALYSED: usize = 1_500_000;
+
+/// Makes the solver. `Auto` takes sparse Cholesky up to a cost per spring, beyond it matrix-free conjugate gradients.
+/// `promised` says whether the stiffness option keeps A positive definite; where it does not, Cholesky is preferred
+/// for longer, because it proves definiteness while conjugate gradients may pass over an indefinite A.
+///
+/// # Errors
+/// When the matrix or its factor is too large.
+pub fn select(
+    system: &System,
+    options: &SolverOptions,
+    promised: bool,
+    work: &mut Work,
+) -> Result<Box<dyn LinearSolver>> {
+    let preconditioner = options.preconditioner.unwrap_or(PreconditionerKind::BlockJacobi);
+    let matrix_free = || Box::new(CgSolver::matrix_free(system, preconditioner, options.tolerance));
+    Ok(match options.solver {
+        SolverChoice::Llt => Box::new(CholeskySolver::new(system, options.par, work)?),
+        SolverChoice::Ldlt => Box::new(LdltSolver::new(system, options.par, work)?),
+        SolverChoice::Cg => matrix_free(),
+        SolverChoice::CgAssembled => Box::new(CgSolver::assembled(system, preconditioner, options.tolerance)?),
+        SolverChoice::Auto if system.dofs().len() > LARGEST_ANALYSED => matrix_free(),
+        SolverChoice::Auto => {
+            let cholesky = CholeskySolver::new(system, options.par, work)?;
+            let springs = system.active_springs().len().max(1);
+            let limit = if promised { FLOPS_PER_SPRING } else { FLOPS_PER_SPRING_UNPROMISED };
+            if cholesky.size().flops <= limit * springs as f64 { Box::new(cholesky) } else { matrix_free() }
+        }
+    })
+}

@@ -1,0 +1,22 @@
+//! Matrices known by their products: the linear operator that conjugate gradients needs, and the system's own.
+
+mod system_operator;
+
+pub use system_operator::{Combination, SystemOperator};
+
+use nalgebra::Matrix3;
+
+/// A symmetric matrix that can be multiplied with a vector.
+pub trait LinearOperator {
+    /// The order n of the matrix.
+    fn order(&self) -> usize;
+
+    /// `y = A w` for vectors of length n.
+    fn apply(&self, w: &[f64], y: &mut [f64]);
+}
+
+/// A matrix whose diagonal 3×3 blocks are known, one a particle; what block Jacobi needs.
+pub trait BlockDiagonal {
+    /// Writes every particle's diagonal block; rows and columns of axes that are not free are zero.
+    fn diagonal_blocks(&self, blocks: &mut [Matrix3<f64>]);
+}

@@ -1,0 +1,157 @@
+//! The system matrix without a matrix: one mass a particle and one block a spring.
+//!
+//! Every matrix of a mass–spring system is a combination `m·M + g·G + k·K` of the mass matrix, the damping matrix
+//! `G = ∂f_d/∂v` and the stiffness matrix `K = ∂f_el/∂x`. A spring between i and j puts `−b nnᵀ` into G and `−K^s` into K
+//! on (i, i) and (j, j), and the opposite on (i, j) and (j, i). So a spring's part of any combination is one
+//! [`SpringBlock`] B, and its product with w is `s = B (w_i − w_j)`, added to row i and subtracted from row j. That is
+//! the notes' Add-Damping-Force and Add-Force-Differential in one pass: both blocks are of the form `α(I − nnᵀ) + β nnᵀ`.
+//!
+//! Vectors are *reduced*: one number for every free degree of freedom, as in the assembled matrix. Reading the ends of a
+//! spring through the [`DofMap`](crate::DofMap) puts zeros on prescribed axes, and adding to them drops these axes: the
+//! notes' *Project*. What prescribed particles do to the free ones goes to the right-hand side once a step, by
+//! [`subtract_coupling`](SystemOperator::subtract_coupling): their *Set-Boundary-Conditions*.
+
+use super::{BlockDiagonal, LinearOperator};
+use crate::force::Extensions;
+use crate::spring::{SpringBlock, Stiffness};
+use crate::system::{Axes, System};
+use nalgebra::{Matrix3, Vector3};
+
+/// Coefficients of `mass·M + damping·G + stiffness·K`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Combination {
+    /// Factor of M.
+    pub mass: f64,
+    /// Factor of G.
+    pub damping: f64,
+    /// Factor of K.
+    pub stiffness: f64,
+}
+
+impl Combination {
+    /// M alone, in kg.
+    pub const MASS: Self = Self { mass: 1.0, damping: 0.0, stiffness: 0.0 };
+    /// G alone, in N·s/m.
+    pub const DAMPING: Self = Self { mass: 0.0, damping: 1.0, stiffness: 0.0 };
+    /// K alone, in N/m.
+    pub const STIFFNESS: Self = Self { mass: 0.0, damping: 0.0, stiffness: 1.0 };
+
+    /// The matrix of a backward Euler step, `A = M/dt² − G/dt − K`, in N/m.
+    pub fn step(dt: f64) -> Self {
+        Self { mass: 1.0 / (dt * dt), damping: -1.0 / dt, stiffness: -1.0 }
+    }
+}
+
+/// A combination of M, G and K at one configuration, as blocks.
+#[derive(Debug, Clone)]
+pub struct SystemOperator<'s> {
+    system: &'s System,
+    mass: f64,
+    blocks: Vec<SpringBlock>,
+    /// Positions in `blocks` of the springs that have a prescribed axis at one end.
+    coupled: Vec<u32>,
+}
+
+impl<'s> SystemOperator<'s> {
+    /// The combination at the given extensions, K under the given option.
+    pub fn new(system: &'s System, extensions: &Extensions, option: Stiffness, combination: Combination) -> Self {
+        let modelled = Axes::first(system.dimension());
+        let is_prescribed = |p: usize| system.dofs().free_axes(p) != modelled;
+        let coupled = (0u32..).zip(system.active()).filter(|(_, (_, pair, _))| pair.iter().any(|&p| is_prescribed(p)));
+        let coupled = coupled.map(|(position, _)| position).collect();
+        let nothing = SpringBlock { direction: Vector3::zeros(), transverse: 0.0, axial: 0.0 };
+        let blocks = vec![nothing; system.active_springs().len()];
+        let mut operator = Self { system, mass: 0.0, blocks, coupled };
+        operator.update(extensions, option, combination);
+        operator
+    }
+
+    /// Recomputes the blocks, without allocating.
+    pub fn update(&mut self, extensions: &Extensions, option: Stiffness, combination: Combination) {
+        self.mass = combination.mass;
+        let springs = self.system.active().zip(extensions.iter());
+        for (block, ((_, _, spring), at)) in self.blocks.iter_mut().zip(springs) {
+            // K holds −K^s and G holds −b nnᵀ where the spring's own block stands, hence the signs.
+            *block = spring.stiffness_block(at, option) * -combination.stiffness;
+            if spring.damping > 0.0 {
+                *block = *block + spring.damping_block(at) * -combination.damping;
+            }
+        }
+    }
+
+    /// The system that this is an operator of.
+    pub fn system(&self) -> &'s System {
+        self.system
+    }
+
+    /// The factor of M.
+    pub fn mass_factor(&self) -> f64 {
+        self.mass
+    }
+
+    /// The block of every active spring, in the order of [`System::active_springs`].
+    pub fn blocks(&self) -> &[SpringBlock] {
+        &self.blocks
+    }
+
+    /// The active springs' ends and blocks, in order.
+    #[inline]
+    fn stamps(&self) -> impl Iterator<Item = ([usize; 2], &SpringBlock)> {
+        self.system.active().map(|(_, pair, _)| pair).zip(&self.blocks)
+    }
+
+    /// `b_f −= A_fc δx_c`: moves the known displacement of prescribed coordinates to the right-hand side.
+    ///
+    /// `displacement` is full-length, in m, and zero on free axes; `rhs` is reduced.
+    pub fn subtract_coupling(&self, displacement: &[Vector3<f64>], rhs: &mut [f64]) {
+        let dofs = self.system.dofs();
+        for &position in &self.coupled {
+            let position = position as usize;
+            let [i, j] = self.system.pair(self.system.active_springs()[position] as usize);
+            let s = self.blocks[position].apply(&(displacement[i] - displacement[j]));
+            dofs.add(rhs, i, &-s);
+            dofs.add(rhs, j, &s);
+        }
+    }
+}
+
+impl LinearOperator for SystemOperator<'_> {
+    fn order(&self) -> usize {
+        self.system.dofs().len()
+    }
+
+    fn apply(&self, w: &[f64], y: &mut [f64]) {
+        let dofs = self.system.dofs();
+        for (particle, mass) in self.system.masses().iter().enumerate() {
+            let rows = dofs.rows(particle);
+            for (y, w) in y[rows.clone()].iter_mut().zip(&w[rows]) {
+                *y = self.mass * mass * w;
+            }
+        }
+        for ([i, j], block) in self.stamps() {
+            let s = block.apply(&(dofs.get(w, i) - dofs.get(w, j)));
+            dofs.add(y, i, &s);
+            dofs.add(y, j, &-s);
+        }
+    }
+}
+
+impl BlockDiagonal for SystemOperator<'_> {
+    fn diagonal_blocks(&self, blocks: &mut [Matrix3<f64>]) {
+        for (block, mass) in blocks.iter_mut().zip(self.system.masses()) {
+            *block = Matrix3::from_diagonal_element(self.mass * mass);
+        }
+        for ([i, j], block) in self.stamps() {
+            let matrix = block.matrix();
+            blocks[i] += matrix;
+            blocks[j] += matrix;
+        }
+        for (particle, block) in blocks.iter_mut().enumerate() {
+            let free = self.system.dofs().free_axes(particle);
+            for axis in (0..3).filter(|&axis| !free.contains(axis)) {
+                block.row_mut(axis).fill(0.0);
+                block.column_mut(axis).fill(0.0);
+            }
+        }
+    }
+}

@@ -1,1 +1,0 @@
-//! `summary.json`: what a run did and how it ended.

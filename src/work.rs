@@ -1,0 +1,22 @@
+//! Counters of work: what a computation did, whatever machine it ran on.
+
+use serde::Serialize;
+
+/// How often each expensive thing was done. Tests lock these numbers; charts put them beside time.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Work {
+    /// Evaluations of f_el (with f_d and gravity where the method needs them).
+    pub force_evaluations: u64,
+    /// Computations of the spring blocks of A, assembled or not.
+    pub assemblies: u64,
+    /// Orderings with symbolic analysis.
+    pub symbolic_factorizations: u64,
+    /// Numeric factorizations, refused ones included.
+    pub factorizations: u64,
+    /// Linear systems solved, failed ones included.
+    pub solves: u64,
+    /// Products with A inside conjugate gradients.
+    pub cg_iterations: u64,
+    /// Newton iterations of nonlinear methods.
+    pub newton_iterations: u64,
+}
