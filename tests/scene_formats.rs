@@ -205,3 +205,48 @@ proptest! {
         let _ = Scene::from_json(&text).and_then(|scene| scene.build());
     }
 }
+
+/// Every copy of a value in which one part, at any depth, is replaced.
+fn with_one_part_replaced(value: &serde_json::Value, by: &serde_json::Value) -> Vec<serde_json::Value> {
+    let mut copies = vec![by.clone()];
+    let mut within = |part: &serde_json::Value, put: &dyn Fn(serde_json::Value) -> serde_json::Value| {
+        copies.extend(with_one_part_replaced(part, by).into_iter().map(put));
+    };
+    match value {
+        serde_json::Value::Array(parts) => parts.iter().enumerate().for_each(|(index, part)| {
+            within(part, &|replaced| {
+                let mut parts = parts.clone();
+                parts[index] = replaced;
+                parts.into()
+            });
+        }),
+        serde_json::Value::Object(parts) => parts.iter().for_each(|(key, part)| {
+            within(part, &|replaced| {
+                let mut parts = parts.clone();
+                parts[key] = replaced;
+                parts.into()
+            });
+        }),
+        _ => (),
+    }
+    copies
+}
+
+#[test]
+fn a_wrong_type_anywhere_is_read_or_rejected_alike_in_both_formats() {
+    let valid: serde_json::Value = serde_json::from_str(VALID_JSON).unwrap();
+    let wrong = serde_json::json!([true, "x", "", -1, 0, 7, 1.5, 1e308, [], [[]], [[[[1]]]], [0, "x"], {}, {"x": {}}]);
+    for by in wrong.as_array().unwrap() {
+        for scene in with_one_part_replaced(&valid, by) {
+            let json = Scene::from_json(&scene.to_string()).and_then(|scene| scene.build());
+            match toml::to_string(&scene) {
+                Ok(text) => {
+                    let toml = Scene::from_toml(&text).and_then(|scene| scene.build());
+                    assert_eq!(json.is_ok(), toml.is_ok(), "{scene}");
+                }
+                // A TOML text is always a table.
+                Err(_) => assert!(json.is_err() && !scene.is_object(), "{scene}"),
+            }
+        }
+    }
+}

@@ -1,5 +1,6 @@
 //! Meshes: particle i is vertex i, every edge of every face is one spring.
 
+use proptest::prelude::*;
 use sprung::scene::{MeshGeometry, Scene};
 use std::path::Path;
 
@@ -117,4 +118,11 @@ fn pairs_beside_a_mesh_are_rejected() {
     let scene = Scene::from_toml("mesh.file = \"none.obj\"\nsprings.pairs = [[0, 1]]").unwrap();
     let expected = "springs.pairs = a list of 1: must be absent: [mesh] fills it";
     assert_eq!(scene.build().unwrap_err().to_string(), expected);
+}
+
+proptest! {
+    #[test]
+    fn any_mesh_is_read_or_rejected(lines in prop::collection::vec("(v|f|f|o|vt|l|) ?(-?[0-9./e ]{0,12}|\\PC{0,8})", 0..12)) {
+        let _ = build(&format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{}", lines.join("\n")), "");
+    }
 }
