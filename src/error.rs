@@ -46,10 +46,12 @@ impl Error {
         Self::Io { path: path.into(), source }
     }
 
-    /// Names the file in which an invalid value stands; leaves every other error as it is.
+    /// Names the file in which an invalid value stands, unless one is named already; leaves every other error as it is.
     pub fn in_file(self, path: impl AsRef<Path>) -> Self {
         match self {
-            Self::Invalid(invalid) => Self::Invalid(Invalid { file: Some(path.as_ref().to_path_buf()), ..invalid }),
+            Self::Invalid(invalid) if invalid.file.is_none() => {
+                Self::Invalid(Invalid { file: Some(path.as_ref().to_path_buf()), ..invalid })
+            }
             other => other,
         }
     }
