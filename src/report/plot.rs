@@ -82,6 +82,7 @@ impl<'a> Layout<'a> {
         let mut at = (16, self.top + LINE / 2);
         let mut legend = Vec::new();
         for (key, text) in keys.chain(slopes).filter(|(_, text)| !text.is_empty()) {
+            let text = canvas::clip(&text, WIDTH - 90);
             let wide = 50 + canvas::width(&text) + 24;
             if at.0 > 16 && at.0 + wide > WIDTH {
                 at = (16, at.1 + LINE);
@@ -103,7 +104,7 @@ impl<'a> Layout<'a> {
             name += &format!(", measured slope {slope:.2}").replace('-', "−");
         }
         if missing > 0 {
-            name += &format!(" ({missing} points without a place on the axes)");
+            name += &format!(" ({} without a place on the axes)", number::count(missing, "point"));
         }
         name
     }
@@ -173,8 +174,13 @@ impl<'a> Layout<'a> {
         for (place, label) in &self.y.ticks {
             sheet.text(label, (left - 10, self.row(*place)), Align::Right, palette::INK)?;
         }
-        sheet.text(&self.plot.x.title, ((left + right) / 2, bottom + 66), Align::Center, palette::INK)?;
-        sheet.upright(&self.plot.y.title, (22, (top + bottom) / 2), palette::INK)
+        sheet.text(
+            &canvas::clip(&self.plot.x.title, WIDTH - 32),
+            ((left + right) / 2, bottom + 66),
+            Align::Center,
+            palette::INK,
+        )?;
+        sheet.upright(&canvas::clip(&self.plot.y.title, HEIGHT), (22, (top + bottom) / 2), palette::INK)
     }
 
     fn draw_series(&self, sheet: &Sheet<'_>, index: usize, series: &Series) -> Outcome {
@@ -214,21 +220,23 @@ impl<'a> Layout<'a> {
             }
             Guide::Level { y, label } => {
                 let Some(row) = self.y.place(*y).map(|place| self.row(place)) else { return Ok(()) };
-                let wide = canvas::width(label);
+                let text = canvas::clip(label, self.right - self.left - 16);
+                let wide = canvas::width(&text);
                 let columns = [self.right - wide - 8, (self.left + self.right - wide) / 2, self.left + 8];
                 let candidates = columns.iter().flat_map(|&x| [(x, row - LINE - 2), (x, row + 2)]).collect();
-                (vec![(self.left, row), (self.right, row)], label, candidates)
+                (vec![(self.left, row), (self.right, row)], text, candidates)
             }
             Guide::Vertical { x, label } => {
                 let Some(column) = self.x.place(*x).map(|place| self.column(place)) else { return Ok(()) };
-                let sides = [column + 8, column - 8 - canvas::width(label)];
+                let text = canvas::clip(label, (column - self.left).max(self.right - column) - 8);
+                let sides = [column + 8, column - 8 - canvas::width(&text)];
                 let rows = (0..HEIGHT / LINE - 1).map(|i| self.row(1.0) + 4 + LINE * i);
                 let candidates = rows.flat_map(|y| sides.map(|x| (x, y))).collect();
-                (vec![(column, self.bottom), (column, self.row(1.0))], label, candidates)
+                (vec![(column, self.bottom), (column, self.row(1.0))], text, candidates)
             }
         };
         sheet.dashed(line, palette::INK, 2)?;
-        labels.extend(self.free_place(text, candidates, occupied, labels));
+        labels.extend(self.free_place(&text, candidates, occupied, labels));
         Ok(())
     }
 
@@ -246,18 +254,17 @@ impl<'a> Layout<'a> {
         ends.map(|&x| (self.column(x), self.row(height(x)))).collect()
     }
 
-    /// Where the measured curves run, sampled every few pixels.
+    /// Where curves and sloping guides run, sampled every few pixels.
     fn occupied(&self) -> Vec<Point> {
-        let mut occupied = Vec::new();
-        for series in &self.plot.series {
+        let curves = self.plot.series.iter().map(|series| {
             let points: Vec<Point> = series.points.iter().filter_map(|&p| self.point(series, p)).collect();
-            occupied.extend(&points);
-            for (a, b) in points.iter().zip(points.iter().skip(1)).filter(|_| series.mark == Mark::Line) {
-                let steps = ((a.0 - b.0).abs().max((a.1 - b.1).abs()) / 8).max(1);
-                occupied.extend((1..steps).map(|i| (a.0 + (b.0 - a.0) * i / steps, a.1 + (b.1 - a.1) * i / steps)));
-            }
-        }
-        occupied
+            if series.mark == Mark::Line { sampled(&points) } else { points }
+        });
+        let guides = self.plot.guides.iter().map(|guide| match *guide {
+            Guide::Slope { slope, through } => sampled(&self.slope_line(slope, through)),
+            Guide::Level { .. } | Guide::Vertical { .. } => Vec::new(),
+        });
+        curves.chain(guides).flatten().collect()
     }
 
     /// Of the candidates (upper left corners) for a label inside the plot, the one that covers least of the curves and no other label.
@@ -275,6 +282,16 @@ impl<'a> Layout<'a> {
         let best = candidates.into_iter().filter(inside).min_by_key(covers)?;
         Some((text.to_string(), best, wide))
     }
+}
+
+/// A line's points and points between them, a few pixels apart.
+fn sampled(line: &[Point]) -> Vec<Point> {
+    let between = line.windows(2).flat_map(|ends| {
+        let (a, b) = (ends[0], ends[1]);
+        let steps = ((a.0 - b.0).abs().max((a.1 - b.1).abs()) / 8).max(1);
+        (1..steps).map(move |i| (a.0 + (b.0 - a.0) * i / steps, a.1 + (b.1 - a.1) * i / steps))
+    });
+    line.iter().copied().chain(between).collect()
 }
 
 /// A text, its upper left corner and its width.

@@ -52,6 +52,6 @@ pub(super) fn comparison(check: &Check) -> String {
 fn entry(entry: &Entry) -> String {
     let column = entry.column.map(|column| format!(" column {column}")).unwrap_or_default();
     let spring = entry.spring.map(|spring| format!(" spring {spring}")).unwrap_or_default();
-    let [analytic, numeric] = pair(plain, entry.analytic, entry.numeric);
+    let [analytic, numeric] = [entry.analytic, entry.numeric].map(plain);
     format!("row {}{column}{spring}: analytic {analytic}, numeric {numeric}: {}", entry.row, entry.verdict)
 }
