@@ -46,6 +46,7 @@ struct Layout<'a> {
 enum Key<'a> {
     Series(usize, &'a Series),
     Slope,
+    Level,
 }
 
 impl<'a> Layout<'a> {
@@ -75,13 +76,14 @@ impl<'a> Layout<'a> {
     /// Sets the legend's entries in rows under the title and moves the plot's top below them.
     fn place_legend(&mut self) {
         let keys = self.plot.series.iter().enumerate().map(|(i, series)| (Key::Series(i, series), self.name(series)));
-        let slopes = self.plot.guides.iter().filter_map(|guide| match guide {
+        let guides = self.plot.guides.iter().filter_map(|guide| match guide {
             Guide::Slope { slope, .. } => Some((Key::Slope, format!("slope {}", signed(*slope)))),
-            _ => None,
+            Guide::Level { y, label } => Some((Key::Level, format!("{label}: {}", number::pretty(*y)))),
+            Guide::Vertical { .. } => None,
         });
         let mut at = (16, self.top + LINE / 2);
         let mut legend = Vec::new();
-        for (key, text) in keys.chain(slopes).filter(|(_, text)| !text.is_empty()) {
+        for (key, text) in keys.chain(guides).filter(|(_, text)| !text.is_empty()) {
             let text = canvas::clip(&text, WIDTH - 90);
             let wide = 50 + canvas::width(&text) + 24;
             if at.0 > 16 && at.0 + wide > WIDTH {
@@ -202,6 +204,7 @@ impl<'a> Layout<'a> {
     fn draw_key(&self, sheet: &Sheet<'_>, key: &Key<'_>, (x, y): Point) -> Outcome {
         match *key {
             Key::Slope => sheet.dashed(vec![(x, y), (x + 40, y)], palette::MUTED, 2),
+            Key::Level => sheet.dashed(vec![(x, y), (x + 40, y)], palette::INK, 3),
             Key::Series(index, series) => {
                 let (colour, marker) = appearance(index, series);
                 if series.mark == Mark::Line {
@@ -213,30 +216,23 @@ impl<'a> Layout<'a> {
     }
 
     fn draw_guide(&self, sheet: &Sheet<'_>, guide: &Guide, occupied: &[Point], labels: &mut Vec<Label>) -> Outcome {
-        let (line, text, candidates) = match guide {
-            Guide::Slope { slope, through } => {
-                let line = self.slope_line(*slope, *through);
-                return if line.is_empty() { Ok(()) } else { sheet.dashed(line, palette::MUTED, 2) };
-            }
-            Guide::Level { y, label } => {
-                let Some(row) = self.y.place(*y).map(|place| self.row(place)) else { return Ok(()) };
-                let text = canvas::clip(label, self.right - self.left - 16);
-                let wide = canvas::width(&text);
-                let columns = [self.right - wide - 8, (self.left + self.right - wide) / 2, self.left + 8];
-                let candidates = columns.iter().flat_map(|&x| [(x, row - LINE - 2), (x, row + 2)]).collect();
-                (vec![(self.left, row), (self.right, row)], text, candidates)
+        match guide {
+            Guide::Slope { slope, through } => match self.slope_line(*slope, *through) {
+                line if line.is_empty() => {}
+                line => sheet.dashed(line, palette::MUTED, 2)?,
+            },
+            Guide::Level { y, .. } => {
+                if let Some(row) = self.y.place(*y).map(|place| self.row(place)) {
+                    sheet.dashed(vec![(self.left, row), (self.right, row)], palette::INK, 3)?;
+                }
             }
             Guide::Vertical { x, label } => {
-                let Some(column) = self.x.place(*x).map(|place| self.column(place)) else { return Ok(()) };
-                let text = canvas::clip(label, (column - self.left).max(self.right - column) - 8);
-                let sides = [column + 8, column - 8 - canvas::width(&text)];
-                let rows = (0..HEIGHT / LINE - 1).map(|i| self.row(1.0) + 4 + LINE * i);
-                let candidates = rows.flat_map(|y| sides.map(|x| (x, y))).collect();
-                (vec![(column, self.bottom), (column, self.row(1.0))], text, candidates)
+                if let Some(column) = self.x.place(*x).map(|place| self.column(place)) {
+                    sheet.dashed(vec![(column, self.bottom), (column, self.row(1.0))], palette::INK, 2)?;
+                    labels.extend(self.free_place(label, column, occupied, labels));
+                }
             }
-        };
-        sheet.dashed(line, palette::INK, 2)?;
-        labels.extend(self.free_place(&text, candidates, occupied, labels));
+        }
         Ok(())
     }
 
@@ -267,20 +263,21 @@ impl<'a> Layout<'a> {
         curves.chain(guides).flatten().collect()
     }
 
-    /// Of the candidates (upper left corners) for a label inside the plot, the one that covers least of the curves and no other label.
-    fn free_place(&self, text: &str, candidates: Vec<Point>, occupied: &[Point], labels: &[Label]) -> Option<Label> {
-        let wide = canvas::width(text);
-        let inside =
-            |&(x, y): &Point| x >= self.left && x + wide <= self.right && y >= self.top && y + LINE <= self.bottom;
+    /// Where the label of a vertical line covers least of the curves and no other label.
+    fn free_place(&self, text: &str, column: i32, occupied: &[Point], labels: &[Label]) -> Option<Label> {
+        let text = canvas::clip(text, (column - self.left).max(self.right - column) - 8);
+        let wide = canvas::width(&text);
+        let rows = (0..HEIGHT / LINE - 1).map(|i| self.row(1.0) + 4 + LINE * i);
+        let candidates = rows.flat_map(|y| [(column + 8, y), (column - 8 - wide, y)]);
+        let inside = |&(x, _): &Point| x >= self.left && x + wide <= self.right;
         let covers = |&(x, y): &Point| {
-            let curves =
-                occupied.iter().filter(|p| p.0 > x - 6 && p.0 < x + wide + 6 && p.1 > y - 4 && p.1 < y + LINE + 4);
-            let apart =
-                |(_, at, other): &&Label| x > at.0 + other || at.0 > x + wide || y >= at.1 + LINE || at.1 >= y + LINE;
-            curves.count() + 1000 * labels.iter().filter(|label| !apart(label)).count()
+            let covered = |p: &&Point| p.0 > x - 6 && p.0 < x + wide + 6 && p.1 > y - 4 && p.1 < y + LINE + 4;
+            let meets =
+                |(_, at, other): &&Label| x <= at.0 + other && at.0 <= x + wide && y < at.1 + LINE && at.1 < y + LINE;
+            occupied.iter().filter(covered).count() + 1000 * labels.iter().filter(meets).count()
         };
-        let best = candidates.into_iter().filter(inside).min_by_key(covers)?;
-        Some((text.to_string(), best, wide))
+        let best = candidates.filter(inside).min_by_key(covers)?;
+        Some((text, best, wide))
     }
 }
 
