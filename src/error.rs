@@ -47,10 +47,13 @@ impl Error {
         Self::Io { path: path.into(), source }
     }
 
-    /// Names the file in which an invalid value or a degenerate spring stands; leaves every other error as it is.
+    /// Names the file in which an invalid value or a degenerate spring stands, unless one is named already; leaves
+    /// every other error as it is.
     pub fn in_file(self, path: impl AsRef<Path>) -> Self {
         match self {
-            Self::Invalid(invalid) => Self::Invalid(Invalid { file: Some(path.as_ref().to_path_buf()), ..invalid }),
+            Self::Invalid(invalid) if invalid.file.is_none() => {
+                Self::Invalid(Invalid { file: Some(path.as_ref().to_path_buf()), ..invalid })
+            }
             Self::DegenerateSpring(DegenerateSpring { spring, pair: [i, j] }) => {
                 let invalid =
                     Invalid::new("springs.pairs", format!("[{i}, {j}]"), "is a spring of zero current length");
