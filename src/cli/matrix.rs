@@ -29,7 +29,7 @@ pub struct Matrix {
     dt: Option<f64>,
 
     /// Which part of every spring's stiffness enters K and A
-    #[arg(long, value_name = "OPTION", default_value = "full", value_parser = choice(OPTIONS, Stiffness::name))]
+    #[arg(long, value_name = "OPTION", default_value = "full", value_parser = choice(&Stiffness::ALL, Stiffness::name, describe_stiffness))]
     stiffness: Stiffness,
 
     #[command(flatten)]
@@ -40,11 +40,13 @@ pub struct Matrix {
     out: Option<PathBuf>,
 }
 
-const OPTIONS: &[(Stiffness, &str)] = &[
-    (Stiffness::Full, "the exact stiffness; A may be indefinite when springs are compressed"),
-    (Stiffness::Tension, "drop the transverse terms of compressed springs; A is positive definite"),
-    (Stiffness::Axial, "drop all transverse terms; A is positive definite"),
-];
+fn describe_stiffness(option: Stiffness) -> &'static str {
+    match option {
+        Stiffness::Full => "the exact stiffness; A may be indefinite when springs are compressed",
+        Stiffness::Tension => "drop the transverse terms of compressed springs; A is positive definite",
+        Stiffness::Axial => "drop all transverse terms; A is positive definite",
+    }
+}
 
 const FILES: [&str; 6] = ["A.mtx", "M.mtx", "G.mtx", "K.mtx", "b.mtx", "dofs.csv"];
 

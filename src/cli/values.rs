@@ -28,14 +28,15 @@ fn number(text: &str, rule: &str, allowed: impl Fn(f64) -> bool) -> Result<f64, 
     if value.is_finite() && allowed(value) { Ok(value) } else { Err(rule.to_owned()) }
 }
 
-/// One of several choices, each with what it means.
+/// One of several choices, each with its name and what it means.
 pub fn choice<T: Copy + Send + Sync + 'static>(
-    choices: &'static [(T, &'static str)],
+    choices: &'static [T],
     name: fn(T) -> &'static str,
+    help: fn(T) -> &'static str,
 ) -> impl TypedValueParser<Value = T> {
-    let names = choices.iter().map(move |&(value, help)| PossibleValue::new(name(value)).help(help));
+    let names = choices.iter().map(move |&choice| PossibleValue::new(name(choice)).help(help(choice)));
     PossibleValuesParser::new(names).try_map(move |text| {
-        let named = choices.iter().find(|&&(value, _)| name(value) == text);
-        named.map(|&(value, _)| value).ok_or("is not one of the choices")
+        let named = choices.iter().find(|&&choice| name(choice) == text);
+        named.copied().ok_or("is not one of the choices")
     })
 }
