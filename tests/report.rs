@@ -151,7 +151,17 @@ fn points_without_a_place_are_counted_or_railed() {
     let plot = Plot::log_log("", "", "").with_series(Series::line("measured", points));
     assert!(report::plot::svg(&plot).contains("measured (2 points without a place on the axes)"));
     let plot = Plot::log_log("", "", "").with_series(Series::failures("broke down", vec![(1.0, f64::INFINITY)]));
-    assert!(report::plot::svg(&plot).contains("failed"));
+    assert!(report::plot::svg(&plot).contains(">\nfailed\n<"));
+}
+
+#[test]
+fn labels_that_are_too_long_are_cut_not_lost() {
+    let long = "as long as a label can be ".repeat(9);
+    let plot = Plot::log_log(&long, &long, &long)
+        .with_series(Series::line(&long, vec![(1.0, 1.0), (9.0, 9.0)]))
+        .with_guide(Guide::Level { y: 2.0, label: long.clone() })
+        .with_guide(Guide::Vertical { x: 2.0, label: long.clone() });
+    assert_eq!(report::plot::svg(&plot).matches("…\n</text>").count(), 5);
 }
 
 #[test]

@@ -17,6 +17,10 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::{Conj, Par, Side, Spec};
 
+/// Operations below which a factorization runs on one thread: there a second one gains nothing (the parallelism is
+/// inside the dense blocks), and handing work over allocates.
+const PARALLEL_FLOPS: f64 = 1e9;
+
 /// A pivot that is not positive (LLᵀ), or is zero or not finite (LDLᵀ).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NonPositivePivot {
@@ -51,6 +55,7 @@ impl Analysis {
         };
         let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, SymmetricOrdering::Amd, params)
             .map_err(|error| Error::Usage(format!("the matrix is too large to factor: {error:?}")))?;
+        let par = if flops(&symbolic) < PARALLEL_FLOPS { Par::Seq } else { par };
         let values = vec![0.0; symbolic.len_val()];
         // One buffer serves numeric factorization of any kind and solves.
         let scratch = symbolic
@@ -63,32 +68,13 @@ impl Analysis {
         Ok(Self { symbolic, values, memory, par })
     }
 
-    /// Columns and rows of every supernode's dense block: a trapezoid whose first `columns` rows are a triangle.
-    pub fn supernodes(&self) -> impl Iterator<Item = Supernode<'_>> + '_ {
-        let symbolic = match self.symbolic.raw() {
-            SymbolicCholeskyRaw::Supernodal(symbolic) => Some(symbolic),
-            SymbolicCholeskyRaw::Simplicial(_) => None,
-        };
-        symbolic.into_iter().flat_map(|symbolic| {
-            (0..symbolic.n_supernodes()).map(move |s| {
-                let first = symbolic.supernode_begin()[s] as usize;
-                let columns = symbolic.supernode_end()[s] as usize - first;
-                let below = symbolic.supernode(s).pattern();
-                Supernode { first, columns, below, values: symbolic.col_ptr_for_val()[s] as usize }
-            })
-        })
+    fn size(&self) -> FactorSize {
+        FactorSize { entries: self.values.len(), flops: flops(&self.symbolic) }
     }
 
     /// `forward[k]` is the row of A that is eliminated as number k; `None` when the order is A's own.
     pub fn forward(&self) -> Option<&[u32]> {
         self.symbolic.perm().map(|perm| perm.arrays().0)
-    }
-
-    fn size(&self) -> FactorSize {
-        // Column c of a block has rows − c entries h; eliminating it takes h² operations (multiply and add counted).
-        let column_flops = |h: usize| (h * h) as f64;
-        let flops = self.supernodes().map(|s| (0..s.columns).map(|c| column_flops(s.rows() - c)).sum::<f64>()).sum();
-        FactorSize { entries: self.values.len(), flops }
     }
 
     /// The row of A that the factorization calls `permuted`.
@@ -98,15 +84,15 @@ impl Analysis {
     }
 }
 
-/// One dense block of the factor: consecutive columns with the same rows below them.
+/// A dense block of L: a trapezoid whose first `columns` rows are a triangle.
 #[derive(Clone, Copy)]
 pub(super) struct Supernode<'a> {
-    /// Its first column, in the order of elimination.
+    /// Its first column in L.
     pub first: usize,
     pub columns: usize,
     /// The rows below the triangle, in the order of elimination.
     pub below: &'a [u32],
-    /// Where its values start.
+    /// Where its values start, by columns.
     pub values: usize,
 }
 
@@ -119,6 +105,27 @@ impl Supernode<'_> {
     pub fn diagonal(&self, column: usize) -> usize {
         self.values + column * self.rows() + column
     }
+}
+
+pub(super) fn supernodes(symbolic: &SymbolicCholesky<u32>) -> impl Iterator<Item = Supernode<'_>> + '_ {
+    let supernodal = match symbolic.raw() {
+        SymbolicCholeskyRaw::Supernodal(supernodal) => Some(supernodal),
+        SymbolicCholeskyRaw::Simplicial(_) => None,
+    };
+    supernodal.into_iter().flat_map(|supernodal| {
+        (0..supernodal.n_supernodes()).map(move |s| {
+            let first = supernodal.supernode_begin()[s] as usize;
+            let columns = supernodal.supernode_end()[s] as usize - first;
+            let below = supernodal.supernode(s).pattern();
+            Supernode { first, columns, below, values: supernodal.col_ptr_for_val()[s] as usize }
+        })
+    })
+}
+
+/// Operations of a numeric factorization. A column of a block that has h entries takes h² (multiply and add counted).
+fn flops(symbolic: &SymbolicCholesky<u32>) -> f64 {
+    let column = |h: usize| (h * h) as f64;
+    supernodes(symbolic).map(|s| (0..s.columns).map(|c| column(s.rows() - c)).sum::<f64>()).sum()
 }
 
 /// Sparse Cholesky factorization `A = L Lᵀ`: exists if and only if A is positive definite (to rounding).
@@ -196,7 +203,7 @@ impl Ldlt {
     /// The pivots D of the last factored matrix with the rows of A they belong to, in the order of elimination.
     pub fn pivots(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         let forward = self.0.forward();
-        self.0.supernodes().flat_map(move |s| {
+        supernodes(&self.0.symbolic).flat_map(move |s| {
             (0..s.columns).map(move |c| {
                 let permuted = s.first + c;
                 let row = forward.map_or(permuted, |forward| forward[permuted] as usize);
@@ -214,7 +221,7 @@ impl Ldlt {
     /// A direction of negative curvature of the last factored matrix: `u = L⁻ᵀ e_j`, for which `uᵀAu = d_j`, with j the
     /// most negative pivot. Returns whether there is one; not normalised.
     pub fn negative_direction(&mut self, u: &mut [f64]) -> bool {
-        let pivots = self.0.supernodes().flat_map(|s| (0..s.columns).map(move |c| (s, c)));
+        let pivots = supernodes(&self.0.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
         let worst = pivots
             .map(|(s, c)| (self.0.values[s.diagonal(c)], s, c))
             .filter(|(d, ..)| *d < 0.0)

@@ -4,7 +4,7 @@
 //! between supernodes the order stays. That keeps the symbolic analysis valid and most of the rounding errors small, but
 //! not all: [`PivotedLdlt::multiply`] gives `L B Lᵀ w`, with which the error `A − L B Lᵀ` is measured.
 
-use super::factorization::{Analysis, Supernode};
+use super::factorization::{Analysis, Supernode, supernodes};
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::error::Result;
 use faer::dyn_stack::MemStack;
@@ -88,7 +88,7 @@ impl PivotedLdlt {
     /// The signs of the eigenvalues of B: by Sylvester's law those of `L B Lᵀ`.
     pub fn signs(&self) -> PivotSigns {
         let mut signs = PivotSigns::default();
-        for s in self.analysis.supernodes() {
+        for s in supernodes(&self.analysis.symbolic) {
             self.for_each_block(s, |_, block| match block {
                 Block::One(d) => signs.count(d),
                 Block::Two([a, b, c]) => signs.count_pair(a, b, c),
@@ -104,7 +104,7 @@ impl PivotedLdlt {
         let row = |k: usize| order.map_or(k, |order| order[k] as usize);
         // Row k of a supernode's triangle after pivoting; rows below it are not pivoted.
         let top = |k: usize| row(self.forward[k] as usize);
-        for s in self.analysis.supernodes() {
+        for s in supernodes(&self.analysis.symbolic) {
             for c in 0..s.columns {
                 let column = self.column(s, c);
                 let (triangle, below) = column.split_at(s.columns - c - 1);

@@ -136,14 +136,14 @@ fn rgb((red, green, blue): Colour) -> RGBColor {
     RGBColor(red, green, blue)
 }
 
-/// About how wide a text is in pixels.
+/// About how wide a text is in pixels, in one of the wider sans-serif fonts.
 pub(super) fn width(text: &str) -> i32 {
     let em = |c: char| match c {
-        'i' | 'j' | 'l' | '.' | ',' | ':' | ';' | '|' | '!' | '\'' | ' ' | 'f' | 't' | 'r' | '(' | ')' => 0.33,
-        '⁰'..='⁹' | '¹' | '²' | '³' | '⁻' => 0.38,
-        'm' | 'w' | 'M' | 'W' | '→' | '—' => 0.9,
-        c if c.is_uppercase() => 0.7,
-        _ => 0.57,
+        'i' | 'j' | 'l' | '.' | ',' | ':' | ';' | '|' | '!' | '\'' | ' ' | 'f' | 't' | 'r' | '(' | ')' => 0.38,
+        '⁰'..='⁹' | '¹' | '²' | '³' | '⁻' => 0.42,
+        'm' | 'w' | 'M' | 'W' | '→' | '—' | '⅓' | '⅔' | '½' => 0.98,
+        c if c.is_uppercase() || "+−=<>≤≥≈∞×∇".contains(c) => 0.8,
+        _ => 0.63,
     };
     (f64::from(TEXT) * text.chars().map(em).sum::<f64>()).ceil() as i32
 }
@@ -160,5 +160,16 @@ pub(super) fn wrap(text: &str, limit: i32) -> Vec<String> {
             _ => lines.push(word.into()),
         }
     }
-    lines
+    lines.iter().map(|line| clip(line, limit)).collect()
+}
+
+/// Cuts a text that is wider than `limit` pixels.
+pub(super) fn clip(text: &str, limit: i32) -> String {
+    let mut clipped = text.to_string();
+    while width(&clipped) > limit && clipped.pop().is_some() {}
+    if clipped.len() < text.len() {
+        clipped.pop();
+        clipped.push('…');
+    }
+    clipped
 }

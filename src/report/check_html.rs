@@ -1,7 +1,6 @@
 //! Checks of one name on a page: their numbers, figures and worst entries.
 
-use super::html::count;
-use super::number::{pair, pretty};
+use super::number::{self, count, pair, pretty};
 use super::palette::{self, css};
 use super::{drawing, page, plot};
 use crate::verify::{Check, Entry};
@@ -28,15 +27,13 @@ pub(super) fn mark(passed: bool) -> Markup {
 /// The same check on all its scenes.
 pub(super) fn group(name: &str, checks: &[(usize, &Check)]) -> Markup {
     let (failed, passed): (Vec<_>, Vec<_>) = checks.iter().partition(|(_, check)| !check.passed());
-    let one_reason = checks.windows(2).all(|pair| pair[0].1.why == pair[1].1.why);
     let shown = if checks.len() > ROWS { &failed } else { checks };
     let rest = if checks.len() > ROWS { &passed } else { &Vec::new() };
     html! {
         h3 { (name) }
-        @if let (true, Some((_, check))) = (one_reason, checks.first()) { p.quiet { "Bound: " (check.why) } }
-        @if !shown.is_empty() { (values(name, shown, one_reason)) }
+        @if !shown.is_empty() { (values(name, shown)) }
         @if !rest.is_empty() {
-            (page::folded(&format!("{} on other scenes, all passed", count(rest.len(), "check")), &values(name, rest, one_reason)))
+            (page::folded(&format!("{} on other scenes, all passed", count(rest.len(), "check")), &values(name, rest)))
         }
         @for (_, check) in failed.iter().filter(|(_, check)| !check.table.is_empty()) {
             p { "Worst entries on " b { (check.scene) } ":" }
@@ -49,35 +46,47 @@ pub(super) fn group(name: &str, checks: &[(usize, &Check)]) -> Markup {
     }
 }
 
-fn values(name: &str, checks: &[(usize, &Check)], one_reason: bool) -> Markup {
+/// The numbers, those with the same reason for their bound together below it.
+fn values(name: &str, checks: &[(usize, &Check)]) -> Markup {
+    let mut reasons: Vec<&str> = Vec::new();
+    for (_, check) in checks {
+        if !reasons.contains(&check.why.as_str()) {
+            reasons.push(&check.why);
+        }
+    }
     let table = html! {
-        table {
+        table.full {
             thead { tr {
                 th scope="col" { "scene" }
                 th.number scope="col" { "value" }
                 th.number scope="col" { "bound" }
                 th.number scope="col" { "value / bound" }
-                th scope="col" { span aria-hidden="true" {} }
-                th scope="col" { "verdict" }
+                td.bar {}
+                th scope="col" { span.word { "verdict" } }
             } }
-            tbody { @for &(index, check) in checks { (value_row(index, check, one_reason)) } }
+            @for why in reasons {
+                tbody {
+                    tr.why { td colspan="6" { "Bound: " (why) } }
+                    @for &(index, check) in checks.iter().filter(|(_, check)| check.why == why) { (value_row(index, check)) }
+                }
+            }
         }
     };
     page::scrolling(name, &table)
 }
 
-fn value_row(index: usize, check: &Check, one_reason: bool) -> Markup {
+fn value_row(index: usize, check: &Check) -> Markup {
     let [value, bound] = pair(pretty, check.value, check.bound);
     html! {
         tr id=(anchor(index)) class=[(!check.passed()).then_some("failed-row")] {
-            td { (check.scene) @if !one_reason { br; span.quiet { (check.why) } } }
+            td.name { (check.scene) }
             td.number title=(check.value) { (value) }
             td.number title=(check.bound) { (bound) }
-            td.number { (pretty(check.share())) }
-            td { (meter(check)) }
+            td.number { (number::share(pretty, check.share())) }
+            td.bar { (meter(check)) }
             td.verdict {
-                @if check.passed() { span.passed { "✓ passed" } }
-                @else { span.failed { "✗ failed" @if check.value <= check.bound { br; "not finite" } } }
+                @if check.passed() { span.passed { "✓" span.word { " passed" } } }
+                @else { span.failed { "✗" span.word { " failed" } @if check.value <= check.bound { br; "not finite" } } }
             }
         }
     }
@@ -106,27 +115,26 @@ fn entries(check: &Check) -> Markup {
     let table = html! {
         table {
             thead { tr {
+                th scope="col" { "in words" }
+                @if springs { th.number scope="col" { "spring" } }
                 th.number scope="col" { "row" }
                 @if columns { th.number scope="col" { "column" } }
-                @if springs { th.number scope="col" { "spring" } }
                 th.number scope="col" { "analytic" }
                 th.number scope="col" { "numeric" }
                 th.number scope="col" { "difference" }
                 th.number scope="col" { "relative" }
-                th scope="col" { "in words" }
             } }
             tbody {
                 @for entry in &check.table {
-                    @let [analytic, numeric] = pair(pretty, entry.analytic, entry.numeric);
                     tr {
+                        td.words { (entry.verdict) }
+                        @if springs { td.number { (index(entry.spring)) } }
                         td.number { (entry.row) }
                         @if columns { td.number { (index(entry.column)) } }
-                        @if springs { td.number { (index(entry.spring)) } }
-                        td.number title=(entry.analytic) { (analytic) }
-                        td.number title=(entry.numeric) { (numeric) }
+                        td.number title=(entry.analytic) { (pretty(entry.analytic)) }
+                        td.number title=(entry.numeric) { (pretty(entry.numeric)) }
                         td.number { (pretty(entry.absolute)) }
                         td.number { (pretty(entry.relative)) }
-                        td { (entry.verdict) }
                     }
                 }
             }

@@ -105,7 +105,7 @@ fn particles(drawing: &Drawing, view: &View) -> Markup {
 
 /// All arrows to one scale; those too short to see are left out.
 fn arrows(drawing: &Drawing, view: &View) -> Markup {
-    let projected = |vector: [f64; 3]| Projection::of(drawing.dimension).apply(vector);
+    let projected = |vector: [f64; 3]| Projection::of(drawing).apply(vector);
     let size = |[x, y]: [f64; 2]| x.hypot(y);
     let sizes = drawing.arrows.iter().map(|arrow| size(projected(arrow.vector)));
     let longest = sizes.filter(|size| size.is_finite()).fold(0.0, f64::max);

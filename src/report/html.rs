@@ -1,8 +1,9 @@
 //! `report.html`: the results for people.
 
 use super::check_html::{anchor, group, mark};
+use super::number::{self, count};
 use super::{page, shares};
-use crate::verify::{Check, Claim, Results};
+use crate::verify::{Check, Claim, Results, worst};
 use maud::{Markup, html};
 use std::collections::BTreeSet;
 
@@ -36,11 +37,6 @@ fn by_claim(results: &Results) -> Vec<(Claim, Numbered<'_>)> {
     claims.filter(|(_, checks)| !checks.is_empty()).collect()
 }
 
-/// `1 check`, `2 checks`.
-pub(super) fn count(n: usize, noun: &str) -> String {
-    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
-}
-
 fn failed(checks: &[(usize, &Check)]) -> usize {
     checks.iter().filter(|(_, check)| !check.passed()).count()
 }
@@ -68,16 +64,30 @@ fn banner(results: &Results) -> Markup {
     }
 }
 
+/// The claims as a table that is the table of contents too.
 fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
     html! {
         nav aria-label="Contents" {
-            h3 { "What was verified" }
-            ol {
-                @for (claim, checks) in claims {
-                    li {
-                        a href=(format!("#{}", claim.id())) { (claim.title()) }
-                        " " span.quiet { (count(checks.len(), "check")) }
-                        @if failed(checks) > 0 { " " span.verdict.failed { "✗ " (failed(checks)) " failed" } }
+            h2 { "What was verified" }
+            table.full {
+                thead { tr {
+                    th scope="col" { "claim" }
+                    th.number scope="col" { "checks" }
+                    th.number scope="col" { "worst value / bound" }
+                    th scope="col" { "verdict" }
+                } }
+                tbody {
+                    @for (claim, checks) in claims {
+                        @let failed = failed(checks);
+                        tr class=[(failed > 0).then_some("failed-row")] {
+                            td { a href=(format!("#{}", claim.id())) { (claim.title()) } }
+                            td.number { (checks.len()) }
+                            td.number { (number::share(number::pretty, worst(checks.iter().map(|(_, check)| check.share())))) }
+                            td.verdict {
+                                @if failed == 0 { span.passed { "✓" span.word { " holds" } } }
+                                @else { span.failed { "✗ " (failed) span.word { " failed" } } }
+                            }
+                        }
                     }
                 }
             }
@@ -110,7 +120,7 @@ fn reading(results: &Results) -> Markup {
             }
         }
         @if !results.checks.is_empty() {
-            div style="max-width:46rem" { (page::figure(shares::svg(results), &caption)) }
+            div.single { (page::figure(shares::svg(results), &caption)) }
         }
     };
     page::section("reading", &html! { "How to read this" }, &body)
@@ -126,7 +136,7 @@ fn claim_section(claim: Claim, checks: &[(usize, &Check)]) -> Markup {
     let failed = failed(checks);
     let heading = html! { (mark(failed == 0)) " " (claim.title()) };
     let body = html! {
-        p.formula { (claim.formula()) }
+        p.formula { (page::formula(claim.formula())) }
         p { (claim.explanation()) }
         p.quiet {
             (count(checks.len(), "check"))

@@ -18,10 +18,24 @@ pub fn pretty(value: f64) -> String {
     }
 }
 
-/// Two numbers that are compared: with all digits where three would make different numbers look the same.
+/// Two numbers that are compared: with all digits where three could make different numbers look the same.
 pub fn pair(form: fn(f64) -> String, a: f64, b: f64) -> [String; 2] {
-    let short = [form(a), form(b)];
-    if short[0] == short[1] && a != b { [a, b].map(|number| format!("{number:e}")) } else { short }
+    let close = a != b && (a - b).abs() < 0.005 * a.abs().max(b.abs());
+    [a, b].map(if close { all_digits } else { form })
+}
+
+/// A share of a bound, which shows whether it is above 1.
+pub fn share(form: fn(f64) -> String, value: f64) -> String {
+    if value > 1.0 && value < 1.005 { all_digits(value) } else { form(value) }
+}
+
+fn all_digits(value: f64) -> String {
+    if (1e-3..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
+}
+
+/// `1 check`, `2 checks`.
+pub fn count(n: usize, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
 }
 
 /// `10⁻⁵`.

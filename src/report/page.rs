@@ -40,6 +40,14 @@ pub fn figures(all: &[Markup]) -> Markup {
     html! { @if !all.is_empty() { div.figures { @for one in all { (one) } } } }
 }
 
+/// A formula in Unicode; an underscore makes what follows, up to the end of the word, a subscript.
+pub fn formula(text: &str) -> Markup {
+    let mut pieces = text.split('_');
+    let first = pieces.next().unwrap_or_default();
+    let lowered = pieces.map(|piece| piece.split_at(piece.find(|c: char| !c.is_alphanumeric()).unwrap_or(piece.len())));
+    html! { (first) @for (low, rest) in lowered { sub { (low) } (rest) } }
+}
+
 /// A table that scrolls sideways where the page is too narrow for it; `name` says what it holds.
 pub fn scrolling(name: &str, table: &Markup) -> Markup {
     html! { div.scroll role="region" aria-label=(name) tabindex="0" { (table) } }

@@ -46,6 +46,7 @@ struct Layout<'a> {
 enum Key<'a> {
     Series(usize, &'a Series),
     Slope,
+    Level,
 }
 
 impl<'a> Layout<'a> {
@@ -75,13 +76,15 @@ impl<'a> Layout<'a> {
     /// Sets the legend's entries in rows under the title and moves the plot's top below them.
     fn place_legend(&mut self) {
         let keys = self.plot.series.iter().enumerate().map(|(i, series)| (Key::Series(i, series), self.name(series)));
-        let slopes = self.plot.guides.iter().filter_map(|guide| match guide {
+        let guides = self.plot.guides.iter().filter_map(|guide| match guide {
             Guide::Slope { slope, .. } => Some((Key::Slope, format!("slope {}", signed(*slope)))),
-            _ => None,
+            Guide::Level { y, label } => Some((Key::Level, format!("{label}: {}", number::pretty(*y)))),
+            Guide::Vertical { .. } => None,
         });
         let mut at = (16, self.top + LINE / 2);
         let mut legend = Vec::new();
-        for (key, text) in keys.chain(slopes).filter(|(_, text)| !text.is_empty()) {
+        for (key, text) in keys.chain(guides).filter(|(_, text)| !text.is_empty()) {
+            let text = canvas::clip(&text, WIDTH - 90);
             let wide = 50 + canvas::width(&text) + 24;
             if at.0 > 16 && at.0 + wide > WIDTH {
                 at = (16, at.1 + LINE);
@@ -103,7 +106,7 @@ impl<'a> Layout<'a> {
             name += &format!(", measured slope {slope:.2}").replace('-', "−");
         }
         if missing > 0 {
-            name += &format!(" ({missing} points without a place on the axes)");
+            name += &format!(" ({} without a place on the axes)", number::count(missing, "point"));
         }
         name
     }
@@ -173,8 +176,13 @@ impl<'a> Layout<'a> {
         for (place, label) in &self.y.ticks {
             sheet.text(label, (left - 10, self.row(*place)), Align::Right, palette::INK)?;
         }
-        sheet.text(&self.plot.x.title, ((left + right) / 2, bottom + 66), Align::Center, palette::INK)?;
-        sheet.upright(&self.plot.y.title, (22, (top + bottom) / 2), palette::INK)
+        sheet.text(
+            &canvas::clip(&self.plot.x.title, WIDTH - 32),
+            ((left + right) / 2, bottom + 66),
+            Align::Center,
+            palette::INK,
+        )?;
+        sheet.upright(&canvas::clip(&self.plot.y.title, HEIGHT), (22, (top + bottom) / 2), palette::INK)
     }
 
     fn draw_series(&self, sheet: &Sheet<'_>, index: usize, series: &Series) -> Outcome {
@@ -196,6 +204,7 @@ impl<'a> Layout<'a> {
     fn draw_key(&self, sheet: &Sheet<'_>, key: &Key<'_>, (x, y): Point) -> Outcome {
         match *key {
             Key::Slope => sheet.dashed(vec![(x, y), (x + 40, y)], palette::MUTED, 2),
+            Key::Level => sheet.dashed(vec![(x, y), (x + 40, y)], palette::INK, 3),
             Key::Series(index, series) => {
                 let (colour, marker) = appearance(index, series);
                 if series.mark == Mark::Line {
@@ -207,28 +216,23 @@ impl<'a> Layout<'a> {
     }
 
     fn draw_guide(&self, sheet: &Sheet<'_>, guide: &Guide, occupied: &[Point], labels: &mut Vec<Label>) -> Outcome {
-        let (line, text, candidates) = match guide {
-            Guide::Slope { slope, through } => {
-                let line = self.slope_line(*slope, *through);
-                return if line.is_empty() { Ok(()) } else { sheet.dashed(line, palette::MUTED, 2) };
-            }
-            Guide::Level { y, label } => {
-                let Some(row) = self.y.place(*y).map(|place| self.row(place)) else { return Ok(()) };
-                let wide = canvas::width(label);
-                let columns = [self.right - wide - 8, (self.left + self.right - wide) / 2, self.left + 8];
-                let candidates = columns.iter().flat_map(|&x| [(x, row - LINE - 2), (x, row + 2)]).collect();
-                (vec![(self.left, row), (self.right, row)], label, candidates)
+        match guide {
+            Guide::Slope { slope, through } => match self.slope_line(*slope, *through) {
+                line if line.is_empty() => {}
+                line => sheet.dashed(line, palette::MUTED, 2)?,
+            },
+            Guide::Level { y, .. } => {
+                if let Some(row) = self.y.place(*y).map(|place| self.row(place)) {
+                    sheet.dashed(vec![(self.left, row), (self.right, row)], palette::INK, 3)?;
+                }
             }
             Guide::Vertical { x, label } => {
-                let Some(column) = self.x.place(*x).map(|place| self.column(place)) else { return Ok(()) };
-                let sides = [column + 8, column - 8 - canvas::width(label)];
-                let rows = (0..HEIGHT / LINE - 1).map(|i| self.row(1.0) + 4 + LINE * i);
-                let candidates = rows.flat_map(|y| sides.map(|x| (x, y))).collect();
-                (vec![(column, self.bottom), (column, self.row(1.0))], label, candidates)
+                if let Some(column) = self.x.place(*x).map(|place| self.column(place)) {
+                    sheet.dashed(vec![(column, self.bottom), (column, self.row(1.0))], palette::INK, 2)?;
+                    labels.extend(self.free_place(label, column, occupied, labels));
+                }
             }
-        };
-        sheet.dashed(line, palette::INK, 2)?;
-        labels.extend(self.free_place(text, candidates, occupied, labels));
+        }
         Ok(())
     }
 
@@ -246,35 +250,45 @@ impl<'a> Layout<'a> {
         ends.map(|&x| (self.column(x), self.row(height(x)))).collect()
     }
 
-    /// Where the measured curves run, sampled every few pixels.
+    /// Where curves and sloping guides run, sampled every few pixels.
     fn occupied(&self) -> Vec<Point> {
-        let mut occupied = Vec::new();
-        for series in &self.plot.series {
+        let curves = self.plot.series.iter().map(|series| {
             let points: Vec<Point> = series.points.iter().filter_map(|&p| self.point(series, p)).collect();
-            occupied.extend(&points);
-            for (a, b) in points.iter().zip(points.iter().skip(1)).filter(|_| series.mark == Mark::Line) {
-                let steps = ((a.0 - b.0).abs().max((a.1 - b.1).abs()) / 8).max(1);
-                occupied.extend((1..steps).map(|i| (a.0 + (b.0 - a.0) * i / steps, a.1 + (b.1 - a.1) * i / steps)));
-            }
-        }
-        occupied
+            if series.mark == Mark::Line { sampled(&points) } else { points }
+        });
+        let guides = self.plot.guides.iter().map(|guide| match *guide {
+            Guide::Slope { slope, through } => sampled(&self.slope_line(slope, through)),
+            Guide::Level { .. } | Guide::Vertical { .. } => Vec::new(),
+        });
+        curves.chain(guides).flatten().collect()
     }
 
-    /// Of the candidates (upper left corners) for a label inside the plot, the one that covers least of the curves and no other label.
-    fn free_place(&self, text: &str, candidates: Vec<Point>, occupied: &[Point], labels: &[Label]) -> Option<Label> {
-        let wide = canvas::width(text);
-        let inside =
-            |&(x, y): &Point| x >= self.left && x + wide <= self.right && y >= self.top && y + LINE <= self.bottom;
+    /// Where the label of a vertical line covers least of the curves and no other label.
+    fn free_place(&self, text: &str, column: i32, occupied: &[Point], labels: &[Label]) -> Option<Label> {
+        let text = canvas::clip(text, (column - self.left).max(self.right - column) - 8);
+        let wide = canvas::width(&text);
+        let rows = (0..HEIGHT / LINE - 1).map(|i| self.row(1.0) + 4 + LINE * i);
+        let candidates = rows.flat_map(|y| [(column + 8, y), (column - 8 - wide, y)]);
+        let inside = |&(x, _): &Point| x >= self.left && x + wide <= self.right;
         let covers = |&(x, y): &Point| {
-            let curves =
-                occupied.iter().filter(|p| p.0 > x - 6 && p.0 < x + wide + 6 && p.1 > y - 4 && p.1 < y + LINE + 4);
-            let apart =
-                |(_, at, other): &&Label| x > at.0 + other || at.0 > x + wide || y >= at.1 + LINE || at.1 >= y + LINE;
-            curves.count() + 1000 * labels.iter().filter(|label| !apart(label)).count()
+            let covered = |p: &&Point| p.0 > x - 6 && p.0 < x + wide + 6 && p.1 > y - 4 && p.1 < y + LINE + 4;
+            let meets =
+                |(_, at, other): &&Label| x <= at.0 + other && at.0 <= x + wide && y < at.1 + LINE && at.1 < y + LINE;
+            occupied.iter().filter(covered).count() + 1000 * labels.iter().filter(meets).count()
         };
-        let best = candidates.into_iter().filter(inside).min_by_key(covers)?;
-        Some((text.to_string(), best, wide))
+        let best = candidates.filter(inside).min_by_key(covers)?;
+        Some((text, best, wide))
     }
+}
+
+/// A line's points and points between them, a few pixels apart.
+fn sampled(line: &[Point]) -> Vec<Point> {
+    let between = line.windows(2).flat_map(|ends| {
+        let (a, b) = (ends[0], ends[1]);
+        let steps = ((a.0 - b.0).abs().max((a.1 - b.1).abs()) / 8).max(1);
+        (1..steps).map(move |i| (a.0 + (b.0 - a.0) * i / steps, a.1 + (b.1 - a.1) * i / steps))
+    });
+    line.iter().copied().chain(between).collect()
 }
 
 /// A text, its upper left corner and its width.

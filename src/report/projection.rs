@@ -18,9 +18,10 @@ pub(super) enum Projection {
 }
 
 impl Projection {
-    /// Planar scenes are seen from the front.
-    pub fn of(dimension: usize) -> Self {
-        if dimension < 3 { Self::Flat } else { Self::Raised }
+    /// Scenes in a plane z = const are seen from the front.
+    pub fn of(drawing: &Drawing) -> Self {
+        let in_plane = drawing.points.windows(2).all(|pair| pair[0][2] == pair[1][2]);
+        if drawing.dimension < 3 || in_plane { Self::Flat } else { Self::Raised }
     }
 
     /// Right and up, in the unit of the argument.
@@ -47,7 +48,7 @@ pub(super) struct View {
 impl View {
     /// Places every finite point.
     pub fn of(drawing: &Drawing) -> Self {
-        let projection = Projection::of(drawing.dimension);
+        let projection = Projection::of(drawing);
         let finite = |p: [f64; 2]| p.iter().all(|c| c.is_finite()).then_some(p);
         let flat: Vec<Option<[f64; 2]>> = drawing.points.iter().map(|&p| finite(projection.apply(p))).collect();
         let extent = |axis: usize| {

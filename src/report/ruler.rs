@@ -20,7 +20,7 @@ pub(super) struct Ruler {
 }
 
 impl Ruler {
-    /// An axis with round ends that holds all values; those without a place on it are passed over.
+    /// An axis that holds all values, with labels at round ones; those without a place on it are passed over.
     pub fn over(scale: Scale, values: impl Iterator<Item = f64>) -> Self {
         let (low, high) = values
             .filter_map(|value| measure(scale, value))
@@ -74,11 +74,11 @@ impl Ruler {
     }
 
     fn logarithmic(low: f64, high: f64) -> Self {
-        // A value that rounding put just outside a decade does not open a new one.
-        let (low, high) = ((low + 1e-9).floor(), (high - 1e-9).ceil());
-        let high = high.max(low + 1.0);
-        let step = ((high - low) / LABELS).ceil() as usize;
-        let decades = low as i32..=high as i32;
+        // Where fewer than two decades lie inside, the axis grows to the decades around.
+        let (first, last) = (low.ceil(), high.floor());
+        let (low, high) = if last > first { (low, high) } else { (low.floor(), high.ceil().max(low.floor() + 1.0)) };
+        let decades = low.ceil() as i32..=high.floor() as i32;
+        let step = ((high - low) / LABELS).ceil().max(1.0) as usize;
         let mut ruler = Self { scale: Scale::Logarithmic, low, high, ticks: Vec::new(), fine: Vec::new() };
         ruler.ticks = decades
             .clone()
@@ -90,8 +90,9 @@ impl Ruler {
             ..=40.0 => &[1.0],
             _ => &[],
         };
-        let fine = decades.flat_map(|decade| within.iter().map(move |digit| f64::from(decade) + digit.log10()));
-        ruler.fine = fine.filter(|&value| value <= high).map(|value| ruler.share(value)).collect();
+        let around = decades.start() - 1..=*decades.end();
+        let fine = around.flat_map(|decade| within.iter().map(move |digit| f64::from(decade) + digit.log10()));
+        ruler.fine = fine.filter(|value| (low..=high).contains(value)).map(|value| ruler.share(value)).collect();
         ruler
     }
 }
@@ -122,7 +123,7 @@ mod tests {
     fn labels_are_round_and_values_lie_inside() {
         let ruler = Ruler::over(Scale::Logarithmic, [3e-12, 2e-3].into_iter());
         let labels: Vec<_> = ruler.ticks.iter().map(|(_, label)| label.as_str()).collect();
-        assert_eq!(labels, ["10⁻¹²", "10⁻¹⁰", "10⁻⁸", "10⁻⁶", "10⁻⁴", "10⁻²"]);
+        assert_eq!(labels, ["10⁻¹¹", "10⁻⁹", "10⁻⁷", "10⁻⁵", "10⁻³"]);
         let ruler = Ruler::over(Scale::Linear, [-0.11, 0.32].into_iter());
         let labels: Vec<_> = ruler.ticks.iter().map(|(_, label)| label.as_str()).collect();
         assert_eq!(labels, ["−0.2", "−0.1", "0.0", "0.1", "0.2", "0.3", "0.4"]);

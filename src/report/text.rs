@@ -1,6 +1,6 @@
 //! The results as a short table for the terminal.
 
-use super::number::{pair, plain};
+use super::number::{pair, plain, share};
 use crate::verify::{Check, Entry, Results, worst};
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ pub fn text(results: &Results) -> String {
     let mut lines = format!("{:<60} {:>6} {:>6} {:>17}  verdict\n", "claim", "checks", "failed", "worst value/bound");
     for (claim, checks) in results.by_claim() {
         let failed = checks.iter().filter(|check| !check.passed()).count();
-        let share = plain(worst(checks.iter().map(|check| check.share())));
+        let share = share(plain, worst(checks.iter().map(|check| check.share())));
         let verdict = if failed == 0 { "holds" } else { "FAILS" };
         let _ = writeln!(lines, "{:<60} {:>6} {failed:>6} {share:>17}  {verdict}", claim.title(), checks.len());
     }
@@ -52,6 +52,6 @@ pub(super) fn comparison(check: &Check) -> String {
 fn entry(entry: &Entry) -> String {
     let column = entry.column.map(|column| format!(" column {column}")).unwrap_or_default();
     let spring = entry.spring.map(|spring| format!(" spring {spring}")).unwrap_or_default();
-    let [analytic, numeric] = pair(plain, entry.analytic, entry.numeric);
+    let [analytic, numeric] = [entry.analytic, entry.numeric].map(plain);
     format!("row {}{column}{spring}: analytic {analytic}, numeric {numeric}: {}", entry.row, entry.verdict)
 }
