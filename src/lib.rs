@@ -5,13 +5,16 @@
 
 pub mod assembly;
 pub mod error;
+pub mod figure;
 pub mod force;
 pub mod integrate;
 pub mod linear;
 pub mod operator;
+pub mod output;
 pub mod scene;
 pub mod spring;
 pub mod system;
+pub mod verify;
 pub mod work;
 
 pub use error::{Error, Result};
