@@ -6,9 +6,11 @@ mod failure;
 mod implicit;
 mod linear_backward_euler;
 mod matrices;
+mod method;
 mod run;
 mod schedule;
 mod statistics;
+mod w_method;
 
 pub use backward_euler::{BackwardEuler, NewtonOptions};
 pub use explicit::{ForwardEuler, SymplecticEuler};
@@ -16,9 +18,11 @@ pub use failure::{NotSolved, Status, StepFailure};
 pub use implicit::{ImplicitOptions, StiffnessPolicy};
 pub use linear_backward_euler::LinearBackwardEuler;
 pub use matrices::StepMatrices;
+pub use method::Method;
 pub use run::{Outcome, RunFailure, run};
 pub use schedule::Schedule;
 pub use statistics::Statistics;
+pub use w_method::{ErrorEstimate, WMethod};
 
 use crate::system::State;
 
