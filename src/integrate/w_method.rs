@@ -112,7 +112,7 @@ impl<'s> WMethod<'s> {
     /// Coincident ends of a spring; a matrix that the linear solver refuses.
     pub fn prepare(&mut self, state: &State, h: f64) -> Result<(), StepFailure> {
         self.linear.set_extensions(&state.positions)?;
-        Ok(self.linear.prepare(Combination::step(GAMMA * h))?)
+        Ok(self.linear.prepare(self.linear.policy, Combination::step(GAMMA * h))?)
     }
 
     /// Computes `next` from a state with the matrix last prepared, which must be one for the same h.
@@ -163,7 +163,7 @@ impl<'s> WMethod<'s> {
     ///
     /// # Errors
     /// When the forces at the new state do not exist or the solve fails.
-    pub fn estimate(&mut self, state: &State, h: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
+    pub fn estimate(&mut self, h: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
         const E: f64 = 6.0 + SQRT_2;
         let tau = GAMMA * h;
         self.set_force(Point::Next)?;
@@ -227,7 +227,8 @@ fn solve_stage(
         *s -= minus_r * (mass / tau);
     }
     add_damping_force(system, &linear.extensions, minus_r, s);
-    linear.solve(s, u)?;
+    let solution = linear.solve(s, u)?;
+    linear.statistics.record(solution.relative_residual);
     for u in u {
         *u /= tau;
     }
