@@ -31,6 +31,10 @@ impl TimeStepper for BackwardEuler<'_> {
         Some(self.0.linear.solver())
     }
 
+    fn preconditioner(&self) -> Option<&'static str> {
+        self.0.linear.preconditioner()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         let system = self.0.linear.system;
         system.prescribed().displacement(state.time + dt, &state.positions, &mut self.0.displacement);

@@ -97,6 +97,10 @@ impl<'s> LinearSystem<'s> {
         self.solver.name()
     }
 
+    pub fn preconditioner(&self) -> Option<&'static str> {
+        self.solver.preconditioner()
+    }
+
     pub fn set_extensions(&mut self, positions: &[Vector3<f64>]) -> Result<(), DegenerateSpring> {
         self.extensions.update(self.system, positions)
     }
@@ -133,17 +137,14 @@ impl<'s> LinearSystem<'s> {
 
     /// Solves `A_ff δx_f = force_f − A_fc δx_c` with the prepared matrix.
     ///
-    /// `force` is full-length. `displacement` is full-length too: its prescribed entries hold δx_c on entry, and on
-    /// success its free entries hold δx_f. When conjugate gradients find the matrix indefinite and the policy allows, the
+    /// `force` is full-length. `displacement` is full-length too: its prescribed entries hold δx_c on entry and its free
+    /// ones zero; on success these hold δx_f. When conjugate gradients find the matrix indefinite and the policy allows, the
     /// softened one takes its place, for later solves too.
     pub fn solve(
         &mut self,
         force: &[Vector3<f64>],
         displacement: &mut [Vector3<f64>],
     ) -> Result<Solution, SolveFailure> {
-        // Free entries of the last step must not count as a prescribed displacement.
-        self.solution.fill(0.0);
-        self.system.dofs().scatter(&self.solution, displacement);
         let solution = match self.attempt(force, displacement) {
             Err(SolveFailure::Indefinite(_)) if self.may_soften() => {
                 self.take_over(Stiffness::Tension)?;

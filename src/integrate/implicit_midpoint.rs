@@ -39,6 +39,10 @@ impl TimeStepper for ImplicitMidpoint<'_> {
         Some(self.newton.linear.solver())
     }
 
+    fn preconditioner(&self) -> Option<&'static str> {
+        self.newton.linear.preconditioner()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         let Self { newton, next } = self;
         let system = newton.linear.system;

@@ -40,6 +40,11 @@ pub trait TimeStepper {
         None
     }
 
+    /// The preconditioner really used; `None` where there is none to choose.
+    fn preconditioner(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Advances the state by `dt` seconds.
     ///
     /// # Errors

@@ -127,8 +127,9 @@ impl<'s> WMethod<'s> {
 
         self.set_force(Point::Start(state))?;
         self.forces.copy_from_slice(&self.s);
+        system.prescribed().displacement(state.time + h, &state.positions, &mut self.first);
         for ((k, minus_r), v) in self.first.iter_mut().zip(&mut self.minus_r).zip(&self.velocities) {
-            *k = v * tau;
+            *k *= GAMMA;
             *minus_r = -v;
         }
         solve_stage(&mut self.linear, tau, &self.minus_r, &mut self.s, &mut self.first)?;
@@ -242,6 +243,10 @@ impl TimeStepper for WMethod<'_> {
 
     fn solver(&self) -> Option<&'static str> {
         Some(self.linear.solver())
+    }
+
+    fn preconditioner(&self) -> Option<&'static str> {
+        self.linear.preconditioner()
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
