@@ -3,8 +3,11 @@
 mod critical;
 mod family;
 mod inertia;
+mod krylov;
 mod random;
+mod spectrum;
 
 pub use critical::{CriticalSteps, LargestStep};
 pub use family::Requirement;
 pub use inertia::{Inertia, InertiaCounter, InertiaMethod};
+pub use spectrum::{Eigenpair, Spectrum, spectrum};
