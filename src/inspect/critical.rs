@@ -65,15 +65,6 @@ impl LargestStep {
             Self::UpTo { dt, .. } => Some(dt),
         }
     }
-
-    /// The more demanding of two limits.
-    pub fn min(self, other: Self) -> Self {
-        match (self, other) {
-            (Self::UpTo { dt: a, .. }, Self::UpTo { dt: b, .. }) if a <= b => self,
-            (Self::UpTo { .. }, Self::UpTo { .. }) => other,
-            (Self::Every, limit) | (limit, Self::Every) => limit,
-        }
-    }
 }
 
 /// Finds critical steps of a system: pattern, ordering and symbolic analysis made once.
@@ -108,10 +99,13 @@ impl<'s> CriticalSteps<'s> {
 
     /// The largest step that keeps the requirement under an option, certified by factorizations on both sides.
     pub fn largest_step(&mut self, requirement: Requirement, option: Stiffness) -> LargestStep {
-        let definite = self.search(Requirement::Definite, option);
-        match requirement {
-            Requirement::Definite => definite,
-            Requirement::Stable => definite.min(self.search(Requirement::Stable, option)),
+        match (requirement, option) {
+            // S(s) is A(2s): semidefinite as far as A is, and beyond.
+            (Requirement::Definite, _) | (Requirement::Stable, Stiffness::Full) => {
+                self.search(Requirement::Definite, option)
+            }
+            // A is positive definite for every s.
+            (Requirement::Stable, Stiffness::Tension | Stiffness::Axial) => self.search(Requirement::Stable, option),
         }
     }
 

@@ -57,8 +57,12 @@ impl Spectrum {
 /// Up to this order a matrix is diagonalised whole.
 const LARGEST_DENSE: usize = 240;
 
-/// Residuals relative to the largest eigenvalue of the operator at which a search ends.
+/// Residuals of searches with solves, relative to the largest eigenvalue of the inverse.
 const TOLERANCE: f64 = 1e-8;
+
+/// Residual of the search with products, relative to λ_max: a bound for the relative error of λ_max, whose actual error is
+/// nearer to its square.
+const RESIDUAL: f64 = 1e-6;
 
 /// The lowest `wanted` eigenpairs (all, for a small matrix), the largest eigenvalue and the condition number. `inertia` is
 /// that of A. Where A has up to `wanted` negative eigenvalues, all of them are found.
@@ -129,9 +133,8 @@ impl Search<'_> {
     }
 
     fn largest(&self) -> f64 {
-        // The value's error is of the order of the square of the residual's.
         let mut apply = |x: &[f64], y: &mut [f64]| self.a.apply(x, y);
-        let pairs = Krylov::new(self.n(), 1, &mut apply).iterate(1e-7, &mut apply);
+        let pairs = Krylov::new(self.n(), 1, &mut apply).iterate(RESIDUAL, &mut apply);
         pairs.first().map_or(f64::NAN, |pair| pair.value)
     }
 
