@@ -10,6 +10,7 @@ pub mod force;
 pub mod integrate;
 pub mod linear;
 pub mod operator;
+pub mod output;
 pub mod scene;
 pub mod spring;
 pub mod system;

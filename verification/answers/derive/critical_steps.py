@@ -1,26 +1,29 @@
 """Steps at which A = M/dt^2 - G/dt - K stops being positive definite, and what is known in closed form about them.
 
-With c = k (1/l - 1/l0) > 0 for a compressed spring, -K has -c across the spring, so across it A loses definiteness at a finite step.
+With c = k (1/l - 1/l0) > 0 for a compressed spring, -K has -c across the spring, so across it A loses definiteness at a finite
+step.
 
-One compressed spring, two free masses: across it -K is -c [[1, -1], [-1, 1]], G has no part there, and M - dt^2 c [[1, -1], [-1, 1]]
-is singular when 1 = dt^2 c (1/m1 + 1/m2): dt = sqrt(mu / c), mu = m1 m2/(m1 + m2). Above it one negative eigenvalue per transverse axis.
+One compressed spring, two free masses: across it -K is -c [[1, -1], [-1, 1]], G has no part there, and M - dt^2 c [[1, -1], [-1,
+1]] is singular when 1 = dt^2 c (1/m1 + 1/m2): dt = sqrt(mu / c), mu = m1 m2/(m1 + m2). Above it one negative eigenvalue per
+transverse axis.
 
-Straight free chain of n equal masses, all springs equally compressed: across it -K is -c times the Laplacian of a path, whose largest
-eigenvalue is 2 - 2 cos((n-1) pi/n) = 2 + 2 cos(pi/n): dt = sqrt(m / (c (2 + 2 cos(pi/n)))).
+Straight free chain of n equal masses, all springs equally compressed: across it -K is -c times the Laplacian of a path, whose
+largest eigenvalue is 2 - 2 cos((n-1) pi/n) = 2 + 2 cos(pi/n): dt = sqrt(m / (c (2 + 2 cos(pi/n)))).
 
-Shallow truss (apex between two held supports, half-span a, links of rest length l0, apex height y, l^2 = a^2 + y^2):
-vertically K_yy = -2k (1/l0 - a^2/l^3), zero at l = (a^2 l0)^(1/3). There the load of equilibrium, P = 2 k y (1/l - 1/l0), is the largest the
+Shallow truss (apex between two held supports, half-span a, links of rest length l0, apex height y, l^2 = a^2 + y^2): vertically
+K_yy = -2k (1/l0 - a^2/l^3), zero at l = (a^2 l0)^(1/3). There the load of equilibrium, P = 2 k y (1/l - 1/l0), is the largest the
 truss can bear: with r = (a/l0)^(2/3), l = l0 r, y = l0 r sqrt(1 - r), P = 2 k (1 - r)^(3/2). Below that height dt = sqrt(m / K_yy).
 
-Braced column: N joints between two held ends, links of length l pressed by P = k (1 - l/l0), each joint braced sideways by a spring at its
-rest length, of stiffness kappa = k_b/l_b. Sideways -K is kappa I - (P/l) L, L the Laplacian of N joints between walls, whose largest eigenvalue is
-2 + 2 cos(pi/(N+1)): it buckles at P = kappa l/(2 + 2 cos(pi/(N+1))), and above it dt = sqrt(m / ((P/l)(2 + 2 cos(pi/(N+1))) - kappa)).
+Braced column: N joints between two held ends, links of length l pressed by P = k (1 - l/l0), each joint braced sideways by a spring
+at its rest length, of stiffness kappa = k_b/l_b. Sideways -K is kappa I - (P/l) L, L the Laplacian of N joints between walls, whose
+largest eigenvalue is 2 + 2 cos(pi/(N+1)): it buckles at P = kappa l/(2 + 2 cos(pi/(N+1))), and above it dt = sqrt(m / ((P/l)(2 + 2
+cos(pi/(N+1))) - kappa)).
 
-Linear stability of linearised backward Euler at an equilibrium. With K the true and K_o the option's matrix the step is
-M (x+ - 2x + x-)/dt^2 = K_o (x+ - x) + K x + G (x+ - x)/dt; with x ~ g^n u and the three numbers a = u*Au, s = u*(-K)u, m = u*Mu/dt^2 this is
-a g^2 - (a + m - s) g + m = 0, so |g| <= 1 for both roots exactly when m <= a, s >= 0 and 2a + 2m - s >= 0. The last is u*Su >= 0 with
-S = 4M/dt^2 - 2G/dt - 2K_o + K; s >= 0 says that the equilibrium itself is stable; m <= a follows from it because no option makes -K_o
-less than -K. So at a stable equilibrium the largest stable step is the end of the interval where S is positive definite.
+Linear stability of linearised backward Euler at an equilibrium. With K the true and K_o the option's matrix the step is M (x+ - 2x
++ x-)/dt^2 = K_o (x+ - x) + K x + G (x+ - x)/dt; with x ~ g^n u and the three numbers a = u*Au, s = u*(-K)u, m = u*Mu/dt^2 this is a
+g^2 - (a + m - s) g + m = 0, so |g| <= 1 for both roots exactly when m <= a, s >= 0 and 2a + 2m - s >= 0. The last is u*Su >= 0 with
+S = 4M/dt^2 - 2G/dt - 2K_o + K; s >= 0 says that the equilibrium itself is stable; m <= a follows from it because no option makes
+-K_o less than -K. So at a stable equilibrium the largest stable step is the end of the interval where S is positive definite.
 
 Every closed form here is held to bisection with a Cholesky factorization, and every count to eigenvalues, all in 50 digits.
 """
@@ -237,11 +240,13 @@ def main():
     answers.write(
         "critical_steps",
         "The largest step with a definite matrix, and the inertia on both sides of it",
-        "critical_dt: closed forms (kind single spring, chain, truss, column), each held to bisection with Cholesky in 50 digits to 35 digits; "
-        "kind irregular and tensegrity by bisection alone; null where A is definite for every step. below and above: the doubles nearest critical_dt(1 -+ 1e-6) and the "
-        "inertia of A there, from all eigenvalues in 50 digits; rounding in doubles can tell the sign of lambda_min while it is well above 1e-16 lambda_max. long_step: the inertia at a step so long that only K counts. stable_dt: the "
-        "end of the interval where S = 4M/dt^2 - 2G/dt - 2K_option + K is positive definite, at stable equilibria only (-K positive semidefinite); "
-        "null where it has no end. Everything at the initial state under the option full unless an option is named.",
+        "critical_dt: closed forms (kind single spring, chain, truss, column), each held to bisection with Cholesky in 50 digits "
+        "to 35 digits; kind irregular and tensegrity by bisection alone; null where A is definite for every step. below and "
+        "above: the doubles nearest critical_dt(1 -+ 1e-6) and the inertia of A there, from all eigenvalues in 50 digits; "
+        "rounding in doubles can tell the sign of lambda_min while it is well above 1e-16 lambda_max. long_step: the inertia at a"
+        " step so long that only K counts. stable_dt: the end of the interval where S = 4M/dt^2 - 2G/dt - 2K_option + K is "
+        "positive definite, at stable equilibria only (-K positive semidefinite); null where it has no end. Everything at the "
+        "initial state under the option full unless an option is named.",
         list(cases()))
 
 

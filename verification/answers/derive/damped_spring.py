@@ -1,16 +1,16 @@
 """The damped single spring: its motion in time, and what linearised backward Euler makes of it.
 
-Along a line the force is linear in the length: with the extension e = l - l0, kappa = k/l0 and the reduced mass mu (the mass itself where the
-other end is held), mu e'' + b e' + kappa e = 0. With zeta = b/(2 mu) and omega^2 = kappa/mu - zeta^2
+Along a line the force is linear in the length: with the extension e = l - l0, kappa = k/l0 and the reduced mass mu (the mass itself
+where the other end is held), mu e'' + b e' + kappa e = 0. With zeta = b/(2 mu) and omega^2 = kappa/mu - zeta^2
 
     e(t) = exp(-zeta t) (e0 cos(omega t) + (e0' + zeta e0)/omega sin(omega t)),
 
 with cosh and sinh of sqrt(-omega^2) t above the critical damping. The centre of mass of a free pair moves on steadily.
 
-Linearised backward Euler along the line: (mu/dt^2 + b/dt + kappa) d = mu e'/dt - kappa e, e += d, e' = d/dt. Every stiffness option gives
-the same, because the transverse part of K^s meets no transverse motion. Two steps eliminate e': with D = mu/dt^2 + b/dt + kappa,
-e_{n+1} = ((D - kappa + mu/dt^2) e_n - (mu/dt^2) e_{n-1}) / D, so e_n is a sum of powers of the two roots of D g^2 - (D - kappa + mu/dt^2) g + mu/dt^2.
-The recurrence is held to those powers and to the step in three dimensions under all three options.
+Linearised backward Euler along the line: (mu/dt^2 + b/dt + kappa) d = mu e'/dt - kappa e, e += d, e' = d/dt. Every stiffness option
+gives the same, because the transverse part of K^s meets no transverse motion. Two steps eliminate e': with D = mu/dt^2 + b/dt +
+kappa, e_{n+1} = ((D - kappa + mu/dt^2) e_n - (mu/dt^2) e_{n-1}) / D, so e_n is a sum of powers of the two roots of D g^2 - (D -
+kappa + mu/dt^2) g + mu/dt^2. The recurrence is held to those powers and to the step in three dimensions under all three options.
 
 Positions are chosen so that the line is oblique and still exact in doubles: d = s (2, 1, 2), of length 3 s.
 """
@@ -136,9 +136,10 @@ def main():
     answers.write(
         "damped_spring",
         "A damped spring along its line: the motion in time, and the iterates of linearised backward Euler, the same under every option",
-        "exact: e^(-zeta t)(e0 cos wt + (e0' + zeta e0)/w sin wt), or its hyperbolic form, for the extension, with kappa = k/l0 and the reduced mass; "
-        "linear_backward_euler: the scalar recurrence in 50 digits, held to the powers of its characteristic roots and, up to 10 steps, to the step in "
-        "space under full, tension and axial. Cases start exactly on an oblique line. omega_squared is negative above critical damping.",
+        "exact: e^(-zeta t)(e0 cos wt + (e0' + zeta e0)/w sin wt), or its hyperbolic form, for the extension, with kappa = k/l0 "
+        "and the reduced mass; linear_backward_euler: the scalar recurrence in 50 digits, held to the powers of its "
+        "characteristic roots and, up to 10 steps, to the step in space under full, tension and axial. Cases start exactly on an "
+        "oblique line. omega_squared is negative above critical damping.",
         [
             answer("held, undamped", b=0.0, **spring, **held),
             answer("held, lightly damped", b=0.6, **spring, **held),

@@ -1,8 +1,8 @@
 """Ordinary differential equations to many digits by extrapolation (Gragg, Bulirsch and Stoer).
 
-The modified midpoint rule over a step H, with n = 2, 4, 6, ... substeps, has an error in even powers of H/n; Aitken and Neville's scheme over the
-first `columns` of them leaves an error of order 2 columns. Steps are of fixed length; the error is judged by doing it all again with other
-columns and another H and comparing.
+The modified midpoint rule over a step H, with n = 2, 4, 6, ... substeps, has an error in even powers of H/n; Aitken and Neville's
+scheme over the first `columns` of them leaves an error of order 2 columns. Steps are of fixed length; the error is judged by doing
+it all again with other columns and another H and comparing.
 """
 
 from mpmath import mp, mpf

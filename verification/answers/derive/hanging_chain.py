@@ -1,10 +1,11 @@
 """The hanging chain at rest: each spring bears the weight below it.
 
-In equilibrium the spring above mass i pulls with T_i, the weight of mass i and of all below, T_i = k_i (l_i/l0_i - 1), so l_i = l0_i (1 + T_i/k_i). A chain
-hung along gravity, here oblique too, has its masses at the sums of these lengths. Nothing moves it: f_el + g = 0, so b = 0 and dx = 0 from rest.
+In equilibrium the spring above mass i pulls with T_i, the weight of mass i and of all below, T_i = k_i (l_i/l0_i - 1), so l_i =
+l0_i (1 + T_i/k_i). A chain hung along gravity, here oblique too, has its masses at the sums of these lengths. Nothing moves it:
+f_el + g = 0, so b = 0 and dx = 0 from rest.
 
-The scene's positions are those sums rounded to doubles, so forces vanish to rounding of the positions: a displacement u |x| meets a stiffness
-2 k/l0, and a step dx is of the order of that rounding. The exact equilibrium is given beside it.
+The scene's positions are those sums rounded to doubles, so forces vanish to rounding of the positions: a displacement u |x| meets a
+stiffness 2 k/l0, and a step dx is of the order of that rounding. The exact equilibrium is given beside it.
 """
 
 from mpmath import mp, mpf
@@ -46,8 +47,9 @@ def main():
     answers.write(
         "hanging_chain",
         "A hanging chain rests where every spring bears the weight below it, and a step from there moves nothing",
-        "l_i = l0_i (1 + T_i/k_i) in 50 digits, with T_i the weight below; forces at the exact equilibrium vanish to 40 digits. The scene holds its positions rounded to "
-        "doubles; what force the rounding leaves is largest_force_of_rounded_positions. support_force is what holds particle 0 (the prescribed one), its own weight included.",
+        "l_i = l0_i (1 + T_i/k_i) in 50 digits, with T_i the weight below; forces at the exact equilibrium vanish to 40 digits. "
+        "The scene holds its positions rounded to doubles; what force the rounding leaves is largest_force_of_rounded_positions. "
+        "support_force is what holds particle 0 (the prescribed one), its own weight included.",
         [hang("hanging straight down", [0.0, -9.81, 0.0], **CHAIN), hang("hanging obliquely", [2.0, -9.0, 3.5], b=0.4, **CHAIN),
          hang("hanging in a plane", [1.5, -9.5], b=0.4, **CHAIN), hang("hanging along the only axis", [-9.81], b=0.4, **CHAIN),
          hang("hanging very soft", [0.0, 0.0, -9.81], [1.0] * 5, [10.0, 12.0, 9.0, 11.0], [0.3, 0.5, 0.4, 0.2])])

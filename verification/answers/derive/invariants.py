@@ -1,22 +1,23 @@
 """Identities that hold at any state, and the factors of one step on single modes.
 
 Rigid rotation: x -> x + s (omega x x) turns every spring and every elastic force, f(x + s omega x x) = f + s omega x f + O(s^2), so
-K (omega x x) = omega x f_el for full (not zero under prestress); under axial K (omega x x) = 0, because omega x d is across the spring.
-Dilation: K^s d = (k/l0) d for every option, because d is along the spring, so K x = -L x with L the Laplacian of the weights k/l0.
-Translation: K 1 = 0. The vectors are stored for a state with prestress in which nothing is equal.
+K (omega x x) = omega x f_el for full (not zero under prestress); under axial K (omega x x) = 0, because omega x d is across the
+spring. Dilation: K^s d = (k/l0) d for every option, because d is along the spring, so K x = -L x with L the Laplacian of the
+weights k/l0. Translation: K 1 = 0. The vectors are stored for a state with prestress in which nothing is equal.
 
-A mode that grows, M q'' = sigma^2 M q, s = sigma dt: linearised backward Euler with the exact stiffness has g^2 (1 - s^2) - 2 g + 1 = 0, so
-g = 1/(1 - s) and 1/(1 + s); with the stiffness dropped from the matrix (tension, axial under compression) it is symplectic Euler,
-g^2 - (2 + s^2) g + 1 = 0, g = 1 + s^2/2 +- s sqrt(1 + s^2/4). The exact factor is e^s.
+A mode that grows, M q'' = sigma^2 M q, s = sigma dt: linearised backward Euler with the exact stiffness has g^2 (1 - s^2) - 2 g + 1
+= 0, so g = 1/(1 - s) and 1/(1 + s); with the stiffness dropped from the matrix (tension, axial under compression) it is symplectic
+Euler, g^2 - (2 + s^2) g + 1 = 0, g = 1 + s^2/2 +- s sqrt(1 + s^2/4). The exact factor is e^s.
 
-A mode that oscillates, q'' = -omega^2 q, z = omega dt: with the exact stiffness the energy factor is 1/(1 + z^2) and the phase atan z (see
-taut_chain.py). Dropped, it is symplectic Euler, on the unit circle until z = 2. The linearised implicit midpoint rule with the stiffness dropped
-has the matrix ((1 - z^2/2, z), (-z, 1)) on (omega q, v), of determinant 1 + z^2/2: the modulus is sqrt(1 + z^2/2), beyond the unit circle for every z.
-The W-method (see w_method.py) with the stiffness dropped has W = ((1, -tau), (0, 1)); its amplification matrix is a polynomial in z, and it is stable up
-to the z where the spectral radius leaves 1. The factors are held to the amplification matrices themselves.
+A mode that oscillates, q'' = -omega^2 q, z = omega dt: with the exact stiffness the energy factor is 1/(1 + z^2) and the phase atan
+z (see taut_chain.py). Dropped, it is symplectic Euler, on the unit circle until z = 2. The linearised implicit midpoint rule with
+the stiffness dropped has the matrix ((1 - z^2/2, z), (-z, 1)) on (omega q, v), of determinant 1 + z^2/2: the modulus is sqrt(1 +
+z^2/2), beyond the unit circle for every z. The W-method (see wmethod.py) with the stiffness dropped has W = ((1, -tau), (0, 1));
+its amplification matrix is a polynomial in z, and it is stable up to the z where the spectral radius leaves 1. The factors are held
+to the amplification matrices themselves.
 
-The column between two walls makes growth visible: one mass between two equal compressed springs along x has across it sigma^2 = 2 c/m,
-c = k (1/l - 1/l0). From a displacement of 1e-10 its four steps follow the factors to the square of the slope, below 1e-11.
+The column between two walls makes growth visible: one mass between two equal compressed springs along x has across it sigma^2 = 2
+c/m, c = k (1/l - 1/l0). From a displacement of 1e-10 its four steps follow the factors to the square of the slope, below 1e-11.
 """
 
 from mpmath import mp, mpf
@@ -25,7 +26,7 @@ import answers
 import linear_backward_euler
 from one_step import tetrahedron
 from springs import OPTIONS, System
-from w_method import gamma
+from wmethod import gamma
 
 
 def cross(a, b):
@@ -160,10 +161,12 @@ def main():
     answers.write(
         "invariants",
         "Rigid motions and dilation under K, and the factors of one step on modes that oscillate or grow",
-        "identities: vectors in 50 digits, held to the identities they show. growth, oscillation: closed forms held to the eigenvalues of amplification matrices; "
-        "radius is the spectral radius; kept and dropped say whether the matrix has the mode's stiffness (full) or not (axial across a spring; tension across a compressed one). "
-        "limits: the largest z = omega dt that is stable, null where every z is; the W-method's by bisection to 45 digits. run: iterates of linearised backward Euler in 50 digits; "
-        "heights are the y of particle 1 after 0, 1, ... steps, and follow the powers of the factors to 1e-11.",
+        "identities: vectors in 50 digits, held to the identities they show. growth, oscillation: closed forms held to the "
+        "eigenvalues of amplification matrices; radius is the spectral radius; kept and dropped say whether the matrix has the "
+        "mode's stiffness (full) or not (axial across a spring; tension across a compressed one). limits: the largest z = omega "
+        "dt that is stable, null where every z is; the W-method's by bisection to 45 digits. run: iterates of linearised backward"
+        " Euler in 50 digits; heights are the y of particle 1 after 0, 1, ... steps, and follow the powers of the factors to "
+        "1e-11.",
         [rigid_motions(), growth_factors(), oscillation_factors(), w_method_limit(), *(pressed_mass(s) for s in (0.1, 0.5, 0.9))])
 
 

@@ -2,9 +2,9 @@
 
 Four particles, six springs, every mass, stiffness, rest length, damping, position and velocity different, rest lengths away from 1,
 two springs compressed and four stretched, gravity oblique: a formula with k for k/l0, with a mass in the wrong row, or with a block
-in the wrong place gives other numbers. The step solves A dx = b (see linear_backward_euler.py) by LU in 50 digits; A, b, M, G, K are
-those over the free coordinates, ordered by particle and then axis; M, G, K are the derivatives with their signs (K = df_el/dx and
-G = df_d/dv are negative where a spring resists); b has the prescribed motion moved to it.
+in the wrong place gives other numbers. The step solves A dx = b (see linear_backward_euler.py) by LU in 50 digits; A, b, M, G, K
+are those over the free coordinates, ordered by particle and then axis; M, G, K are the derivatives with their signs (K = df_el/dx
+and G = df_d/dv are negative where a spring resists); b has the prescribed motion moved to it.
 """
 
 from mpmath import mp
@@ -93,10 +93,11 @@ def main():
     answers.write(
         "one_step",
         "One step of linearised backward Euler, and the matrices it is made of",
-        "A dx = b assembled from the formulas of one spring and solved by LU in 50 digits; then x += dx, v = dx/dt for every coordinate. "
-        "A, b, M, G, K over the free coordinates (dofs) at the initial state; K and G with the signs of df/dx and df/dv; b after the "
-        "prescribed motion is moved to it. Velocities of prescribed coordinates are their displacement over dt. Gravitational energy is "
-        "-sum m gravity.x. Doubles are correctly rounded. All springs stay the same in the planar and one-dimensional variants.",
+        "A dx = b assembled from the formulas of one spring and solved by LU in 50 digits; then x += dx, v = dx/dt for every "
+        "coordinate. A, b, M, G, K over the free coordinates (dofs) at the initial state; K and G with the signs of df/dx and "
+        "df/dv; b after the prescribed motion is moved to it. Velocities of prescribed coordinates are their displacement over "
+        "dt. Gravitational energy is -sum m gravity.x. Doubles are correctly rounded. All springs stay the same in the planar and"
+        " one-dimensional variants.",
         cases)
 
 

@@ -1,10 +1,10 @@
 """Force, energy and blocks of single springs, from ordinary to extreme states.
 
-Straight from the formulas of springs.py in 50 digits, from the doubles of the scene: lengths near the rest length, near zero, far from
-the origin, tiny and huge, along an axis and across, in three, two and one dimensions. What doubles can reach depends on the state:
-x_i - x_j is exact to one rounding, but l/l0 - 1 and 1/l0 - 1/l lose digits to cancellation near l = l0. The condition numbers of that
-are given as strain_condition = l / |l - l0| (null where l = l0): relative errors of a few u times it are to be expected in the force and
-in the transverse part of K^s, and twice that in the energy.
+Straight from the formulas of springs.py in 50 digits, from the doubles of the scene: lengths near the rest length, near zero, far
+from the origin, tiny and huge, along an axis and across, in three, two and one dimensions. What doubles can reach depends on the
+state: x_i - x_j is exact to one rounding, but l/l0 - 1 and 1/l0 - 1/l lose digits to cancellation near l = l0. The condition
+numbers of that are given as strain_condition = l / |l - l0| (null where l = l0): relative errors of a few u times it are to be
+expected in the force and in the transverse part of K^s, and twice that in the energy.
 """
 
 from mpmath import mp, mpf
@@ -96,10 +96,10 @@ def main():
     answers.write(
         "spring_blocks",
         "Force, energy and matrix blocks of one spring",
-        "The formulas of one spring in 50 digits, from the exact values of the scene's doubles, correctly rounded. force and damping_force "
-        "act on particle 0 (the first end of the pair); stiffness_blocks are K^s, so that K has -K^s on its diagonal blocks; damping_block "
-        "is b n n^T, so that G has -b n n^T on its diagonal blocks; strain_condition is l/|l - l0|, by which near the rest length rounding "
-        "grows in the force and the transverse term (null where l = l0).",
+        "The formulas of one spring in 50 digits, from the exact values of the scene's doubles, correctly rounded. force and "
+        "damping_force act on particle 0 (the first end of the pair); stiffness_blocks are K^s, so that K has -K^s on its "
+        "diagonal blocks; damping_block is b n n^T, so that G has -b n n^T on its diagonal blocks; strain_condition is l/|l - "
+        "l0|, by which near the rest length rounding grows in the force and the transverse term (null where l = l0).",
         [answer(scene) for scene in states()])
 
 

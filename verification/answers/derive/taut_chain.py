@@ -1,18 +1,21 @@
 """The taut chain: its frequencies, what linearised backward Euler does to each mode, and where the option axial stops being stable.
 
-N equal masses between two walls, N + 1 equal springs stretched from l0 to l, at rest. The second difference of N masses between walls has the
-eigenvectors sin(i j pi/(N+1)) and the eigenvalues 2 - 2 cos(j pi/(N+1)) = 4 sin^2(j pi/(2(N+1))), so along and across the chain
+N equal masses between two walls, N + 1 equal springs stretched from l0 to l, at rest. The second difference of N masses between
+walls has the eigenvectors sin(i j pi/(N+1)) and the eigenvalues 2 - 2 cos(j pi/(N+1)) = 4 sin^2(j pi/(2(N+1))), so along and across
+the chain
 
     omega_j = 2 sqrt(kappa/m) sin(j pi/(2(N+1))),      kappa = k/l0 along,  k (1/l0 - 1/l) across.
 
-One mode, q'' = -omega^2 q, in a step of linearised backward Euler with the exact stiffness: with z = omega dt, v+ = (v - z omega q)/(1 + z^2) and
-omega q+ = (omega q + z v)/(1 + z^2): the pair (omega q, v) is turned by atan z and shrunk by 1/sqrt(1 + z^2), so the energy by 1/(1 + z^2).
-Along the chain the springs are linear, so that holds for any amplitude and every option; across it holds in the limit of small amplitude, and
-for full and tension only. Under axial the transverse part is missing from the matrix: v+ = v - z omega q, q+ = q + dt v+, symplectic Euler, whose
-characteristic polynomial g^2 - (2 - z^2) g + 1 has a root beyond the unit circle exactly where z > 2: stable up to dt = 2/omega_max.
+One mode, q'' = -omega^2 q, in a step of linearised backward Euler with the exact stiffness: with z = omega dt, v+ = (v - z omega
+q)/(1 + z^2) and omega q+ = (omega q + z v)/(1 + z^2): the pair (omega q, v) is turned by atan z and shrunk by 1/sqrt(1 + z^2), so
+the energy by 1/(1 + z^2). Along the chain the springs are linear, so that holds for any amplitude and every option; across it holds
+in the limit of small amplitude, and for full and tension only. Under axial the transverse part is missing from the matrix: v+ = v -
+z omega q, q+ = q + dt v+, symplectic Euler, whose characteristic polynomial g^2 - (2 - z^2) g + 1 has a root beyond the unit circle
+exactly where z > 2: stable up to dt = 2/omega_max.
 
-Every frequency is held to the eigenvalues of M^(-1/2) (-K) M^(-1/2) of the assembled matrices, and every limit to bisection on the definiteness of
-S = 4M/dt^2 - 2G/dt - 2K_option + K. The irregular chain has unequal masses and springs and knows only bisection and eigenvalues.
+Every frequency is held to the eigenvalues of M^(-1/2) (-K) M^(-1/2) of the assembled matrices, and every limit to bisection on the
+definiteness of S = 4M/dt^2 - 2G/dt - 2K_option + K. The irregular chain has unequal masses and springs and knows only bisection and
+eigenvalues.
 """
 
 from mpmath import mp, mpf
@@ -138,11 +141,12 @@ def main():
     answers.write(
         "taut_chain",
         "Frequencies of a stretched chain, the damping and phase of linearised backward Euler on its modes, and the limit of the option axial",
-        "kind modes: closed forms, held to eigenvalues and to bisection in 50 digits (35 digits agree); factors are those of one step dt of the exact stiffness "
-        "(full and tension; for axial_modes axial too). stable_dt: end of the interval where S = 4M/dt^2 - 2G/dt - 2K_option + K is positive "
-        "definite, null where it has no end. kind spectrum: by eigenvalues and bisection alone; its rest lengths are rounded, so its forces vanish to rounding. "
-        "kind run: iterates of linearised backward Euler in 50 digits; without \"stiffness\" they hold for every option. kind growth: spectral radius of the mode under axial. "
-        "Factors of runs in one axial mode hold to about 1e-15, because the mode is rounded to doubles.",
+        "kind modes: closed forms, held to eigenvalues and to bisection in 50 digits (35 digits agree); factors are those of one "
+        "step dt of the exact stiffness (full and tension; for axial_modes axial too). stable_dt: end of the interval where S = "
+        "4M/dt^2 - 2G/dt - 2K_option + K is positive definite, null where it has no end. kind spectrum: by eigenvalues and "
+        "bisection alone; its rest lengths are rounded, so its forces vanish to rounding. kind run: iterates of linearised "
+        "backward Euler in 50 digits; without \"stiffness\" they hold for every option. kind growth: spectral radius of the mode "
+        "under axial. Factors of runs in one axial mode hold to about 1e-15, because the mode is rounded to doubles.",
         [regular("chain of 5", 5), regular("chain of 5, planar", 5, dim=2), regular("chain of 12, other numbers", 12, dim=2, l=1.3125, l0=0.875, k=17.0, m=0.3, dt=0.05),
          regular("chain of 1", 1), regular("chain of 5, damped along the springs", 5, b=2.0),
          irregular(3), irregular(2), *(axial_run(j) for j in (1, 2, 5)), *(transverse_run(o) for o in OPTIONS), transverse_growth()])

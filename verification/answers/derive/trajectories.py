@@ -1,12 +1,13 @@
 """True motions of small nonlinear scenes, to more digits than a double holds.
 
-M v' = f_el(x) + f_d(x, v) + g, x' = v, for the free coordinates; prescribed ones follow their motion, and their velocity enters the damping. The
-equations are solved twice by extrapolation (see extrapolation.py), with orders 24 and 20 and other steps, in 36 digits; the larger of the two
-differences is given as error_estimate. Held besides: to mpmath's Taylor integrator for the spherical pendulum; to conservation of energy
-where nothing damps, of both momenta for the free tetrahedron; and, for the steadily moved anchor, to the same pendulum seen from the anchor, where
-the anchor is at rest.
+M v' = f_el(x) + f_d(x, v) + g, x' = v, for the free coordinates; prescribed ones follow their motion, and their velocity enters the
+damping. The equations are solved twice by extrapolation (see extrapolation.py), with orders 24 and 20 and other steps, in 36
+digits; the larger of the two differences is given as error_estimate. Held besides: to mpmath's Taylor integrator for the spherical
+pendulum; to conservation of energy where nothing damps, of both momenta for the free tetrahedron; and, for the steadily moved
+anchor, to the same pendulum seen from the anchor, where the anchor is at rest.
 
-The scenes are soft: the fastest vibration takes about a second (a quarter of one for the stiffer pendulum), so that the order of a method shows with dt from 0.1 to 0.001.
+The scenes are soft: the fastest vibration takes about a second (a quarter of one for the stiffer pendulum), so that the order of a
+method shows with dt from 0.1 to 0.001.
 """
 
 from mpmath import mp, mpf
@@ -181,9 +182,10 @@ def main():
     answers.write(
         "trajectories",
         "True motions of nonlinear scenes at several times",
-        "Extrapolation of order 24 in 36 digits; error_estimate is the largest difference, over all coordinates and times, to a second solution of order 20 with other steps. "
-        "Held besides to mpmath's Taylor integrator, to conserved energies and momenta, and to a change of frame. Velocities of prescribed coordinates are those of "
-        "their motion. Gravitational energy is -sum m gravity.x.",
+        "Extrapolation of order 24 in 36 digits; error_estimate is the largest difference, over all coordinates and times, to a "
+        "second solution of order 20 with other steps. Held besides to mpmath's Taylor integrator, to conserved energies and "
+        "momenta, and to a change of frame. Velocities of prescribed coordinates are those of their motion. Gravitational energy "
+        "is -sum m gravity.x.",
         results)
     for r in results:
         print(f"  {r['name']}: {mp.nstr(r['error_estimate'], 2)}")

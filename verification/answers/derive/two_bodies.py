@@ -1,11 +1,13 @@
 """Two bodies joined by a spring, circling each other at a steady length.
 
-With the reduced mass mu the separation obeys mu d'' = -k (l/l0 - 1) n. A steady circle of rate omega needs mu omega^2 l = k (l/l0 - 1), so
+With the reduced mass mu the separation obeys mu d'' = -k (l/l0 - 1) n. A steady circle of rate omega needs mu omega^2 l = k (l/l0 -
+1), so
 
     l = l0/(1 - mu omega^2 l0/k).
 
-The bodies circle their centre of mass at the distances l m2/(m1 + m2) and l m1/(m1 + m2); the centre moves on steadily. Damping along the spring does
-nothing, because the length does not change. The scene's positions and velocities are rounded to doubles, which changes the orbit by a few 1e-16 a radian.
+The bodies circle their centre of mass at the distances l m2/(m1 + m2) and l m1/(m1 + m2); the centre moves on steadily. Damping
+along the spring does nothing, because the length does not change. The scene's positions and velocities are rounded to doubles,
+which changes the orbit by a few 1e-16 a radian.
 """
 
 from mpmath import mp, mpf
@@ -58,8 +60,9 @@ def main():
     answers.write(
         "two_bodies",
         "Two bodies circle each other at the length l = l0/(1 - mu omega^2 l0/k) for all time",
-        "Balance of spring and centripetal force, solved for l, in 50 digits; the circle is checked to obey the equations of motion to 35 digits. Positions and velocities "
-        "of the scene are its start rounded to doubles; states are those of the exact circle.",
+        "Balance of spring and centripetal force, solved for l, in 50 digits; the circle is checked to obey the equations of "
+        "motion to 35 digits. Positions and velocities of the scene are its start rounded to doubles; states are those of the "
+        "exact circle.",
         [circle("circling in the xy plane", [1.3, 0.45], 33.0, 1.7, 3.0, 0.0, flat, duration=2.0, **still),
          circle("circling in an oblique plane", [1.3, 0.45], 33.0, 1.7, 3.0, 0.0, oblique, duration=2.0, **still),
          circle("circling, damped and drifting", [0.7, 2.1], 52.0, 0.6, 4.5, 1.2, oblique, [0.5, -0.25, 0.125], [0.25, -0.5, 0.375], 2.0),

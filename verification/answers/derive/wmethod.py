@@ -6,21 +6,24 @@ For y' = F(t, y) and any matrix J whatever, W = I - tau J, tau = gamma h, the tw
     W w  = F(t + h/2, y + (h/2) k1) - k1
     y+   = y + h (k1 + w)
 
-are of second order: y + (h/2) k1 is the midpoint to O(h^2), whatever J and T, and w = F(midpoint) - k1 + tau J w with w = O(h), so that
-k1 + w = F(midpoint) + O(h^2). T stands for dF/dt, exactly or not; it comes in with +tau in the first stage only, because the added equation
-t' = 1 has k1 = 1 and w = 0. For the same reason the second stage is taken at t + h/2, where y + (h/2) k1 is. gamma = 1 - 1/sqrt 2.
+are of second order: y + (h/2) k1 is the midpoint to O(h^2), whatever J and T, and w = F(midpoint) - k1 + tau J w with w = O(h), so
+that k1 + w = F(midpoint) + O(h^2). T stands for dF/dt, exactly or not; it comes in with +tau in the first stage only, because the
+added equation t' = 1 has k1 = 1 and w = 0. For the same reason the second stage is taken at t + h/2, where y + (h/2) k1 is. gamma =
+1 - 1/sqrt 2.
 
-For y = (x, v) over the free coordinates f, with prescribed ones c that follow x_c(t), v_c(t), a_c(t), J has the blocks 0, I, M^-1 K_o, M^-1 G of the
-free coordinates (K_o under the stiffness option) and T = (0, M^-1 (K_fc v_c + G_fc a_c)). Eliminating the velocities, with A = M/tau^2 - G/tau - K_o:
+For y = (x, v) over the free coordinates f, with prescribed ones c that follow x_c(t), v_c(t), a_c(t), J has the blocks 0, I, M^-1
+K_o, M^-1 G of the free coordinates (K_o under the stiffness option) and T = (0, M^-1 (K_fc v_c + G_fc a_c)). Eliminating the
+velocities, with A = M/tau^2 - G/tau - K_o:
 
     A d1 = M v/tau + f_el(x) + g + G_fc v_c + tau (K_fc v_c + G_fc a_c)       k1x = d1/tau,  k1v = (k1x - v)/tau
     p    = v + (h/2) k1v - k1x
     A d  = M p/tau + F(x + (h/2) k1x, v + (h/2) k1v, x_c, v_c at t + h/2) - M k1v - G p       wx = d/tau,  wv = (wx - p)/tau
     x += h (k1x + wx),   v += h (k1v + wv),   x_c, v_c from their motion at t + h
 
-where F = f_el + f_d + g on the free coordinates; f_el(x) + g + G_fc v_c is F less the damping G v that A takes over. With K_fc the option's own
-off-diagonal block and a_c = 0, the first stage is the step of linearised backward Euler of length tau, prescribed displacement tau v_c included.
-Three kinds of T are stored: "option" (K_fc of the option), "exact" (K_fc in full), "none" (T = 0). All are of second order.
+where F = f_el + f_d + g on the free coordinates; f_el(x) + g + G_fc v_c is F less the damping G v that A takes over. With K_fc the
+option's own off-diagonal block and a_c = 0, the first stage is the step of linearised backward Euler of length tau, prescribed
+displacement tau v_c included. Three kinds of T are stored: "option" (K_fc of the option), "exact" (K_fc in full), "none" (T = 0).
+All are of second order.
 
 The formulas in the eliminated form are held to the definition in y, solved as one dense system of both positions and velocities.
 """
@@ -160,10 +163,11 @@ def main():
     answers.write(
         "wmethod",
         "Two steps of the second-order W-method that uses the matrix of linearised backward Euler",
-        "Stages in the eliminated form (see derive/w_method.py for the formula), A at tau = (1 - 1/sqrt 2) dt, in 50 digits; held to the definition of the method in positions and "
-        "velocities together, and its order measured between 1.8 and 2.2 in every case. The second stage takes prescribed coordinates at t + dt/2; time_derivative tells which K_fc stands in "
-        "tau (K_fc v_c) in the first stage: that of the option, the exact one, or none (null where nothing is prescribed). Prescribed coordinates end where their motion is at the end "
-        "of the step, with its velocity.",
+        "Stages in the eliminated form (see derive/wmethod.py for the formula), A at tau = (1 - 1/sqrt 2) dt, in 50 digits; held "
+        "to the definition of the method in positions and velocities together, and its order measured between 1.8 and 2.2 in "
+        "every case. The second stage takes prescribed coordinates at t + dt/2; time_derivative tells which K_fc stands in tau "
+        "(K_fc v_c) in the first stage: that of the option, the exact one, or none (null where nothing is prescribed). Prescribed"
+        " coordinates end where their motion is at the end of the step, with its velocity.",
         cases)
     for row in orders:
         print("  order", *row[:3], mp.nstr(row[3], 5))
