@@ -11,6 +11,7 @@ pub mod integrate;
 pub mod linear;
 pub mod operator;
 pub mod output;
+pub mod report;
 pub mod scene;
 pub mod spring;
 pub mod system;

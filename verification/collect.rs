@@ -1,20 +1,25 @@
 //! Makes tests of checks and keeps what they measured for the report.
 
 use libtest_mimic::{Failed, Trial};
+use sprung::report::{self, failure};
 use sprung::verify::{Check, Claim, Results};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
+/// The checks of each test, by its number.
+type Gathered = Vec<(usize, Vec<Check>)>;
+
 /// Gathers the checks of all tests in the order in which the tests were listed.
 #[derive(Default)]
 pub struct Collector {
     listed: usize,
-    checks: Arc<Mutex<Vec<(usize, Vec<Check>)>>>,
+    checks: Arc<Mutex<Gathered>>,
 }
 
 impl Collector {
-    /// A test that passes if every check of `measure` does. A panic is a failed check.
+    /// A test that passes if every check of `measure` does. A panic, which the code under test must not cause, is a failed
+    /// check.
     pub fn trial(
         &mut self,
         claim: Claim,
@@ -43,29 +48,19 @@ impl Collector {
         // CARGO_TARGET_TMPDIR lies in the target folder, wherever that has been moved to.
         let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap_or(Path::new("."));
         let folder = target.join("verification");
-        let _ = (results, folder);
+        if let Err(error) = report::write(&folder, &results) {
+            eprintln!("no report: {error}");
+            std::process::exit(1);
+        }
+        print!("{}", report::text(&results));
+        println!("report: {}", folder.join("report.html").display());
     }
 }
 
 /// Passes, or names every check that does not.
 fn verdict(checks: &[Check]) -> Result<(), Failed> {
-    let failed = |check: &&Check| !check.passed();
-    let line = |check: &Check| {
-        let Check { name, scene, value, bound, why, .. } = check;
-        let entries: String = check
-            .table
-            .iter()
-            .map(|e| {
-                format!(
-                    "\n    row {} column {:?}: {:e} against {:e}, {}",
-                    e.row, e.column, e.analytic, e.numeric, e.verdict
-                )
-            })
-            .collect();
-        format!("{name}, {scene}: {value:.3e} exceeds {bound:.3e} ({why}){entries}")
-    };
-    let failures: Vec<String> = checks.iter().filter(failed).map(line).collect();
-    if failures.is_empty() && !checks.is_empty() { Ok(()) } else { Err(failures.join("\n").into()) }
+    let failures: Vec<String> = checks.iter().filter(|check| !check.passed()).map(failure).collect();
+    if failures.is_empty() && !checks.is_empty() { Ok(()) } else { Err(failures.concat().into()) }
 }
 
 /// A name as part of a test's name: small letters, digits and underscores.

@@ -1,7 +1,8 @@
 //! Verification: every number is held to a bound that an analysis gives.
 //!
-//! A [`Check`] is plain data: what was measured, what is allowed and why. Checks know nothing of reports. A [`Family`] of
-//! checks runs on any [`Subject`], a scene with its step; [`verify`] runs all that apply.
+//! A [`Check`] is plain data: what was measured, what is allowed and why. Checks know nothing of
+//! [reports](crate::report). A [`Family`] of checks runs on any [`Subject`], a scene with its step; [`verify`] runs all
+//! that apply.
 
 mod check;
 mod claim;

@@ -84,7 +84,7 @@ pub(super) fn angular(subject: &Subject) -> Outcome {
         let of = |&p: &usize| (state.positions[p] - centre).cross(&state.velocities[p]) * masses[p];
         part.particles.iter().map(of).sum()
     };
-    let ways = [Way::SymplecticEuler, Way::LinearBackwardEuler(StiffnessPolicy::Always(Stiffness::Axial))];
+    let ways = [Way::Symplectic, Way::Linear(StiffnessPolicy::Always(Stiffness::Axial))];
     let extent = subject.extent();
     measure(subject, "angular momentum", &ways, |dt, before, after| {
         let change = |part: &Part| {
@@ -110,7 +110,7 @@ fn measure(
         let pairs = states.windows(2);
         let share = pairs.map(|pair| error(dt, &pair[0], &pair[1]) / rounding(subject, dt, &pair[0], &pair[1]));
         // Newton stops at a residual of 1e-10 of the forces, not at rounding.
-        let bound = if way == Way::BackwardEuler { 1e-10 / U } else { 30.0 };
+        let bound = if way == Way::Nonlinear { 1e-10 / U } else { 30.0 };
         let why = "in units of rounding, u (‖A‖ ‖δx‖ + ‖b‖) dt summed over the particles; a backward stable solve leaves \
                    at most 30 of them; Newton's method stops at a residual of 1e-10";
         checks.push(Check::new(

@@ -137,8 +137,9 @@ impl<'s> Products<'s> {
                 let unit = U * rounding[dof.particle];
                 let found = product[row] - coupling[row];
                 let error = (found - expected[row]).abs();
-                value.push(if error == 0.0 { 0.0 } else { error / unit });
-                if !(error <= BOUND * unit) {
+                let share = if error == 0.0 { 0.0 } else { error / unit };
+                value.push(share);
+                if share.is_nan() || share > BOUND {
                     entries.push(Entry::new(row, None, found, expected[row], BOUND * unit));
                 }
             }

@@ -13,53 +13,53 @@ use crate::system::State;
 /// A method with its option.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Way {
-    LinearBackwardEuler(StiffnessPolicy),
-    BackwardEuler,
-    SymplecticEuler,
-    ForwardEuler,
+    Linear(StiffnessPolicy),
+    Nonlinear,
+    Symplectic,
+    Forward,
 }
 
 impl Way {
     pub const ALL: [Self; 7] = [
-        Self::LinearBackwardEuler(StiffnessPolicy::Always(Stiffness::Full)),
-        Self::LinearBackwardEuler(StiffnessPolicy::Always(Stiffness::Tension)),
-        Self::LinearBackwardEuler(StiffnessPolicy::Always(Stiffness::Axial)),
-        Self::LinearBackwardEuler(StiffnessPolicy::OnDemand),
-        Self::BackwardEuler,
-        Self::SymplecticEuler,
-        Self::ForwardEuler,
+        Self::Linear(StiffnessPolicy::Always(Stiffness::Full)),
+        Self::Linear(StiffnessPolicy::Always(Stiffness::Tension)),
+        Self::Linear(StiffnessPolicy::Always(Stiffness::Axial)),
+        Self::Linear(StiffnessPolicy::OnDemand),
+        Self::Nonlinear,
+        Self::Symplectic,
+        Self::Forward,
     ];
 
     pub fn name(self) -> String {
         match self {
-            Self::LinearBackwardEuler(policy) => format!("linear backward Euler, {}", policy.name()),
-            Self::BackwardEuler => "backward Euler".into(),
-            Self::SymplecticEuler => "symplectic Euler".into(),
-            Self::ForwardEuler => "forward Euler".into(),
+            Self::Linear(policy) => format!("linear backward Euler, {}", policy.name()),
+            Self::Nonlinear => "backward Euler".into(),
+            Self::Symplectic => "symplectic Euler".into(),
+            Self::Forward => "forward Euler".into(),
         }
     }
 
     /// Whether a step needs no matrix, so that only short ones stay near the motion.
     pub fn is_explicit(self) -> bool {
-        matches!(self, Self::SymplecticEuler | Self::ForwardEuler)
+        matches!(self, Self::Symplectic | Self::Forward)
     }
 
     /// Whether theory allows that a step is refused: A may be indefinite under the full stiffness.
     pub fn may_be_refused(self) -> bool {
-        self == Self::LinearBackwardEuler(StiffnessPolicy::Always(Stiffness::Full))
+        self == Self::Linear(StiffnessPolicy::Always(Stiffness::Full))
     }
 
     pub fn stepper<'s>(self, subject: &'s Subject, linear: SolverOptions) -> Result<Box<dyn TimeStepper + 's>> {
         let Subject { system, state, .. } = subject;
         let options = |stiffness| ImplicitOptions { stiffness, linear };
         Ok(match self {
-            Self::LinearBackwardEuler(policy) => Box::new(LinearBackwardEuler::new(system, state, &options(policy))?),
-            Self::BackwardEuler => {
+            Self::Linear(policy) => Box::new(LinearBackwardEuler::new(system, state, &options(policy))?),
+            Self::Nonlinear => {
                 let options = options(StiffnessPolicy::OnDemand);
                 Box::new(BackwardEuler::new(system, state, &options, NewtonOptions::default())?)
             }
-            Self::SymplecticEuler => Box::new(SymplecticEuler::new(system, state)?),
-            Self::ForwardEuler => Box::new(ForwardEuler::new(system, state)?),
+            Self::Symplectic => Box::new(SymplecticEuler::new(system, state)?),
+            Self::Forward => Box::new(ForwardEuler::new(system, state)?),
         })
     }
 
