@@ -1,7 +1,10 @@
 //! The list of everything that can be checked on any scene.
 
 use super::{Check, Claim, Results, Subject};
-use super::{momentum, rigid_motion};
+use super::{
+    convergence, definiteness, equilibrium, momentum, prescribed_motion, refusals, rigid_motion, sameness,
+    step_equations, work_energy,
+};
 use crate::error::Error;
 use crate::force::DegenerateSpring;
 use crate::integrate::StepFailure;
@@ -49,6 +52,34 @@ impl Family {
 /// Every family, in the order of the claims.
 pub const FAMILIES: &[Family] = &[
     Family {
+        claim: Claim::Solvers,
+        name: "linear_steps",
+        applies: step_equations::can_move,
+        measure: step_equations::linear,
+    },
+    Family {
+        claim: Claim::Solvers,
+        name: "other_steps",
+        applies: step_equations::can_move,
+        measure: step_equations::others,
+    },
+    Family { claim: Claim::Solvers, name: "repeated", applies: always, measure: sameness::repeated },
+    Family { claim: Claim::Consistency, name: "work_energy", applies: has_springs, measure: work_energy::measure },
+    Family { claim: Claim::Definiteness, name: "options", applies: has_springs, measure: definiteness::options },
+    Family {
+        claim: Claim::Definiteness,
+        name: "always_definite",
+        applies: step_equations::can_move,
+        measure: definiteness::always,
+    },
+    Family {
+        claim: Claim::Definiteness,
+        name: "inertia",
+        applies: definiteness::is_small,
+        measure: definiteness::inertia,
+    },
+    Family { claim: Claim::Convergence, name: "order", applies: convergence::is_soft, measure: convergence::measure },
+    Family {
         claim: Claim::Conservation,
         name: "linear_momentum",
         applies: momentum::has_free_translation,
@@ -61,6 +92,27 @@ pub const FAMILIES: &[Family] = &[
         measure: momentum::angular,
     },
     Family { claim: Claim::Conservation, name: "rigid_motion", applies: has_springs, measure: rigid_motion::measure },
+    Family { claim: Claim::Conservation, name: "equilibrium", applies: always, measure: equilibrium::measure },
+    Family {
+        claim: Claim::Constraints,
+        name: "prescribed_motion",
+        applies: prescribed_motion::has_prescribed,
+        measure: prescribed_motion::measure,
+    },
+    Family { claim: Claim::Constraints, name: "in_space", applies: sameness::is_flat, measure: sameness::in_space },
+    Family { claim: Claim::Failure, name: "indefinite", applies: refusals::applies, measure: refusals::indefinite },
+    Family {
+        claim: Claim::Failure,
+        name: "conjugate_gradients",
+        applies: refusals::has_system,
+        measure: refusals::conjugate_gradients,
+    },
+    Family {
+        claim: Claim::Failure,
+        name: "broken_states",
+        applies: refusals::has_system,
+        measure: refusals::broken_states,
+    },
 ];
 
 /// Runs every family that applies.
@@ -71,4 +123,8 @@ pub fn verify(subject: &Subject) -> Results {
 
 fn has_springs(subject: &Subject) -> bool {
     !subject.system.pairs().is_empty()
+}
+
+fn always(_: &Subject) -> bool {
+    true
 }

@@ -6,12 +6,20 @@
 
 mod check;
 mod claim;
+mod convergence;
+mod definiteness;
+mod equilibrium;
 mod family;
 mod momentum;
+mod prescribed_motion;
 mod reference;
+mod refusals;
 mod rigid_motion;
 mod runs;
+mod sameness;
+mod step_equations;
 mod subject;
+mod work_energy;
 
 pub use check::{Check, Entry, Results, worst};
 pub use claim::Claim;

@@ -7,6 +7,7 @@
 //! `x' × v' = x × v'`. The transverse terms of the other options turn the parts about.
 
 use super::family::Outcome;
+use super::reference::U;
 use super::runs::{Way, direct};
 use super::{Check, Claim, Subject, Unfinished, reference, worst};
 use crate::integrate::StiffnessPolicy;
@@ -16,9 +17,6 @@ use nalgebra::Vector3;
 
 /// Steps that momentum is followed over.
 const STEPS: usize = 5;
-
-/// u, the unit of rounding.
-const U: f64 = f64::EPSILON / 2.0;
 
 /// Particles that springs connect, and the axes along which none of them is prescribed.
 struct Part {
@@ -105,7 +103,7 @@ fn measure(
 ) -> Result<Vec<Check>, Unfinished> {
     let mut checks = Vec::new();
     for &way in ways {
-        let dt = if way.is_explicit() { subject.dt.min(subject.resolving_step()) } else { subject.dt };
+        let dt = way.step(subject);
         let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
         let pairs = states.windows(2);
         let share = pairs.map(|pair| error(dt, &pair[0], &pair[1]) / rounding(subject, dt, &pair[0], &pair[1]));

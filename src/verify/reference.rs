@@ -8,6 +8,9 @@ use crate::spring::Stiffness;
 use crate::system::{State, System};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
+/// u, the unit of rounding of a double.
+pub(super) const U: f64 = f64::EPSILON / 2.0;
+
 /// One spring at a configuration: its ends, `n`, `l`, and the numbers k, l0, b.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Link {
@@ -87,11 +90,6 @@ pub(super) fn sum(links: &[Link], particles: usize, force: impl Fn(&Link) -> Vec
     total
 }
 
-/// f_el.
-pub(super) fn elastic_force(system: &System, positions: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    sum(&links(system, positions), system.particles(), Link::elastic_force)
-}
-
 /// `K w` at the links' configuration.
 pub(super) fn stiffness_product(links: &[Link], option: Stiffness, w: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     sum(links, w.len(), |link| -link.stiffness_block(option) * (w[link.ends[0]] - w[link.ends[1]]))
@@ -110,6 +108,16 @@ pub(super) fn magnitude(links: &[Link], block: impl Fn(&Link) -> f64, w: &[Vecto
         let size = block(link) * (w[i].norm() + w[j].norm());
         total[i] += size;
         total[j] += size;
+    }
+    total
+}
+
+/// `Σ k (l + l0)/l0` particle by particle: the magnitudes in f_el before strains cancel, in N.
+pub(super) fn pull(links: &[Link], particles: usize) -> Vec<f64> {
+    let mut total = vec![0.0; particles];
+    for link in links {
+        let size = link.stiffness * (link.length + link.rest_length) / link.rest_length;
+        link.ends.iter().for_each(|&p| total[p] += size);
     }
     total
 }
@@ -146,4 +154,20 @@ pub(super) fn step_matrix_norm(subject: &Subject, state: &State, dt: f64) -> f64
         link.ends.iter().for_each(|&p| rows[p] += size);
     }
     rows.into_iter().fold(0.0, f64::max)
+}
+
+/// A field of vectors without symmetry, the same at every call: no component along a modelled axis is zero, no two are
+/// alike, all are at most 1.
+pub(super) fn field(system: &System) -> Vec<Vector3<f64>> {
+    // Multiples of the golden ratio, modulo 1, are spread evenly and never repeat.
+    let spread = |n: usize| 2.0 * ((n as f64 * 0.618_033_988_749_895) % 1.0) - 1.0;
+    let vector = |p| Vector3::from_fn(|axis, _| if axis < system.dimension() { spread(3 * p + axis + 1) } else { 0.0 });
+    (0..system.particles()).map(vector).collect()
+}
+
+/// The free coordinates of a full-length vector.
+pub(super) fn free(system: &System, full: &[Vector3<f64>]) -> Vec<f64> {
+    let mut reduced = vec![0.0; system.dofs().len()];
+    system.dofs().gather(full, &mut reduced);
+    reduced
 }

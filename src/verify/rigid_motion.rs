@@ -13,6 +13,7 @@
 //! Prescribed coordinates take part: what they contribute comes through the coupling to the right-hand side.
 
 use super::family::Outcome;
+use super::reference::U;
 use super::{Check, Claim, Entry, Subject, reference, worst};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::force::Extensions;
@@ -20,8 +21,6 @@ use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
 use nalgebra::Vector3;
 use std::sync::Arc;
-
-const U: f64 = f64::EPSILON / 2.0;
 
 /// A field of displacements and what K and G must make of it: full-length.
 struct Motion {

@@ -44,6 +44,16 @@ impl Way {
         matches!(self, Self::Symplectic | Self::Forward)
     }
 
+    /// The power of dt with which the error falls.
+    pub fn order(self) -> f64 {
+        1.0
+    }
+
+    /// The subject's step, or one that resolves all motion where only such a step makes sense.
+    pub fn step(self, subject: &Subject) -> f64 {
+        if self.is_explicit() { subject.dt.min(subject.resolving_step()) } else { subject.dt }
+    }
+
     /// Whether theory allows that a step is refused: A may be indefinite under the full stiffness.
     pub fn may_be_refused(self) -> bool {
         self == Self::Linear(StiffnessPolicy::Always(Stiffness::Full))
