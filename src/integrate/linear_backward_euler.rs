@@ -45,6 +45,10 @@ impl TimeStepper for LinearBackwardEuler<'_> {
         Some(self.linear.solver())
     }
 
+    fn preconditioner(&self) -> Option<&'static str> {
+        self.linear.preconditioner()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         let Self { linear, force, displacement } = self;
         let system = linear.system;
@@ -53,7 +57,7 @@ impl TimeStepper for LinearBackwardEuler<'_> {
         linear.statistics.work.force_evaluations += 1;
         set_right_hand_side(linear, state, dt, force);
         system.prescribed().displacement(time, &state.positions, displacement);
-        linear.solve(Combination::step(dt), force, displacement)?;
+        linear.prepare_and_solve(Combination::step(dt), force, displacement)?;
         advance(system, state, displacement, dt)
     }
 

@@ -63,6 +63,10 @@ impl LinearSolver for CgSolver {
         }
     }
 
+    fn preconditioner(&self) -> Option<&'static str> {
+        Some(self.preconditioner.kind().name())
+    }
+
     fn prepare(&mut self, a: &SystemOperator, _work: &mut Work) -> Result<Definiteness, SolveFailure> {
         let update = match &mut self.application {
             Application::MatrixFree => self.preconditioner.update(a),
@@ -73,6 +77,10 @@ impl LinearSolver for CgSolver {
         };
         update.map_err(|NotPositiveBlock(dof)| SolveFailure::Indefinite(Evidence::DiagonalBlock(dof)))?;
         Ok(Definiteness::Unknown)
+    }
+
+    fn set_tolerance(&mut self, tolerance: f64) {
+        self.method.tolerance = tolerance;
     }
 
     fn solve(

@@ -82,7 +82,7 @@ fn value_row(index: usize, check: &Check) -> Markup {
             td.name { (check.scene) }
             td.number title=(check.value) { (value) }
             td.number title=(check.bound) { (bound) }
-            td.number { (number::share(check.share())) }
+            td.number { (number::share(pretty, check.share())) }
             td.bar { (meter(check)) }
             td.verdict {
                 @if check.passed() { span.passed { "✓" span.word { " passed" } } }

@@ -82,7 +82,7 @@ fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
                         tr class=[(failed > 0).then_some("failed-row")] {
                             td { a href=(format!("#{}", claim.id())) { (claim.title()) } }
                             td.number { (checks.len()) }
-                            td.number { (number::share(worst(checks.iter().map(|(_, check)| check.share())))) }
+                            td.number { (number::share(number::pretty, worst(checks.iter().map(|(_, check)| check.share())))) }
                             td.verdict {
                                 @if failed == 0 { span.passed { "✓" span.word { " holds" } } }
                                 @else { span.failed { "✗ " (failed) span.word { " failed" } } }

@@ -25,8 +25,8 @@ pub fn pair(form: fn(f64) -> String, a: f64, b: f64) -> [String; 2] {
 }
 
 /// A share of a bound, which shows whether it is above 1.
-pub fn share(value: f64) -> String {
-    if value > 1.0 && value < 1.005 { all_digits(value) } else { pretty(value) }
+pub fn share(form: fn(f64) -> String, value: f64) -> String {
+    if value > 1.0 && value < 1.005 { all_digits(value) } else { form(value) }
 }
 
 fn all_digits(value: f64) -> String {

@@ -1,6 +1,6 @@
 //! The results as a short table for the terminal.
 
-use super::number::{pair, plain};
+use super::number::{pair, plain, share};
 use crate::verify::{Check, Entry, Results, worst};
 use std::fmt::Write;
 
@@ -12,7 +12,7 @@ pub fn text(results: &Results) -> String {
     let mut lines = format!("{:<60} {:>6} {:>6} {:>17}  verdict\n", "claim", "checks", "failed", "worst value/bound");
     for (claim, checks) in results.by_claim() {
         let failed = checks.iter().filter(|check| !check.passed()).count();
-        let share = plain(worst(checks.iter().map(|check| check.share())));
+        let share = share(plain, worst(checks.iter().map(|check| check.share())));
         let verdict = if failed == 0 { "holds" } else { "FAILS" };
         let _ = writeln!(lines, "{:<60} {:>6} {failed:>6} {share:>17}  {verdict}", claim.title(), checks.len());
     }
