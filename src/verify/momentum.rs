@@ -10,7 +10,7 @@ use super::family::Outcome;
 use super::reference::U;
 use super::runs::{Way, direct};
 use super::{Check, Claim, Subject, Unfinished, reference, worst};
-use crate::integrate::StiffnessPolicy;
+use crate::integrate::Method;
 use crate::spring::Stiffness;
 use crate::system::State;
 use nalgebra::Vector3;
@@ -64,7 +64,7 @@ pub(super) fn linear(subject: &Subject) -> Outcome {
     let momentum = |part: &Part, axis: usize, state: &State| -> f64 {
         part.particles.iter().map(|&p| masses[p] * state.velocities[p][axis]).sum()
     };
-    measure(subject, "linear momentum", &Way::ALL, |dt, before, after| {
+    measure(subject, "linear momentum", Way::all(), |_, dt, before, after| {
         worst(parts.iter().flat_map(|part| {
             let mass: f64 = part.particles.iter().map(|&p| masses[p]).sum();
             part.axes.iter().map(move |&axis| {
@@ -82,12 +82,18 @@ pub(super) fn angular(subject: &Subject) -> Outcome {
         let of = |&p: &usize| (state.positions[p] - centre).cross(&state.velocities[p]) * masses[p];
         part.particles.iter().map(of).sum()
     };
-    let ways = [Way::Symplectic, Way::Linear(StiffnessPolicy::Always(Stiffness::Axial))];
+    let turning = |way: &Way| {
+        matches!(way.method, Method::SymplecticEuler | Method::ImplicitMidpoint) || *way == Way::notes(Stiffness::Axial)
+    };
     let extent = subject.extent();
-    measure(subject, "angular momentum", &ways, |dt, before, after| {
+    measure(subject, "angular momentum", Way::all().filter(turning), |method, dt, before, after| {
         let change = |part: &Part| {
-            let torque: Vector3<f64> =
-                part.particles.iter().map(|&p| (before.positions[p] - centre).cross(&gravity) * masses[p]).sum();
+            // The weight acts where the method takes the forces.
+            let arm = |p: usize| match method {
+                Method::ImplicitMidpoint => (before.positions[p] + after.positions[p]) * 0.5 - centre,
+                _ => before.positions[p] - centre,
+            };
+            let torque: Vector3<f64> = part.particles.iter().map(|&p| arm(p).cross(&gravity) * masses[p]).sum();
             (momentum(part, after) - momentum(part, before) - torque * dt).norm() / extent
         };
         worst(free.iter().map(change))
@@ -98,17 +104,18 @@ pub(super) fn angular(subject: &Subject) -> Outcome {
 fn measure(
     subject: &Subject,
     name: &str,
-    ways: &[Way],
-    error: impl Fn(f64, &State, &State) -> f64,
+    ways: impl Iterator<Item = Way>,
+    error: impl Fn(Method, f64, &State, &State) -> f64,
 ) -> Result<Vec<Check>, Unfinished> {
     let mut checks = Vec::new();
-    for &way in ways {
+    for way in ways {
         let dt = way.step(subject);
         let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
         let pairs = states.windows(2);
-        let share = pairs.map(|pair| error(dt, &pair[0], &pair[1]) / rounding(subject, dt, &pair[0], &pair[1]));
+        let share =
+            pairs.map(|pair| error(way.method, dt, &pair[0], &pair[1]) / rounding(subject, dt, &pair[0], &pair[1]));
         // Newton stops at a residual of 1e-10 of the forces, not at rounding.
-        let bound = if way == Way::Nonlinear { 1e-10 / U } else { 30.0 };
+        let bound = if way.is_nonlinear() { 1e-10 / U } else { 30.0 };
         let why = "in units of rounding, u (‖A‖ ‖δx‖ + ‖b‖) dt summed over the particles; a backward stable solve leaves \
                    at most 30 of them; Newton's method stops at a residual of 1e-10";
         checks.push(Check::new(

@@ -28,11 +28,6 @@ impl Link {
         -self.stiffness * ((self.length - self.rest_length) / self.rest_length) * self.direction
     }
 
-    /// `½ k (l − l0)²/l0`.
-    pub fn elastic_energy(&self) -> f64 {
-        0.5 * self.stiffness * (self.length - self.rest_length).powi(2) / self.rest_length
-    }
-
     /// `k (1/l0 − 1/l)`, as far as the option keeps it.
     pub fn transverse(&self, option: Stiffness) -> f64 {
         let exact = self.stiffness * (self.length - self.rest_length) / (self.rest_length * self.length);

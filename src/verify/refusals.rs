@@ -102,7 +102,7 @@ pub(super) fn indefinite(subject: &Subject) -> Outcome {
 }
 
 pub(super) fn has_system(subject: &Subject) -> bool {
-    subject.system.dofs().len() > 1 && subject.system.active_springs().len() > 0
+    subject.system.dofs().len() > 1 && !subject.system.active_springs().is_empty()
 }
 
 pub(super) fn conjugate_gradients(subject: &Subject) -> Outcome {

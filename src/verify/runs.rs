@@ -1,76 +1,56 @@
 //! Running a subject by each of the methods.
 
 use super::{Subject, Unfinished};
-use crate::error::Result;
-use crate::integrate::{
-    BackwardEuler, ForwardEuler, ImplicitOptions, LinearBackwardEuler, NewtonOptions, StiffnessPolicy, SymplecticEuler,
-    TimeStepper,
-};
+use crate::integrate::{ImplicitOptions, Method, Status, StepFailure, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions};
 use crate::spring::Stiffness;
 use crate::system::State;
 
-/// A method with its option.
+/// A method with the stiffness in its matrix.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Way {
-    Linear(StiffnessPolicy),
-    Nonlinear,
-    Symplectic,
-    Forward,
+pub(super) struct Way {
+    pub method: Method,
+    pub stiffness: StiffnessPolicy,
 }
 
 impl Way {
-    pub const ALL: [Self; 7] = [
-        Self::Linear(StiffnessPolicy::Always(Stiffness::Full)),
-        Self::Linear(StiffnessPolicy::Always(Stiffness::Tension)),
-        Self::Linear(StiffnessPolicy::Always(Stiffness::Axial)),
-        Self::Linear(StiffnessPolicy::OnDemand),
-        Self::Nonlinear,
-        Self::Symplectic,
-        Self::Forward,
-    ];
+    /// The notes' method under an option.
+    pub fn notes(option: Stiffness) -> Self {
+        Self { method: Method::LinearBackwardEuler, stiffness: StiffnessPolicy::Always(option) }
+    }
+
+    /// Every method; those that solve one linear system after the other under every option, as the option is in the
+    /// result.
+    pub fn all() -> impl Iterator<Item = Self> {
+        Method::ALL.into_iter().flat_map(|method| {
+            let options =
+                if matches!(method, Method::LinearBackwardEuler | Method::W2) { &Stiffness::ALL[..] } else { &[] };
+            let always = options.iter().map(move |&option| Self { method, stiffness: StiffnessPolicy::Always(option) });
+            always.chain([Self { method, stiffness: StiffnessPolicy::OnDemand }])
+        })
+    }
 
     pub fn name(self) -> String {
-        match self {
-            Self::Linear(policy) => format!("linear backward Euler, {}", policy.name()),
-            Self::Nonlinear => "backward Euler".into(),
-            Self::Symplectic => "symplectic Euler".into(),
-            Self::Forward => "forward Euler".into(),
+        if matches!(self.method, Method::LinearBackwardEuler | Method::W2) {
+            format!("{}, {}", self.method.name(), self.stiffness.name())
+        } else {
+            self.method.name().into()
         }
     }
 
-    /// Whether a step needs no matrix, so that only short ones stay near the motion.
-    pub fn is_explicit(self) -> bool {
-        matches!(self, Self::Symplectic | Self::Forward)
-    }
-
-    /// The power of dt with which the error falls.
-    pub fn order(self) -> f64 {
-        1.0
+    /// Whether nonlinear equations are solved, up to the tolerance of Newton's method.
+    pub fn is_nonlinear(self) -> bool {
+        matches!(self.method, Method::BackwardEuler | Method::ImplicitMidpoint)
     }
 
     /// The subject's step, or one that resolves all motion where only such a step makes sense.
     pub fn step(self, subject: &Subject) -> f64 {
-        if self.is_explicit() { subject.dt.min(subject.resolving_step()) } else { subject.dt }
+        if self.method.is_implicit() { subject.dt } else { subject.dt.min(subject.resolving_step()) }
     }
 
     /// Whether theory allows that a step is refused: A may be indefinite under the full stiffness.
-    pub fn may_be_refused(self) -> bool {
-        self == Self::Linear(StiffnessPolicy::Always(Stiffness::Full))
-    }
-
-    pub fn stepper<'s>(self, subject: &'s Subject, linear: SolverOptions) -> Result<Box<dyn TimeStepper + 's>> {
-        let Subject { system, state, .. } = subject;
-        let options = |stiffness| ImplicitOptions { stiffness, linear };
-        Ok(match self {
-            Self::Linear(policy) => Box::new(LinearBackwardEuler::new(system, state, &options(policy))?),
-            Self::Nonlinear => {
-                let options = options(StiffnessPolicy::OnDemand);
-                Box::new(BackwardEuler::new(system, state, &options, NewtonOptions::default())?)
-            }
-            Self::Symplectic => Box::new(SymplecticEuler::new(system, state)?),
-            Self::Forward => Box::new(ForwardEuler::new(system, state)?),
-        })
+    fn may_be_refused(self) -> bool {
+        self.stiffness == StiffnessPolicy::Always(Stiffness::Full)
     }
 
     /// The states of a run, the initial one first; `None` where theory allows that a step is refused, and one was.
@@ -81,7 +61,8 @@ impl Way {
         dt: f64,
         steps: usize,
     ) -> Result<Option<Vec<State>>, Unfinished> {
-        let mut stepper = self.stepper(subject, linear)?;
+        let options = ImplicitOptions { stiffness: self.stiffness, linear };
+        let mut stepper = self.method.stepper(&subject.system, &subject.state, &options)?;
         let mut state = subject.state.clone();
         let mut states = vec![state.clone()];
         for _ in 0..steps {
@@ -95,8 +76,8 @@ impl Way {
     }
 }
 
-fn is_refusal(failure: &crate::integrate::StepFailure) -> bool {
-    failure.status() == crate::integrate::Status::Indefinite
+fn is_refusal(failure: &StepFailure) -> bool {
+    failure.status() == Status::Indefinite
 }
 
 /// Sparse Cholesky: the solver that leaves rounding errors only.

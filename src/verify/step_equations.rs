@@ -13,7 +13,7 @@ use super::family::Outcome;
 use super::reference::{self, Link, U, damping_product, free, links, stiffness_product};
 use super::runs::{Way, direct};
 use super::{Check, Claim, Subject, worst};
-use crate::integrate::StiffnessPolicy;
+use crate::integrate::Method;
 use crate::linear::{SolverChoice, SolverOptions, norm};
 use crate::spring::Stiffness;
 use crate::system::State;
@@ -46,7 +46,7 @@ pub(super) fn linear(subject: &Subject) -> Outcome {
     let mut checks = Vec::new();
     for option in Stiffness::ALL {
         for (solver, solver_name) in solvers {
-            let way = Way::Linear(StiffnessPolicy::Always(option));
+            let way = Way::notes(option);
             let options = SolverOptions { solver, tolerance: TOLERANCE, ..SolverOptions::default() };
             let Some(states) = way.run(subject, options, subject.dt, STEPS)? else { continue };
             let residuals =
@@ -76,22 +76,26 @@ pub(super) fn linear(subject: &Subject) -> Outcome {
 /// All other methods, and that positions follow velocities.
 pub(super) fn others(subject: &Subject) -> Outcome {
     let mut checks = Vec::new();
-    for way in Way::ALL {
+    for way in Way::all() {
         let dt = way.step(subject);
         let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
-        let moved = states.windows(2).map(|pair| displacement_error(subject, way, dt, &pair[0], &pair[1]));
-        let why = "in units of rounding of the position: one product and one sum";
-        let name = format!("x' = x + dt v, {}", way.name());
-        checks.push(Check::new(Claim::Solvers, name, &subject.name, worst(moved), 4.0, why));
-        let residual: fn(&Subject, f64, &State, &State) -> f64 = match way {
-            Way::Linear(_) => continue,
-            Way::Nonlinear => newton_share,
-            Way::Symplectic | Way::Forward => explicit_share,
+        let moved = states.windows(2).map(|pair| displacement_error(subject, way.method, dt, &pair[0], &pair[1]));
+        if way.method != Method::W2 {
+            let why = "in units of rounding of the position: v is the old, the new or the mean velocity, as the method has it";
+            let name = format!("x' = x + dt v, {}", way.name());
+            checks.push(Check::new(Claim::Solvers, name, &subject.name, worst(moved), 4.0, why));
+        }
+        let residual: fn(&Subject, f64, &State, &State) -> f64 = match way.method {
+            // Linear backward Euler has its own checks; the W-method is held to known answers.
+            Method::LinearBackwardEuler | Method::W2 => continue,
+            Method::BackwardEuler => newton_share,
+            Method::ImplicitMidpoint => midpoint_share,
+            Method::SymplecticEuler | Method::ForwardEuler => explicit_share,
         };
         let value = worst(states.windows(2).map(|pair| residual(subject, dt, &pair[0], &pair[1])));
-        let why = match way {
-            Way::Nonlinear => "over the 1e-10 of the balancing forces at which Newton's method stops, with rounding",
-            _ => "over 30 units of rounding of the forces that are added up",
+        let why = match way.is_nonlinear() {
+            true => "over the 1e-10 of the balancing forces at which Newton's method stops, with rounding",
+            false => "over 30 units of rounding of the forces that are added up",
         };
         let name = format!("residual of a step, {}", way.name());
         checks.push(Check::new(Claim::Solvers, name, &subject.name, value, 1.0, why));
@@ -138,15 +142,29 @@ fn largest(rows: &[f64]) -> f64 {
     worst(rows.iter().map(|row| row.abs()).chain([0.0]))
 }
 
-/// `|x' − (x + dt v)|` in units of rounding; v is the old velocity for forward Euler, the new one otherwise.
-fn displacement_error(subject: &Subject, way: Way, dt: f64, before: &State, after: &State) -> f64 {
-    let velocities = if way == Way::Forward { &before.velocities } else { &after.velocities };
+/// `|x' − (x + dt v)|` in units of rounding; v is what the method moves by.
+fn displacement_error(subject: &Subject, method: Method, dt: f64, before: &State, after: &State) -> f64 {
     worst(subject.system.dofs().iter().map(|dof| {
         let of = |vectors: &[Vector3<f64>]| vectors[dof.particle][dof.axis];
-        let (x, y, d) = (of(&before.positions), of(&after.positions), dt * of(velocities));
-        let unit = U * (x.abs() + y.abs() + d.abs());
+        let (x, y, v, w) = (of(&before.positions), of(&after.positions), of(&before.velocities), of(&after.velocities));
+        let d = dt
+            * match method {
+                Method::ForwardEuler => v,
+                Method::ImplicitMidpoint => 0.5 * (v + w),
+                _ => w,
+            };
+        let unit = U * (x.abs() + y.abs() + dt * (v.abs() + w.abs()));
         if y == x + d { 0.0 } else { (y - (x + d)).abs() / unit }
     }))
+}
+
+/// As [`newton_share`] for the implicit midpoint rule: a backward Euler step to the means, of half the length.
+fn midpoint_share(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
+    let mut middle = after.clone();
+    let means =
+        middle.positions.iter_mut().zip(&before.positions).chain(middle.velocities.iter_mut().zip(&before.velocities));
+    means.for_each(|(y, x)| *y = (*y + x) * 0.5);
+    newton_share(subject, 0.5 * dt, before, &middle)
 }
 
 /// Residual of the nonlinear equations over what Newton's method leaves.
