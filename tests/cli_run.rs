@@ -232,7 +232,20 @@ fn results_do_not_depend_on_the_number_of_threads() {
     }
 }
 
-/// Each run's arguments, its status, the step that fails and a part of the message.
+#[test]
+fn nor_do_they_where_the_factorization_is_split() {
+    let sandbox = Sandbox::new();
+    let scene = sandbox.sprung(&["new", "cloth", "--size", "102"]).ends_with(0).stdout;
+    sandbox.put("cloth.toml", &scene);
+    let states = ["1", "3"].map(|threads| {
+        let arguments = ["run", "cloth.toml", "--steps", "1", "--solver", "llt", "--threads", threads];
+        sandbox.sprung(&arguments).ends_with(0);
+        sandbox.read("out/cloth/final.json")
+    });
+    assert!(states[0] == states[1]);
+}
+
+/// Runs a scene that breaks down and checks what every such run must leave behind.
 #[track_caller]
 fn breaks_down(scene: &str, arguments: &[&str], status: &str, message: &str) -> (Sandbox, Value) {
     let sandbox = Sandbox::new();
