@@ -60,7 +60,7 @@ struct Report<'a> {
     particles: usize,
     springs: usize,
     dofs: usize,
-    /// Stored entries of the lower triangles.
+    /// Entries of the lower triangles that are not zero.
     entries: Entries,
     out: &'a Path,
 }
@@ -102,7 +102,7 @@ impl Matrix {
         dt: f64,
         folder: &Path,
     ) -> Result<(), Stop> {
-        let entries = |matrix: &SymmetricMatrix| matrix.values().len();
+        let entries = |matrix: &SymmetricMatrix| nonzeros(matrix).count();
         let report = Report {
             scene: &scene.name,
             dt,
@@ -137,11 +137,15 @@ fn not_finite(matrices: &StepMatrices) -> Option<&'static str> {
     parts.into_iter().find(|(_, values)| !values.iter().all(|value| value.is_finite())).map(|(name, _)| name)
 }
 
+/// The entries that a file holds: by the format's definition those that are not zero.
+fn nonzeros(matrix: &SymmetricMatrix) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+    matrix.iter().filter(|&(_, _, value)| value != 0.0)
+}
+
 fn write(folder: &Path, scene: &LoadedScene, matrices: &StepMatrices, how: &str) -> Result<()> {
     let matrix = |name: &str, meaning: &str, matrix: &SymmetricMatrix| {
         let comment = format!("{meaning}; {how}\nrows and columns as in dofs.csv");
-        let entries = matrix.values().len();
-        write_symmetric(folder.join(name), &comment, matrix.dofs().len(), entries, matrix.iter())
+        write_symmetric(folder.join(name), &comment, matrix.dofs().len(), nonzeros(matrix).count(), nonzeros(matrix))
     };
     matrix("A.mtx", "A = M/dt^2 - G/dt - K, in N/m", &matrices.a)?;
     matrix("M.mtx", "M, the masses, in kg", &matrices.m)?;

@@ -141,7 +141,7 @@ fn text(summary: &Summary, folder: &Path, frames: bool) -> String {
     let status = summary.status.name();
     let mut lines = vec![format!("{scene}: {status} after {steps} steps, at t = {time} s, in {wall_seconds:.3} s")];
     lines.push(format!("  system    {particles} particles, {springs} springs, {dofs} degrees of freedom"));
-    if work.solves == 0 {
+    if *solver == "none" {
         lines.push(format!("  method    {method}, {} force evaluations", work.force_evaluations));
     } else {
         let with =
