@@ -238,7 +238,8 @@ fn nor_do_they_where_the_factorization_is_split() {
     let scene = sandbox.sprung(&["new", "cloth", "--size", "102"]).ends_with(0).stdout;
     sandbox.put("cloth.toml", &scene);
     let states = ["1", "3"].map(|threads| {
-        let arguments = ["run", "cloth.toml", "--steps", "1", "--solver", "llt", "--threads", threads];
+        // The first step of a flat cloth rounds alike however it is split; the second does not.
+        let arguments = ["run", "cloth.toml", "--steps", "2", "--solver", "llt", "--threads", threads];
         sandbox.sprung(&arguments).ends_with(0);
         sandbox.read("out/cloth/final.json")
     });
