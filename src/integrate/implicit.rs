@@ -3,7 +3,7 @@
 use super::Statistics;
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Extensions};
-use crate::linear::{Definiteness, Evidence, LinearSolver, SolveFailure, SolverOptions, select};
+use crate::linear::{Definiteness, Evidence, LinearSolver, Solution, SolveFailure, SolverOptions, select};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -58,24 +58,39 @@ impl Default for ImplicitOptions {
 /// The linear systems of a stepper: extensions, operator, solver and reduced vectors, all allocated once.
 pub(super) struct LinearSystem<'s> {
     pub system: &'s System,
+    /// Those of the matrix: nothing else may be written here between `prepare` and the last solve with it.
     pub extensions: Extensions,
     pub statistics: Statistics,
     operator: SystemOperator<'s>,
     solver: Box<dyn LinearSolver>,
-    policy: StiffnessPolicy,
+    pub policy: StiffnessPolicy,
+    /// The relative residual asked of iterative solvers.
+    pub tolerance: f64,
+    prepared: Prepared,
     rhs: Vec<f64>,
     solution: Vec<f64>,
+}
+
+/// The matrix that the solver holds.
+struct Prepared {
+    policy: StiffnessPolicy,
+    combination: Combination,
+    option: Stiffness,
+    definiteness: Definiteness,
 }
 
 impl<'s> LinearSystem<'s> {
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
         let extensions = Extensions::at(system, &state.positions)?;
-        let operator = SystemOperator::new(system, &extensions, Stiffness::Full, Combination::STIFFNESS);
-        let policy = options.stiffness;
+        let (option, combination) = (Stiffness::Full, Combination::STIFFNESS);
+        let operator = SystemOperator::new(system, &extensions, option, combination);
+        let (policy, tolerance) = (options.stiffness, options.linear.tolerance);
         let mut statistics = Statistics::default();
         let solver = select(system, &options.linear, policy.promises_definite(), &mut statistics.work)?;
+        let prepared = Prepared { policy, combination, option, definiteness: Definiteness::Unknown };
         let zeros = || vec![0.0; system.dofs().len()];
-        Ok(Self { system, extensions, statistics, operator, solver, policy, rhs: zeros(), solution: zeros() })
+        let (rhs, solution) = (zeros(), zeros());
+        Ok(Self { system, extensions, statistics, operator, solver, policy, tolerance, prepared, rhs, solution })
     }
 
     pub fn solver(&self) -> &'static str {
@@ -90,53 +105,87 @@ impl<'s> LinearSystem<'s> {
         self.extensions.update(self.system, positions)
     }
 
-    /// Solves `A_ff δx_f = force_f − A_fc δx_c` for the matrix at the current extensions and the given combination.
-    ///
-    /// `force` is full-length. `displacement` is full-length too: its prescribed entries hold δx_c on entry, and on
-    /// success its free entries hold δx_f.
-    pub fn solve(
+    /// Prepares the matrix at the current extensions and solves one system with it, see [`solve`](Self::solve).
+    pub fn prepare_and_solve(
         &mut self,
         combination: Combination,
         force: &[Vector3<f64>],
         displacement: &mut [Vector3<f64>],
     ) -> Result<(), SolveFailure> {
-        let on_demand = self.policy == StiffnessPolicy::OnDemand;
-        let first = if let StiffnessPolicy::Always(option) = self.policy { option } else { Stiffness::Full };
-        match self.attempt(first, combination, force, displacement) {
-            Err(SolveFailure::Indefinite(_)) if on_demand => {
-                self.statistics.tension_solves += 1;
-                self.attempt(Stiffness::Tension, combination, force, displacement)?;
-            }
-            other => other?,
-        }
-        self.system.dofs().scatter(&self.solution, displacement);
+        self.prepare(self.policy, combination)?;
+        let solution = self.solve(force, displacement)?;
+        self.statistics.record(solution.relative_residual);
         Ok(())
     }
 
-    fn attempt(
+    /// How exactly iterative solvers are to solve from now on.
+    pub fn set_tolerance(&mut self, tolerance: f64) {
+        self.solver.set_tolerance(tolerance);
+    }
+
+    /// Takes over the matrix of the given combination at the current extensions under a policy, as a rule
+    /// [`policy`](Self::policy).
+    pub fn prepare(&mut self, policy: StiffnessPolicy, combination: Combination) -> Result<(), SolveFailure> {
+        self.prepared.policy = policy;
+        self.prepared.combination = combination;
+        let first = if let StiffnessPolicy::Always(option) = policy { option } else { Stiffness::Full };
+        match self.take_over(first) {
+            Err(SolveFailure::Indefinite(_)) if self.may_soften() => self.take_over(Stiffness::Tension),
+            other => other,
+        }
+    }
+
+    /// Solves `A_ff δx_f = force_f − A_fc δx_c` with the prepared matrix.
+    ///
+    /// `force` is full-length. `displacement` is full-length too: its prescribed entries hold δx_c on entry and its free
+    /// ones zero; on success these hold δx_f. When conjugate gradients find the matrix indefinite and the policy allows, the
+    /// softened one takes its place, for later solves too.
+    pub fn solve(
         &mut self,
-        option: Stiffness,
-        combination: Combination,
         force: &[Vector3<f64>],
-        displacement: &[Vector3<f64>],
-    ) -> Result<(), SolveFailure> {
+        displacement: &mut [Vector3<f64>],
+    ) -> Result<Solution, SolveFailure> {
+        let solution = match self.attempt(force, displacement) {
+            Err(SolveFailure::Indefinite(_)) if self.may_soften() => {
+                self.take_over(Stiffness::Tension)?;
+                self.attempt(force, displacement)?
+            }
+            other => other?,
+        };
+        if self.prepared.policy == StiffnessPolicy::OnDemand && self.prepared.option != Stiffness::Full {
+            self.statistics.tension_solves += 1;
+        }
+        if let Definiteness::Indefinite { .. } = self.prepared.definiteness {
+            self.statistics.indefinite_solves += 1;
+        }
+        self.system.dofs().scatter(&self.solution, displacement);
+        Ok(solution)
+    }
+
+    /// Whether a matrix that turns out to be indefinite is to be replaced.
+    fn may_soften(&self) -> bool {
+        self.prepared.policy == StiffnessPolicy::OnDemand && self.prepared.option == Stiffness::Full
+    }
+
+    fn take_over(&mut self, option: Stiffness) -> Result<(), SolveFailure> {
         let work = &mut self.statistics.work;
         work.assemblies += 1;
-        self.operator.update(&self.extensions, option, combination);
-        let definiteness = self.solver.prepare(&self.operator, work)?;
-        if let Definiteness::Indefinite { dof, .. } = definiteness
-            && self.policy == StiffnessPolicy::OnDemand
-        {
-            return Err(SolveFailure::Indefinite(Evidence::Pivot(dof)));
+        self.prepared.option = option;
+        self.operator.update(&self.extensions, option, self.prepared.combination);
+        self.prepared.definiteness = self.solver.prepare(&self.operator, work)?;
+        match self.prepared.definiteness {
+            Definiteness::Indefinite { dof, .. } if self.prepared.policy == StiffnessPolicy::OnDemand => {
+                Err(SolveFailure::Indefinite(Evidence::Pivot(dof)))
+            }
+            _ => Ok(()),
         }
+    }
+
+    fn attempt(&mut self, force: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Result<Solution, SolveFailure> {
         self.system.dofs().gather(force, &mut self.rhs);
         self.operator.subtract_coupling(displacement, &mut self.rhs);
         self.solution.fill(0.0);
-        let solution = self.solver.solve(&self.operator, &self.rhs, &mut self.solution, work)?;
-        self.statistics.record(&solution);
-        if let Definiteness::Indefinite { .. } = definiteness {
-            self.statistics.indefinite_solves += 1;
-        }
-        Ok(())
+        let work = &mut self.statistics.work;
+        self.solver.solve(&self.operator, &self.rhs, &mut self.solution, work)
     }
 }
