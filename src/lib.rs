@@ -5,12 +5,14 @@
 
 pub mod assembly;
 pub mod error;
+pub mod figure;
 pub mod force;
 pub mod integrate;
 pub mod linear;
 pub mod operator;
 pub mod spring;
 pub mod system;
+pub mod verify;
 pub mod work;
 
 pub use error::{Error, Result};

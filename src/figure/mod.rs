@@ -1,0 +1,9 @@
+//! Pictures as plain data: what a plot or a scene sketch shows, not how it is drawn.
+//!
+//! Checks, inspections and charts describe their pictures with these types; the report room draws them.
+
+mod drawing;
+mod plot;
+
+pub use drawing::{Arrow, Drawing, Segment};
+pub use plot::{Axis, Guide, Mark, Plot, Scale, Series};

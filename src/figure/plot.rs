@@ -1,0 +1,153 @@
+//! Curves over two axes.
+
+use serde::Serialize;
+
+/// One plot: two axes, any number of series, and guides to judge them by.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Plot {
+    /// What the plot shows, in a few words.
+    pub title: String,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// The measured points.
+    pub series: Vec<Series>,
+    /// What theory expects of them.
+    pub guides: Vec<Guide>,
+}
+
+impl Plot {
+    /// A plot with two logarithmic axes, where a power law `y ∝ xᵖ` is a straight line of slope p.
+    pub fn log_log(title: impl Into<String>, x: impl Into<String>, y: impl Into<String>) -> Self {
+        Self::new(title, Axis::logarithmic(x), Axis::logarithmic(y))
+    }
+
+    /// A plot without series yet.
+    pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
+        Self { title: title.into(), x, y, series: Vec::new(), guides: Vec::new() }
+    }
+
+    /// Adds a series.
+    pub fn with_series(mut self, series: Series) -> Self {
+        self.series.push(series);
+        self
+    }
+
+    /// Adds a guide.
+    pub fn with_guide(mut self, guide: Guide) -> Self {
+        self.guides.push(guide);
+        self
+    }
+
+    /// Whether a coordinate of any point is NaN.
+    pub fn has_nan(&self) -> bool {
+        self.series.iter().flat_map(|series| &series.points).any(|&(x, y)| x.is_nan() || y.is_nan())
+    }
+}
+
+/// An axis: its title, with the unit, and its scale.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Axis {
+    /// The quantity and its unit.
+    pub title: String,
+    /// How values are spaced.
+    pub scale: Scale,
+}
+
+impl Axis {
+    /// A linear axis.
+    pub fn linear(title: impl Into<String>) -> Self {
+        Self { title: title.into(), scale: Scale::Linear }
+    }
+
+    /// A logarithmic axis; only positive values have a place on it.
+    pub fn logarithmic(title: impl Into<String>) -> Self {
+        Self { title: title.into(), scale: Scale::Logarithmic }
+    }
+}
+
+/// How the values of an axis are spaced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Scale {
+    /// Equal differences are equally long.
+    Linear,
+    /// Equal ratios are equally long.
+    Logarithmic,
+}
+
+/// A named sequence of points.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Series {
+    /// The name in the legend.
+    pub name: String,
+    /// The points (x, y) in the order in which they are joined.
+    pub points: Vec<(f64, f64)>,
+    /// How the points are marked.
+    pub mark: Mark,
+    /// The slope measured on the logarithmic axes, where one was; the legend states it.
+    pub slope: Option<f64>,
+}
+
+impl Series {
+    /// Points joined by a line.
+    pub fn line(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, mark: Mark::Line, slope: None }
+    }
+
+    /// Points that stand alone.
+    pub fn scatter(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, mark: Mark::Point, slope: None }
+    }
+
+    /// Points of what failed, drawn as crosses. One whose y is not finite, or has no place on a logarithmic axis,
+    /// stands on a rail along the upper edge instead of being left out.
+    pub fn failures(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
+        Self { name: name.into(), points, mark: Mark::Cross, slope: None }
+    }
+
+    /// States the measured slope.
+    pub fn with_slope(self, slope: f64) -> Self {
+        Self { slope: Some(slope), ..self }
+    }
+}
+
+/// How the points of a series are marked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mark {
+    /// A marker at every point and a line through them.
+    Line,
+    /// A marker at every point.
+    Point,
+    /// A cross at every point: a failure.
+    Cross,
+}
+
+/// A thin line that says what to expect.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Guide {
+    /// On logarithmic axes, a line of this slope through a point; it has a meaning on those only.
+    Slope {
+        /// The expected slope.
+        slope: f64,
+        /// A point of the line.
+        through: (f64, f64),
+    },
+    /// A horizontal line, for example a bound.
+    Level {
+        /// Its height.
+        y: f64,
+        /// What it means.
+        label: String,
+    },
+    /// A vertical line, for example a critical step.
+    Vertical {
+        /// Its place.
+        x: f64,
+        /// What it means.
+        label: String,
+    },
+}

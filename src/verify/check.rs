@@ -1,0 +1,260 @@
+//! A check's outcome as data.
+
+use super::Claim;
+use crate::figure::{Drawing, Plot};
+use serde::Serialize;
+
+/// One measured number held to one bound.
+///
+/// `value` is measured, never assumed, and grows with the error; `bound` comes from an analysis of rounding or
+/// truncation, and `why` says from which. What is required from below is turned round by the check, for example into
+/// the distance from what is expected.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Check {
+    /// The claim that the check supports.
+    pub claim: Claim,
+    /// What is checked, the same on every scene: `K against central differences`.
+    pub name: String,
+    /// The scene, or the case, that it is checked on.
+    pub scene: String,
+    /// The measured error.
+    pub value: f64,
+    /// The largest value that passes.
+    pub bound: f64,
+    /// Where the bound comes from.
+    pub why: String,
+    /// The worst entries, worst first, where the check compares entries.
+    pub table: Vec<Entry>,
+    /// Curves behind the value: a V-curve, errors over dt, residuals.
+    pub curves: Vec<Plot>,
+    /// The scene with the springs that matter, where that helps to find the fault.
+    pub drawing: Option<Drawing>,
+}
+
+impl Check {
+    /// A check without table and pictures.
+    pub fn new(
+        claim: Claim,
+        name: impl Into<String>,
+        scene: impl Into<String>,
+        value: f64,
+        bound: f64,
+        why: impl Into<String>,
+    ) -> Self {
+        Self {
+            claim,
+            name: name.into(),
+            scene: scene.into(),
+            value,
+            bound,
+            why: why.into(),
+            table: Vec::new(),
+            curves: Vec::new(),
+            drawing: None,
+        }
+    }
+
+    /// Adds the table of worst entries.
+    pub fn with_table(self, table: Vec<Entry>) -> Self {
+        Self { table, ..self }
+    }
+
+    /// Adds a plot.
+    pub fn with_curves(mut self, plot: Plot) -> Self {
+        self.curves.push(plot);
+        self
+    }
+
+    /// Adds a drawing of the scene.
+    pub fn with_drawing(self, drawing: Drawing) -> Self {
+        Self { drawing: Some(drawing), ..self }
+    }
+
+    /// Whether `value ≤ bound`, and everything behind it is a number.
+    ///
+    /// A NaN fails wherever it stands: as the value, as the bound, in the table, in a curve. An infinite value fails,
+    /// and so does an infinite bound, which nothing could break.
+    pub fn passed(&self) -> bool {
+        let numbers = self.value.is_finite() && self.bound.is_finite();
+        let table = !self.table.iter().any(Entry::has_nan);
+        let curves = !self.curves.iter().any(Plot::has_nan);
+        numbers && table && curves && self.value <= self.bound
+    }
+
+    /// `value/bound`, the used share of what is allowed: at most 1 where the check passes, NaN where a number is NaN.
+    ///
+    /// A bound of zero asks for exactness: the share is 0 when it is met, infinite otherwise.
+    pub fn share(&self) -> f64 {
+        if self.value.is_nan() || self.bound.is_nan() {
+            f64::NAN
+        } else if self.bound > 0.0 {
+            self.value / self.bound
+        } else if self.value <= self.bound {
+            0.0
+        } else {
+            f64::INFINITY
+        }
+    }
+}
+
+/// One compared entry of a matrix or a vector.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Entry {
+    /// The row.
+    pub row: usize,
+    /// The column; `None` in a vector.
+    pub column: Option<usize>,
+    /// The spring that the entry belongs to, where there is one.
+    pub spring: Option<usize>,
+    /// The value under test, from a formula.
+    pub analytic: f64,
+    /// What it is held against, from an independent measurement.
+    pub numeric: f64,
+    /// `|analytic − numeric|`.
+    pub absolute: f64,
+    /// `|analytic − numeric| / max(|analytic|, |numeric|)`, at most 2; 0 where both are zero.
+    pub relative: f64,
+    /// The difference in words: `missing`, `sign flipped`, `30 % too small`.
+    pub verdict: String,
+}
+
+impl Entry {
+    /// Compares two values; differences up to `tolerance`, in their unit, count as agreement.
+    pub fn new(row: usize, column: Option<usize>, analytic: f64, numeric: f64, tolerance: f64) -> Self {
+        let absolute = (analytic - numeric).abs();
+        let largest = worst([analytic.abs(), numeric.abs()]);
+        let relative = if largest == 0.0 { 0.0 } else { absolute / largest };
+        let verdict = in_words(analytic, numeric, tolerance);
+        Self { row, column, spring: None, analytic, numeric, absolute, relative, verdict }
+    }
+
+    /// Names the spring that the entry belongs to.
+    pub fn of_spring(self, spring: usize) -> Self {
+        Self { spring: Some(spring), ..self }
+    }
+
+    /// Replaces the verdict by one that knows more, such as `30 % of the transverse term missing`.
+    pub fn with_verdict(self, verdict: impl Into<String>) -> Self {
+        Self { verdict: verdict.into(), ..self }
+    }
+
+    /// Whether a number of the entry is NaN.
+    pub fn has_nan(&self) -> bool {
+        [self.analytic, self.numeric, self.absolute, self.relative].iter().any(|number| number.is_nan())
+    }
+}
+
+/// What is wrong with `analytic` if `numeric` is right.
+fn in_words(analytic: f64, numeric: f64, tolerance: f64) -> String {
+    if !analytic.is_finite() || !numeric.is_finite() {
+        "not finite".into()
+    } else if (analytic - numeric).abs() <= tolerance {
+        "agrees".into()
+    } else if analytic == 0.0 {
+        "missing".into()
+    } else if numeric.abs() <= tolerance {
+        "should be zero".into()
+    } else if (analytic + numeric).abs() <= tolerance {
+        "sign flipped".into()
+    } else if analytic.signum() != numeric.signum() {
+        "wrong sign and size".into()
+    } else {
+        let excess = 100.0 * (analytic / numeric - 1.0);
+        match excess.abs() {
+            size if size >= 100.0 => format!("{:.3} times too large", analytic / numeric),
+            size if size >= 0.1 => format!("{size:.1} % too {}", if excess > 0.0 { "large" } else { "small" }),
+            size => format!("relative difference {:.1e}", size / 100.0),
+        }
+    }
+}
+
+/// The largest of some errors, NaN if any of them is NaN and NaN if there are none.
+///
+/// `fold(0.0, f64::max)` swallows NaN, and a check over nothing would pass: both must fail.
+pub fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().reduce(|a, b| if a.is_nan() || a > b { a } else { b }).unwrap_or(f64::NAN)
+}
+
+/// The outcome of a suite: its checks, in the order in which they ran.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Results {
+    /// The checks.
+    pub checks: Vec<Check>,
+}
+
+impl Results {
+    /// Number of checks that passed.
+    pub fn passed(&self) -> usize {
+        self.checks.len() - self.failed()
+    }
+
+    /// Number of checks that failed.
+    pub fn failed(&self) -> usize {
+        self.failures().count()
+    }
+
+    /// The checks that failed.
+    pub fn failures(&self) -> impl Iterator<Item = &Check> {
+        self.checks.iter().filter(|check| !check.passed())
+    }
+
+    /// Whether something was checked and all of it passed.
+    pub fn all_passed(&self) -> bool {
+        !self.checks.is_empty() && self.failed() == 0
+    }
+
+    /// The claims that have a check, in the order of [`Claim::ALL`], each with its checks.
+    pub fn by_claim(&self) -> Vec<(Claim, Vec<&Check>)> {
+        let of = |claim| self.checks.iter().filter(move |check| check.claim == claim).collect::<Vec<_>>();
+        Claim::ALL.iter().map(|&claim| (claim, of(claim))).filter(|(_, checks)| !checks.is_empty()).collect()
+    }
+}
+
+impl FromIterator<Check> for Results {
+    fn from_iter<I: IntoIterator<Item = Check>>(checks: I) -> Self {
+        Self { checks: checks.into_iter().collect() }
+    }
+}
+
+impl Extend<Check> for Results {
+    fn extend<I: IntoIterator<Item = Check>>(&mut self, checks: I) {
+        self.checks.extend(checks);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn worst_keeps_nan_and_refuses_nothing() {
+        assert_eq!(worst([1.0, 3.0, 2.0]), 3.0);
+        assert_eq!(worst([-2.0, -1.0]), -1.0);
+        assert!(worst([f64::NAN, 1.0]).is_nan());
+        assert!(worst([1.0, f64::NAN, 2.0]).is_nan());
+        assert!(worst([1.0, f64::NAN]).is_nan());
+        assert!(worst([]).is_nan());
+    }
+
+    #[test]
+    fn entries_say_in_words_what_is_wrong() {
+        let verdict = |analytic, numeric| Entry::new(0, Some(0), analytic, numeric, 1e-9).verdict;
+        assert_eq!(verdict(1.0, 1.0 + 1e-10), "agrees");
+        assert_eq!(verdict(0.0, 5.0), "missing");
+        assert_eq!(verdict(5.0, 0.0), "should be zero");
+        assert_eq!(verdict(-5.0, 5.0), "sign flipped");
+        assert_eq!(verdict(-4.0, 5.0), "wrong sign and size");
+        assert_eq!(verdict(7.0, 10.0), "30.0 % too small");
+        assert_eq!(verdict(20.0, 10.0), "2.000 times too large");
+        assert_eq!(verdict(f64::NAN, 1.0), "not finite");
+        assert_eq!(verdict(1.0 + 1e-6, 1.0), "relative difference 1.0e-6");
+    }
+
+    #[test]
+    fn claims_have_distinct_names() {
+        let mut ids = Claim::ALL.map(Claim::id).to_vec();
+        ids.sort_unstable();
+        ids.dedup();
+        assert_eq!(ids.len(), Claim::ALL.len());
+    }
+}
