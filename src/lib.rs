@@ -10,11 +10,14 @@ pub mod force;
 pub mod integrate;
 pub mod linear;
 pub mod operator;
+pub mod output;
+pub mod scene;
 pub mod spring;
 pub mod system;
 pub mod verify;
 pub mod work;
 
 pub use error::{Error, Result};
+pub use scene::Scene;
 pub use spring::{Spring, Stiffness};
 pub use system::{Constraint, DofMap, Motion, State, System, SystemBuilder};

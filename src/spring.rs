@@ -158,17 +158,33 @@ impl std::ops::Add for SpringBlock {
 }
 
 impl SpringBlock {
-    /// The 3×3 matrix `α I + (β − α) nnᵀ`; symmetric to the bit.
+    /// The 3×3 matrix; symmetric to the bit.
+    ///
+    /// `1 − n_r²` on the diagonal is written as the sum of the other two squares: near collapse α is large against β, and
+    /// the difference would lose β along a spring that lies near an axis.
     pub fn matrix(&self) -> Matrix3<f64> {
-        let n = &self.direction;
-        let excess = self.axial - self.transverse;
-        // (β − α)(n_r n_c), in this order: the product n_r n_c commutes exactly, so rows and columns agree to the bit.
-        Matrix3::from_fn(|r, c| excess * (n[r] * n[c]) + if r == c { self.transverse } else { 0.0 })
+        let Self { direction: n, transverse, axial } = self;
+        let [xx, yy, zz] = [n.x * n.x, n.y * n.y, n.z * n.z];
+        let diagonal = |along: f64, across: f64| axial * along + transverse * across;
+        let excess = axial - transverse;
+        let [xy, xz, yz] = [excess * (n.x * n.y), excess * (n.x * n.z), excess * (n.y * n.z)];
+        Matrix3::new(
+            diagonal(xx, yy + zz),
+            xy,
+            xz, //
+            xy,
+            diagonal(yy, xx + zz),
+            yz, //
+            xz,
+            yz,
+            diagonal(zz, xx + yy),
+        )
     }
 
-    /// The product with a vector, `α d + (β − α) n (nᵀd)`.
+    /// The product with a vector. It goes through [`matrix`](Self::matrix), so that a product without an assembled matrix
+    /// has the componentwise rounding error of one with it.
+    #[inline]
     pub fn apply(&self, d: &Vector3<f64>) -> Vector3<f64> {
-        let n = &self.direction;
-        d * self.transverse + n * ((self.axial - self.transverse) * n.dot(d))
+        self.matrix() * d
     }
 }

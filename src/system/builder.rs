@@ -208,7 +208,7 @@ impl SystemBuilder {
     }
 }
 
-fn check_length(key: &str, found: usize, expected: usize, of: &str) -> Result<(), Invalid> {
+pub(crate) fn check_length(key: &str, found: usize, expected: usize, of: &str) -> Result<(), Invalid> {
     if found == expected {
         return Ok(());
     }

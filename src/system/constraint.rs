@@ -1,5 +1,6 @@
 //! Kinematic particles: which coordinates are prescribed, and how they move.
 
+use super::Dof;
 use nalgebra::Vector3;
 
 /// A set of axes.
@@ -154,6 +155,19 @@ impl Prescribed {
     /// Whether any prescribed coordinate ever moves.
     pub fn moves(&self) -> bool {
         self.coordinates.iter().any(|c| self.motions[c.motion as usize] != Motion::Held)
+    }
+
+    /// The motions, one for each constraint.
+    pub fn motions(&self) -> &[Motion] {
+        &self.motions
+    }
+
+    /// Every prescribed coordinate by particle, then axis: with its start, in m, and the index of its motion.
+    pub fn iter(&self) -> impl Iterator<Item = (Dof, f64, usize)> + '_ {
+        self.coordinates.iter().map(|c| {
+            let dof = Dof { particle: c.particle as usize, axis: c.axis as usize };
+            (dof, c.start, c.motion as usize)
+        })
     }
 
     /// Number of prescribed coordinates.

@@ -6,6 +6,7 @@ mod dofs;
 mod state;
 
 pub use builder::SystemBuilder;
+pub(crate) use builder::check_length;
 pub use constraint::{Axes, Constraint, Motion, Prescribed};
 pub use dofs::{Dof, DofMap};
 pub use state::State;

@@ -1,0 +1,15 @@
+//! Results on disk: JSON, CSV, Matrix Market and VTK, each file written whole or not at all.
+//!
+//! Every number is written in the shortest decimal form that reads back to the same bits.
+
+mod atomic;
+mod energy;
+mod final_state;
+mod frames;
+mod matrix_market;
+
+pub use atomic::AtomicFile;
+pub use energy::{EnergyLog, EnergyRow};
+pub use final_state::write_final_state;
+pub use frames::{Frames, write_frame};
+pub use matrix_market::{write_dofs, write_symmetric, write_vector};

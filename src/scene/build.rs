@@ -1,0 +1,188 @@
+//! From a [`Scene`] to a checked [`System`] and its initial [`State`].
+
+use super::MeshGeometry;
+use super::schema::{Axis, ConstraintEntry, TimeSettings};
+use super::{Row, Scene, Values};
+use crate::error::{Invalid, Result};
+use crate::spring::{Extension, Spring};
+use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder, check_length};
+use nalgebra::Vector3;
+
+impl Scene {
+    /// Checks every value and builds the system and its state at time zero.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`](crate::Error::Invalid) for the first value that breaks a rule, with file, key, index and
+    /// value; [`Error::Io`](crate::Error::Io) and [`Error::Format`](crate::Error::Format) for a mesh that cannot be read.
+    pub fn build(&self) -> Result<(System, State)> {
+        let built = self.builder().and_then(SystemBuilder::build);
+        built.map_err(|error| match &self.file {
+            Some(file) => error.in_file(file),
+            None => error,
+        })
+    }
+
+    /// The description of the system, with meshes read, single numbers spread and absent values filled in.
+    ///
+    /// # Errors
+    /// As for [`build`](Self::build), without the checks that the builder makes.
+    pub fn builder(&self) -> Result<SystemBuilder> {
+        let (dimension, MeshGeometry { vertices: positions, edges: pairs }) = self.geometry()?;
+        let n = positions.len();
+        let velocities = match &self.particles.velocities {
+            Some(rows) => vectors("particles.velocities", rows, dimension)?,
+            None => vec![Vector3::zeros(); n],
+        };
+        check_length("particles.velocities", velocities.len(), n, "particles")?;
+        let gravity = self.gravity.as_ref().map(|row| vector("gravity", None, row, dimension)).transpose()?;
+        let masses = Quantity { key: "particles.masses", count: n, of: "particles", rule: Rule::Positive };
+        let springs = self.springs(&positions, &pairs)?;
+        let constraints = self.constraints.iter().enumerate();
+        let constraints = constraints.map(|(index, entry)| constraint(index, entry, dimension));
+        Ok(SystemBuilder {
+            dimension,
+            gravity: gravity.unwrap_or_default(),
+            velocities,
+            masses: masses.required(self.particles.masses.as_ref())?,
+            constraints: constraints.collect::<Result<_, _>>()?,
+            positions,
+            pairs,
+            springs,
+        })
+    }
+
+    /// Dimension, and positions and pairs from the lists or from the mesh.
+    fn geometry(&self) -> Result<(usize, MeshGeometry)> {
+        let (positions, pairs) = (&self.particles.positions, &self.springs.pairs);
+        let Some(mesh) = &self.mesh else {
+            let dimension = positions.first().or(self.gravity.as_ref()).map_or(3, Row::dimension);
+            let vertices = vectors("particles.positions", positions, dimension)?;
+            return Ok((dimension, MeshGeometry { vertices, edges: pairs.clone() }));
+        };
+        for (key, length) in [("particles.positions", positions.len()), ("springs.pairs", pairs.len())] {
+            if length > 0 {
+                return Err(Invalid::new(key, format!("a list of {length}"), "must be absent: [mesh] fills it").into());
+            }
+        }
+        let scale = mesh.scale.unwrap_or(1.0);
+        Rule::Positive.check("mesh.scale", scale)?;
+        let folder = self.file.as_deref().and_then(std::path::Path::parent).unwrap_or("".as_ref());
+        let mesh = MeshGeometry::load(&folder.join(&mesh.file))?;
+        Ok((3, MeshGeometry { vertices: mesh.vertices.into_iter().map(|x| x * scale).collect(), ..mesh }))
+    }
+
+    fn springs(&self, positions: &[Vector3<f64>], pairs: &[[u32; 2]]) -> Result<Vec<Spring>, Invalid> {
+        let quantity = |key, rule| Quantity { key, count: pairs.len(), of: "springs", rule };
+        let stiffness = quantity("springs.stiffness", Rule::Positive).required(self.springs.stiffness.as_ref())?;
+        let rest_lengths = match &self.springs.rest_lengths {
+            Some(values) => quantity("springs.rest_lengths", Rule::Positive).spread(values)?,
+            None => pairs.iter().map(|pair| distance(positions, pair)).collect(),
+        };
+        let damping = self.springs.damping.as_ref().unwrap_or(&Values::Uniform(0.0));
+        let damping = quantity("springs.damping", Rule::NotNegative).spread(damping)?;
+        let springs = stiffness.into_iter().zip(rest_lengths).zip(damping);
+        Ok(springs.map(|((stiffness, rest_length), damping)| Spring { stiffness, rest_length, damping }).collect())
+    }
+}
+
+/// The current length of a spring; NaN where an end does not exist, for which the builder rejects the pair.
+fn distance(positions: &[Vector3<f64>], &[i, j]: &[u32; 2]) -> f64 {
+    let ends = positions.get(i as usize).zip(positions.get(j as usize));
+    ends.map_or(f64::NAN, |(xi, xj)| Extension::between(xi, xj).map_or(0.0, |at| at.length))
+}
+
+fn constraint(index: usize, entry: &ConstraintEntry, dimension: usize) -> Result<Constraint, Invalid> {
+    let key = format!("constraints[{index}]");
+    let mut axes = Axes::first(dimension);
+    if let Some(list) = &entry.axes {
+        if let Some((at, axis)) = list.iter().enumerate().find(|(_, axis)| axis.index() >= dimension) {
+            let rule = format!("is not modelled: the scene's rows have length {dimension}");
+            return Err(Invalid::new(format!("{key}.axes"), format!("{:?}", axis.letter()), rule).at(at));
+        }
+        axes = Axes::of(&list.iter().copied().map(Axis::index).collect::<Vec<_>>());
+    }
+    let motion = match (&entry.velocity, &entry.path) {
+        (Some(_), Some(_)) => {
+            return Err(Invalid::new(key, "velocity and path", "must have at most one of the two"));
+        }
+        (Some(velocity), None) => Motion::Velocity(vector(&format!("{key}.velocity"), None, velocity, dimension)?),
+        (None, Some(path)) => Motion::Path {
+            times: path.times.clone(),
+            offsets: vectors(&format!("{key}.path.offsets"), &path.offsets, dimension)?,
+        },
+        (None, None) => Motion::Held,
+    };
+    Ok(Constraint { particles: entry.particles.iter().map(|&particle| particle as usize).collect(), axes, motion })
+}
+
+fn vectors(key: &str, rows: &[Row], dimension: usize) -> Result<Vec<Vector3<f64>>, Invalid> {
+    rows.iter().enumerate().map(|(index, row)| vector(key, Some(index), row, dimension)).collect()
+}
+
+fn vector(key: &str, index: Option<usize>, row: &Row, dimension: usize) -> Result<Vector3<f64>, Invalid> {
+    if row.dimension() == dimension {
+        return Ok(row.vector());
+    }
+    let rule = format!("must have length {dimension}, as the scene's other rows");
+    Err(Invalid { index, ..Invalid::new(key, format!("{row:?}"), rule) })
+}
+
+/// Something that every particle or spring has one of.
+struct Quantity {
+    key: &'static str,
+    count: usize,
+    of: &'static str,
+    rule: Rule,
+}
+
+impl Quantity {
+    /// One number each. A number given for all is checked here, where it has no index; those of a list by the builder.
+    fn spread(&self, values: &Values) -> Result<Vec<f64>, Invalid> {
+        match values {
+            Values::Uniform(value) => {
+                self.rule.check(self.key, *value)?;
+                Ok(vec![*value; self.count])
+            }
+            Values::Each(values) => {
+                check_length(self.key, values.len(), self.count, self.of)?;
+                Ok(values.clone())
+            }
+        }
+    }
+
+    fn required(&self, values: Option<&Values>) -> Result<Vec<f64>, Invalid> {
+        match values {
+            Some(values) => self.spread(values),
+            None if self.count == 0 => Ok(Vec::new()),
+            None => {
+                let rule =
+                    format!("must be given, one number for all or one for each of the {} {}", self.count, self.of);
+                Err(Invalid::new(self.key, "absent", rule))
+            }
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Rule {
+    Positive,
+    NotNegative,
+}
+
+impl Rule {
+    fn check(self, key: &str, value: f64) -> Result<(), Invalid> {
+        match self {
+            _ if !value.is_finite() => Err(Invalid::new(key, value, "must be finite")),
+            Self::Positive if value <= 0.0 => Err(Invalid::new(key, value, "must be positive")),
+            Self::NotNegative if value < 0.0 => Err(Invalid::new(key, value, "must not be negative")),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl TimeSettings {
+    pub(super) fn check(&self) -> Result<(), Invalid> {
+        self.dt.map_or(Ok(()), |dt| Rule::Positive.check("time.dt", dt))?;
+        self.duration.map_or(Ok(()), |duration| Rule::NotNegative.check("time.duration", duration))
+    }
+}

@@ -1,0 +1,40 @@
+use super::{Kind, hold, links, time};
+use crate::error::Result;
+use crate::scene::{Particles, Scene, Springs, Values};
+use std::f64::consts::PI;
+
+/// A string of `size` particles in the plane, stretched by 10 % between two held ends and struck in its lowest mode.
+///
+/// It is 1 m long with 10 g/m and k = 10 N, which makes a tension of 1 N and waves of 10 m/s: a period of 0.2 s. There
+/// is no gravity and no damping. The initial velocity is 0.5 m/s·sin(πs) across the string, which takes it
+/// 16 mm aside. dt = 2 ms for two periods.
+///
+/// # Errors
+/// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
+pub fn string(size: usize) -> Result<Scene> {
+    Kind::String.check_size(size)?;
+    let last = size + 1;
+    let links_per_metre = last as f64;
+    let speed = |i| match i {
+        0 => 0.0,
+        i if i == last => 0.0,
+        i => 0.5 * (PI * i as f64 / links_per_metre).sin(),
+    };
+    Ok(Scene {
+        name: "string".into(),
+        particles: Particles {
+            positions: (0..=last).map(|i| [i as f64 / links_per_metre, 0.0].into()).collect(),
+            velocities: Some((0..=last).map(|i| [0.0, speed(i)].into()).collect()),
+            masses: Some(Values::Uniform(0.01 / links_per_metre)),
+        },
+        springs: Springs {
+            pairs: links(last),
+            stiffness: Some(10.0.into()),
+            rest_lengths: Some(Values::Uniform(1.0 / (1.1 * links_per_metre))),
+            ..Springs::default()
+        },
+        constraints: vec![hold([0, last])],
+        time: time(0.002, 0.4),
+        ..Scene::default()
+    })
+}

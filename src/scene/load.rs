@@ -1,0 +1,94 @@
+//! From text to a [`Scene`], with errors that say where in the text.
+
+use super::Scene;
+use super::schema::{check_name, table};
+use crate::error::{Error, Invalid, Result};
+use std::path::Path;
+
+impl Scene {
+    /// Reads a scene file, TOML or JSON by its extension. Without a name in the file the scene has the file's stem.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for another extension, [`Error::Io`] for an unreadable file, [`Error::Format`] for text that is
+    /// not of the format, with key and position, [`Error::Invalid`] for an unusable name or `[time]`. All
+    /// other values are checked by [`build`](Self::build).
+    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
+        let parse = match extension.as_deref() {
+            Some("toml") => parse_toml,
+            Some("json") => parse_json,
+            _ => return Err(Error::Usage(format!("{}: a scene file must end in .toml or .json", path.display()))),
+        };
+        let text = std::fs::read_to_string(path).map_err(|source| Error::io(path, source))?;
+        let scene = parse(&text).map_err(|message| Error::Format { file: path.into(), message })?;
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        Self { file: Some(path.into()), ..scene }.complete(&stem).map_err(|invalid| Error::from(invalid).in_file(path))
+    }
+
+    /// Reads a scene from TOML. Without a name in the text it is called `scene`.
+    ///
+    /// # Errors
+    /// As for [`load`](Self::load), with the name of the format in place of a file's.
+    pub fn from_toml(text: &str) -> Result<Self> {
+        let scene = parse_toml(text).map_err(|message| Error::Format { file: "TOML".into(), message })?;
+        Ok(scene.complete("scene")?)
+    }
+
+    /// Reads a scene from JSON. Without a name in the text it is called `scene`.
+    ///
+    /// # Errors
+    /// As for [`load`](Self::load), with the name of the format in place of a file's.
+    pub fn from_json(text: &str) -> Result<Self> {
+        let scene = parse_json(text).map_err(|message| Error::Format { file: "JSON".into(), message })?;
+        Ok(scene.complete("scene")?)
+    }
+
+    fn complete(mut self, default_name: &str) -> Result<Self, Invalid> {
+        if self.name.is_empty() {
+            self.name = default_name.to_owned();
+            check_name(&self.name).map_err(|rule| Invalid::new("name", format!("{:?}", self.name), rule))?;
+        }
+        self.time.check()?;
+        Ok(self)
+    }
+}
+
+fn parse_toml(text: &str) -> Result<Scene, String> {
+    let text = without_byte_order_mark(text);
+    let positioned = |error: &toml::de::Error| match error.span() {
+        Some(span) => {
+            let before = text.get(..span.start).unwrap_or(text);
+            let (line, start) = before.rfind('\n').map_or((1, 0), |end| (before.matches('\n').count() + 1, end + 1));
+            let column = before[start..].chars().count() + 1;
+            format!("{} at line {line} column {column}", error.message())
+        }
+        None => error.message().to_owned(),
+    };
+    let deserializer = toml::Deserializer::parse(text).map_err(|error| positioned(&error))?;
+    with_key(deserializer, positioned)
+}
+
+fn parse_json(text: &str) -> Result<Scene, String> {
+    let mut deserializer = serde_json::Deserializer::from_str(without_byte_order_mark(text));
+    let scene = with_key(&mut deserializer, serde_json::Error::to_string)?;
+    deserializer.end().map_err(|error| error.to_string())?;
+    Ok(scene)
+}
+
+/// Deserializes, naming the key of what does not fit.
+fn with_key<'de, D: serde::Deserializer<'de>>(
+    deserializer: D,
+    describe: impl Fn(&D::Error) -> String,
+) -> Result<Scene, String> {
+    let mut track = serde_path_to_error::Track::new();
+    table(serde_path_to_error::Deserializer::new(deserializer, &mut track)).map_err(|error| {
+        let message = describe(&error);
+        let key = track.path();
+        if key.iter().len() == 0 { message } else { format!("{key}: {message}") }
+    })
+}
+
+fn without_byte_order_mark(text: &str) -> &str {
+    text.strip_prefix('\u{feff}').unwrap_or(text)
+}

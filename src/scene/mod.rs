@@ -1,0 +1,43 @@
+//! Scene files, meshes and ready scenes: from a description to a [`System`](crate::System) and its
+//! [`State`](crate::State), and back.
+//!
+//! A [`Scene`] is what a scene file says, TOML or JSON: [`Scene::load`] reads one, [`Scene::build`] checks every value
+//! and builds the system, [`Scene::to_toml`] and [`Scene::to_json`] write it, to the bit.
+//!
+//! ```
+//! use sprung::scene::Scene;
+//!
+//! let scene = Scene::from_toml(
+//!     r#"
+//!     gravity = [0.0, -9.81]
+//!     [particles]
+//!     positions = [[0, 0], [1, 0]]
+//!     masses = 1.0
+//!     [springs]
+//!     pairs = [[0, 1]]
+//!     stiffness = 100.0
+//!     [[constraints]]
+//!     particles = [0]
+//!     "#,
+//! )?;
+//! let (system, state) = scene.build()?;
+//! assert_eq!(system.dofs().len(), 2);
+//! assert_eq!(state.positions[1].x, 1.0);
+//! # Ok::<(), sprung::Error>(())
+//! ```
+
+mod build;
+pub mod builtin;
+mod load;
+mod mesh;
+mod row;
+mod schema;
+mod snapshot;
+mod values;
+mod write;
+
+pub use builtin::{Kind, builtin};
+pub use mesh::MeshGeometry;
+pub use row::Row;
+pub use schema::{Axis, ConstraintEntry, Mesh, Particles, Path, Scene, Springs, TimeSettings};
+pub use values::Values;

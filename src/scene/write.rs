@@ -1,0 +1,178 @@
+//! Writing a [`Scene`]: commented TOML to read and edit, compact JSON for programs. Numbers read back to the bit.
+
+use super::{ConstraintEntry, Row, Scene, Values};
+use std::iter::Peekable;
+use toml_writer::ToTomlValue;
+
+/// Lists longer than this are broken into lines of at most this many characters.
+const LINE: usize = 100;
+
+impl Scene {
+    /// As compact JSON.
+    pub fn to_json(&self) -> String {
+        // Serializing to text fails only for a map with keys that are not text, and there is none.
+        serde_json::to_string(self).unwrap_or_default()
+    }
+
+    /// As TOML with comments that give meaning and unit.
+    pub fn to_toml(&self) -> String {
+        let mut toml = Toml(String::new());
+        toml.comment("Scene of sprung. SI units; particles and springs are numbered from 0.");
+        toml.text("name", &self.name);
+        if let Some(gravity) = &self.gravity {
+            toml.line("gravity", &row(gravity), "m/s²");
+        }
+        self.write_mesh(&mut toml);
+        self.write_particles(&mut toml);
+        self.write_springs(&mut toml);
+        self.constraints.iter().for_each(|entry| write_constraint(&mut toml, entry));
+        self.write_time(&mut toml);
+        toml.0
+    }
+
+    fn write_mesh(&self, toml: &mut Toml) {
+        if let Some(mesh) = &self.mesh {
+            toml.header("[mesh]", "vertices become particles, each edge of a face once becomes a spring");
+            toml.text("file", &mesh.file);
+            if let Some(scale) = mesh.scale {
+                toml.line("scale", &number(scale), "m per unit of the mesh");
+            }
+        }
+    }
+
+    fn write_particles(&self, toml: &mut Toml) {
+        let particles = &self.particles;
+        toml.header("[particles]", "");
+        if !particles.positions.is_empty() {
+            toml.list("positions", particles.positions.iter().map(row), "m, one row per particle");
+        }
+        if let Some(velocities) = &particles.velocities {
+            toml.list("velocities", velocities.iter().map(row), "m/s, one row per particle");
+        }
+        toml.values("masses", particles.masses.as_ref(), "kg");
+    }
+
+    fn write_springs(&self, toml: &mut Toml) {
+        let springs = &self.springs;
+        toml.header("[springs]", "");
+        if !springs.pairs.is_empty() {
+            toml.list("pairs", springs.pairs.iter().map(|[i, j]| format!("[{i}, {j}]")), "end points i, j");
+        }
+        toml.values("stiffness", springs.stiffness.as_ref(), "k in N, the force per unit strain: f = k (l/l0 - 1)");
+        match &springs.rest_lengths {
+            None => toml.comment("rest_lengths, l0 in m: absent, so the initial distances"),
+            lengths => toml.values("rest_lengths", lengths.as_ref(), "l0 in m"),
+        }
+        toml.values("damping", springs.damping.as_ref(), "b in N·s/m, along the spring");
+    }
+
+    fn write_time(&self, toml: &mut Toml) {
+        if self.time.is_empty() {
+            return;
+        }
+        toml.header("[time]", "");
+        if let Some(dt) = self.time.dt {
+            toml.line("dt", &number(dt), "s");
+        }
+        if let Some(duration) = self.time.duration {
+            toml.line("duration", &number(duration), "s");
+        }
+    }
+}
+
+fn write_constraint(toml: &mut Toml, entry: &ConstraintEntry) {
+    toml.header("[[constraints]]", "prescribed coordinates");
+    toml.list("particles", entry.particles.iter().map(u32::to_string), "");
+    if let Some(axes) = &entry.axes {
+        toml.list("axes", axes.iter().map(|axis| format!("{:?}", axis.letter())), "");
+    }
+    if let Some(velocity) = &entry.velocity {
+        toml.line("velocity", &row(velocity), "m/s: x(t) = x(0) + t·velocity");
+    }
+    if let Some(path) = &entry.path {
+        toml.list("path.times", path.times.iter().copied().map(number), "s");
+        toml.list("path.offsets", path.offsets.iter().map(row), "m: x(t) = x(0) + offset(t), linear in between");
+    }
+    if entry.velocity.is_none() && entry.path.is_none() {
+        toml.comment("no motion: held where they are");
+    }
+}
+
+fn number(value: f64) -> String {
+    value.to_toml_value()
+}
+
+fn row(row: &Row) -> String {
+    let numbers: Vec<String> = row.as_slice().iter().copied().map(number).collect();
+    format!("[{}]", numbers.join(", "))
+}
+
+struct Toml(String);
+
+impl Toml {
+    fn comment(&mut self, comment: &str) {
+        self.0.push_str(&format!("# {comment}\n"));
+    }
+
+    fn header(&mut self, header: &str, comment: &str) {
+        self.0.push('\n');
+        self.0.push_str(header);
+        self.end(comment);
+    }
+
+    fn text(&mut self, key: &str, value: &str) {
+        self.line(key, &value.to_toml_value(), "");
+    }
+
+    fn line(&mut self, key: &str, value: &str, comment: &str) {
+        self.0.push_str(&format!("{key} = {value}"));
+        self.end(comment);
+    }
+
+    fn end(&mut self, comment: &str) {
+        if !comment.is_empty() {
+            self.0.push_str("  # ");
+            self.0.push_str(comment);
+        }
+        self.0.push('\n');
+    }
+
+    fn values(&mut self, key: &str, values: Option<&Values>, comment: &str) {
+        match values {
+            None => (),
+            Some(Values::Uniform(value)) => self.line(key, &number(*value), comment),
+            Some(Values::Each(values)) => self.list(key, values.iter().copied().map(number), comment),
+        }
+    }
+
+    /// A list on one line where it fits, else filled lines under its comment.
+    fn list(&mut self, key: &str, items: impl Iterator<Item = String>, comment: &str) {
+        let mut items = items.peekable();
+        let mut line = String::new();
+        fill(&mut line, &mut items, LINE.saturating_sub(key.len() + comment.chars().count() + 9));
+        if items.peek().is_none() {
+            return self.line(key, &format!("[{line}]"), comment);
+        }
+        self.0.push_str(&format!("{key} = ["));
+        self.end(comment);
+        loop {
+            fill(&mut line, &mut items, LINE - 4);
+            if line.is_empty() {
+                break;
+            }
+            self.0.push_str(&format!("  {line},\n"));
+            line.clear();
+        }
+        self.0.push_str("]\n");
+    }
+}
+
+/// Takes items into a line as long as there is room, the first one in any case.
+fn fill<I: Iterator<Item = String>>(line: &mut String, items: &mut Peekable<I>, room: usize) {
+    while let Some(item) = items.next_if(|item| line.is_empty() || line.len() + item.len() < room) {
+        if !line.is_empty() {
+            line.push_str(", ");
+        }
+        line.push_str(&item);
+    }
+}

@@ -1,0 +1,47 @@
+//! A step after the first allocates nothing.
+
+use sprung::integrate::*;
+use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions};
+use sprung::{Spring, Stiffness, SystemBuilder};
+
+#[test]
+fn a_step_after_the_first_allocates_nothing() {
+    let mut builder = SystemBuilder::new();
+    builder.gravity(0.0, -9.81, 0.0);
+    for p in 0..30 {
+        builder.particle([p as f64 * 0.8, (p % 3) as f64, 0.1 * (p % 4) as f64], 1.0);
+    }
+    for p in 0..29 {
+        builder.spring(p, p + 1, Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.1 });
+        builder.spring(p, (p + 5) % 30, Spring { stiffness: 30.0, rest_length: 4.0, damping: 0.0 });
+    }
+    builder.hold(0);
+    let (system, start) = builder.build().unwrap();
+
+    let policies = [StiffnessPolicy::OnDemand, Stiffness::Tension.into()];
+    for solver in [SolverChoice::Llt, SolverChoice::Ldlt, SolverChoice::Cg, SolverChoice::CgAssembled] {
+        for kind in [PreconditionerKind::None, PreconditionerKind::Jacobi, PreconditionerKind::BlockJacobi] {
+            for stiffness in policies {
+                let linear = SolverOptions { solver, preconditioner: Some(kind), ..Default::default() };
+                let options = ImplicitOptions { stiffness, linear };
+                // At dt = 0.3 the on-demand policy changes between full and tension: that must not allocate either.
+                let steppers: [(f64, Box<dyn TimeStepper>); 4] = [
+                    (0.3, Box::new(LinearBackwardEuler::new(&system, &start, &options).unwrap())),
+                    (0.02, Box::new(BackwardEuler::new(&system, &start, &options, NewtonOptions::default()).unwrap())),
+                    (0.001, Box::new(ForwardEuler::new(&system, &start).unwrap())),
+                    (0.001, Box::new(SymplecticEuler::new(&system, &start).unwrap())),
+                ];
+                for (dt, mut stepper) in steppers {
+                    let mut state = start.clone();
+                    stepper.step(&mut state, dt).unwrap();
+                    let counted = allocation_counter::measure(|| {
+                        for _ in 0..5 {
+                            stepper.step(&mut state, dt).unwrap();
+                        }
+                    });
+                    assert_eq!(counted.count_total, 0, "{} {solver:?} {kind:?} {stiffness:?}", stepper.name());
+                }
+            }
+        }
+    }
+}
