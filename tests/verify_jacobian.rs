@@ -156,6 +156,12 @@ fn the_v_curve_has_both_slopes_and_its_floor_in_every_regime() {
             report(check);
             passes(check);
         }
+        let mut wrong = k.to_csc();
+        wrong.values_mut().iter_mut().for_each(|value| *value *= 1.0 + 1e-6);
+        let force = || elastic_force(&system, &state);
+        assert!(!v_curve(&system, &state, force(), &Faulty(wrong.clone()), scene)[0].passed(), "{scene}");
+        assert!(!stiffness_entries(&system, &state, force(), &wrong, scene).passed(), "{scene}");
+        assert!(!stiffness_against_duals(&system, &state, &wrong, scene).passed(), "{scene}");
         let has = |name: &str| checks.iter().any(|check| check.name.contains(name));
         assert!(has("slope of truncation"), "{scene}");
         // Where coordinates are large against a spring, their rounding leaves no room for ten halvings of h.
@@ -181,4 +187,159 @@ fn the_v_curve_of_a_wrong_k_ends_on_a_plateau() {
     }
     assert!(!floor_of(faulty(|_, _, _| f64::NAN)).passed());
     assert!(!floor_of(CscMatrix::zeros(2, 2)).passed());
+}
+
+#[test]
+fn a_term_dropped_from_the_wrong_springs_is_caught() {
+    let (system, state) = crooked();
+    let check = |option, of| {
+        let k = StepMatrices::assemble(&system, &state, of, 0.01).unwrap().k;
+        dropped_terms(&system, &state, elastic_force(&system, &state), option, &k, "crooked")
+    };
+    for option in Stiffness::ALL {
+        for of in Stiffness::ALL {
+            let checks = check(option, of);
+            checks.iter().for_each(report);
+            assert_eq!(checks.iter().all(Check::passed), option == of, "{option:?} {of:?}");
+        }
+        assert_eq!(check(option, option).len(), if option == Stiffness::Full { 2 } else { 3 });
+    }
+    // What option III drops from a stretched spring is named.
+    let check = |k: CscMatrix<f64>| stiffness_against_duals(&system, &state, &k, "crooked");
+    fails_with(&check(stiffness(&system, &state, Stiffness::Axial)), "the transverse term missing");
+    let full = stiffness(&system, &state, Stiffness::Full);
+    let axial = stiffness(&system, &state, Stiffness::Axial);
+    let part = |share: f64| {
+        let mut k = full.clone();
+        let pairs = k.values_mut().iter_mut().zip(axial.values());
+        pairs.for_each(|(full, axial)| *full += share * (axial - *full));
+        k
+    };
+    fails_with(&check(part(0.3)), "30 % of the transverse term missing");
+    fails_with(&check(part(2.0)), "the transverse term with its sign flipped");
+    fails_with(&check(part(-1.0)), "the transverse term 2.00 times too large");
+    fails_with(&entries(&part(0.3)), "30 % of the transverse term missing");
+}
+
+#[test]
+fn a_wrong_block_of_one_spring_is_caught_beside_stiff_ones() {
+    let (system, state) = crooked();
+    type Block = fn(&Spring, &Extension) -> Matrix3<f64>;
+    let faults: [(&str, Block); 5] = [
+        ("k for k/l0", |s, at| block(s, at) * s.rest_length),
+        ("sign", |s, at| -block(s, at)),
+        ("1/l0 - 1/l turned round", |s, at| {
+            let exact = s.stiffness_block(at, Stiffness::Full);
+            sprung::spring::SpringBlock { transverse: -exact.transverse, ..exact }.matrix()
+        }),
+        ("32-bit k", |s, at| block(&Spring { stiffness: 7.0 * f64::from((s.stiffness / 7.0) as f32), ..*s }, at)),
+        ("not a number", |_, _| Matrix3::repeat(f64::NAN)),
+    ];
+    for (name, fault) in faults {
+        assert!(!spring_blocks(&system, &state, fault, "crooked").passed(), "{name}");
+        assert!(blocks_against_duals(&system, &state, fault, "crooked").iter().all(|check| !check.passed()), "{name}");
+    }
+}
+
+#[test]
+fn coincident_ends_fail_with_the_spring_named() {
+    let (system, mut state) = crooked();
+    state.positions[3] = state.positions[1];
+    let k = CscMatrix::zeros(12, 12);
+    for check in [
+        stiffness_entries(&system, &state, elastic_force(&system, &state), &k, ""),
+        stiffness_against_duals(&system, &state, &k, ""),
+        v_curve(&system, &state, elastic_force(&system, &state), &Faulty(k), "").remove(0),
+    ] {
+        assert!(!check.passed() && check.why.contains("spring 4"), "{check:?}");
+    }
+    assert!(!spring_blocks(&system, &state, block, "").passed());
+    assert!(blocks_against_duals(&system, &state, block, "").iter().all(|check| !check.passed()));
+    let mut f = vec![1.0; 12];
+    elastic_force(&system, &state)(&reduce(&system, &state.positions), &mut f);
+    assert!(f.iter().all(|f| f.is_nan()));
+}
+
+#[test]
+fn a_hundred_thousand_particles_take_seconds() {
+    let (system, state) = builtin(Kind::Cloth, 316).unwrap().build().unwrap();
+    let start = std::time::Instant::now();
+    let k = stiffness(&system, &state, Stiffness::Full);
+    let assembled = start.elapsed();
+    let check = stiffness_entries(&system, &state, elastic_force(&system, &state), &k, "cloth 316");
+    println!("assembled {assembled:?}, differences {:?}: {} {}", start.elapsed(), check.value, check.why);
+    passes(&check);
+    passes(&stiffness_against_duals(&system, &state, &k, "cloth 316"));
+    println!("duals {:?}", start.elapsed());
+    assert!(start.elapsed().as_secs() < 60);
+}
+
+fn everything() -> Vec<(String, System, State)> {
+    let hard = hard_states().unwrap().into_iter().map(|(name, system, state)| (name.to_owned(), system, state));
+    let ready = Kind::ALL.into_iter().map(|kind| {
+        let (system, state) = builtin(kind, kind.default_size()).unwrap().build().unwrap();
+        (kind.name().to_owned(), system, state)
+    });
+    let (system, state) = crooked();
+    hard.chain(ready).chain([("crooked".to_owned(), system, state)]).collect()
+}
+
+fn elastic(system: &System, state: &State) -> Vec<f64> {
+    let mut force = vec![0.0; system.dofs().len()];
+    elastic_force(system, state)(&reduce(system, &state.positions), &mut force);
+    force
+}
+
+#[test]
+fn force_energy_and_damping_are_consistent_everywhere() {
+    for (scene, system, state) in everything() {
+        let g = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.01).unwrap().g;
+        let force = elastic(&system, &state);
+        for check in [
+            damping_entries(&system, &state, damping_force(&system, &state), &g.to_csc(), &scene),
+            damping_dissipates(&system, &g, &scene),
+            force_against_energy(&system, &state, &force, &scene),
+            energy_slope(&system, &state, elastic_energy(&system, &state), &force, &scene),
+        ] {
+            report(&check);
+            passes(&check);
+        }
+    }
+}
+
+#[test]
+fn faults_of_force_energy_and_damping_are_caught() {
+    let (system, state) = crooked();
+    let g = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.01).unwrap().g.to_csc();
+    let with = |fault: &dyn Fn(usize, usize, f64) -> f64| {
+        let mut g = g.clone();
+        g.triplet_iter_mut().for_each(|(row, column, value)| *value = fault(row, column, *value));
+        damping_entries(&system, &state, damping_force(&system, &state), &g, "crooked")
+    };
+    passes(&with(&|_, _, g| g));
+    fails_with(&with(&|_, _, g| -g), "sign flipped");
+    fails_with(&with(&|_, _, g| 2.0 * g), "off by the factor 2.00");
+    fails_with(&with(&|r, c, g| if r / 3 == c / 3 { g } else { 0.0 }), "missing");
+    assert!(!with(&|r, c, g| if (r, c) == (3, 1) { 1.01 * g } else { g }).passed());
+    assert!(!with(&|_, _, g| f64::from(g as f32)).passed());
+    assert!(!with(&|_, _, _| f64::NAN).passed());
+    assert!(!damping_entries(&system, &state, damping_force(&system, &state), &CscMatrix::zeros(3, 3), "").passed());
+    let mut negated = g.clone();
+    negated.values_mut().iter_mut().for_each(|g| *g = -*g);
+    assert!(!damping_dissipates(&system, &Faulty(negated), "crooked").passed());
+    assert!(!damping_dissipates(&system, &Faulty(CscMatrix::zeros(1, 1)), "crooked").passed());
+
+    let force = elastic(&system, &state);
+    let faults: [fn(usize, f64) -> f64; 4] =
+        [|_, f| -f, |_, f| 2.0 * f, |row, f| if row == 4 { 1.0001 * f } else { f }, |_, _| f64::NAN];
+    for fault in faults {
+        let wrong: Vec<f64> = force.iter().enumerate().map(|(row, f)| fault(row, *f)).collect();
+        assert!(!force_against_energy(&system, &state, &wrong, "crooked").passed());
+        assert!(!energy_slope(&system, &state, elastic_energy(&system, &state), &wrong, "crooked").passed());
+    }
+    let mut true_energy = elastic_energy(&system, &state);
+    assert!(!energy_slope(&system, &state, |x| 1.00001 * true_energy(x), &force, "crooked").passed());
+    assert!(!energy_slope(&system, &state, |_| f64::NAN, &force, "crooked").passed());
+    assert!(!force_against_energy(&system, &state, &force[1..], "crooked").passed());
+    assert!(!energy_slope(&system, &state, |_| 0.0, &[], "crooked").passed());
 }

@@ -6,6 +6,7 @@ mod assembled;
 mod check;
 mod claim;
 mod coloring;
+mod consistency;
 mod difference;
 mod dropped;
 mod dual;
@@ -18,6 +19,7 @@ mod verdict;
 pub use check::{Check, Entry, Results, worst};
 pub use claim::Claim;
 pub use coloring::ColumnGroups;
+pub use consistency::{damping_dissipates, damping_entries, energy_slope};
 pub use difference::{spring_blocks, stiffness_entries};
 pub use dropped::dropped_terms;
 pub use dual::{

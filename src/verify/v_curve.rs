@@ -38,11 +38,9 @@ struct Point {
     rounding: f64,
     /// The bound of the error of a middle that is off.
     offset: f64,
-    /// Whether every displacement is resolved by the rounding of x.
-    resolved: bool,
 }
 
-/// Measured errors over h.
+/// Measured errors over h, from large to the smallest that the rounding of x resolves.
 #[derive(Debug, Clone)]
 pub(super) struct VCurve(Vec<Point>);
 
@@ -58,8 +56,9 @@ impl VCurve {
         let error = ForceError::new(system, &extensions);
         let directions: Vec<_> = (0..DIRECTIONS).map(|seed| Direction::new(system, &error, state, seed)).collect();
         let x = reduce(system, &state.positions);
-        let points = EXPONENTS.map(|exponent| {
-            let h = (-f64::from(exponent)).exp2();
+        let resolved_from = directions.iter().map(|direction| direction.resolved_from).fold(0.0, f64::max);
+        let steps = EXPONENTS.map(|exponent| (-f64::from(exponent)).exp2());
+        let points = steps.filter(|&h| h >= resolved_from).map(|h| {
             let of = |d: &Direction| Point { error: d.error(&x, h, &mut force, stiffness), ..d.predict(h) };
             let points: Vec<Point> = directions.iter().map(of).collect();
             let largest = |of: fn(&Point) -> f64| worst(points.iter().map(of));
@@ -70,7 +69,6 @@ impl VCurve {
                 truncation: largest(|point| point.truncation),
                 rounding: largest(|point| point.rounding),
                 offset: largest(|point| point.offset),
-                resolved: points.iter().all(|point| point.resolved),
             }
         });
         Ok(Self(points.collect()))
@@ -101,8 +99,7 @@ impl VCurve {
 
     /// Slope where rounding must dominate: ten times truncation and the middle's error, taking a thirtieth of its bound for it.
     pub fn rounding_slope(&self) -> Option<f64> {
-        let dominates =
-            |p: &&Point| p.resolved && p.rounding <= 3.0 && p.rounding / 30.0 >= 10.0 * worst([p.truncation, p.offset]);
+        let dominates = |p: &&Point| p.rounding <= 3.0 && p.rounding / 30.0 >= 10.0 * worst([p.truncation, p.offset]);
         slope(self.0.iter().filter(dominates), 10)
     }
 
@@ -228,8 +225,7 @@ impl<'a> Direction<'a> {
         });
         let (rounding, offset) = (self.rounding / h, self.offset);
         let allowed = self.largest(&own) + rounding + offset;
-        let resolved = h >= self.resolved_from;
-        Point { h, error: f64::NAN, allowed, truncation: self.leading * h * h, rounding, offset, resolved }
+        Point { h, error: f64::NAN, allowed, truncation: self.leading * h * h, rounding, offset }
     }
 
     fn error(
