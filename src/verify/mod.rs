@@ -10,8 +10,10 @@ mod consistency;
 mod difference;
 mod dropped;
 mod dual;
+mod extrapolation;
 mod force_error;
 mod hard_states;
+mod jacobian;
 mod reduced;
 mod v_curve;
 mod verdict;
@@ -28,5 +30,6 @@ pub use dual::{
 };
 pub use force_error::U;
 pub use hard_states::hard_states;
+pub use jacobian::{JacobianOptions, JacobianReport, check_jacobian};
 pub use reduced::{damping_force, elastic_energy, elastic_force, reduce};
 pub use v_curve::v_curve;

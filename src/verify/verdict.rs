@@ -14,11 +14,12 @@ pub(super) struct WorstEntries {
     /// The largest error as a multiple of what is allowed: NaN if any is, and as long as nothing was compared.
     worst: f64,
     compared: usize,
+    wrong: usize,
 }
 
 impl WorstEntries {
     pub fn new(limit: usize) -> Self {
-        Self { limit, ranked: Vec::new(), worst: f64::NAN, compared: 0 }
+        Self { limit, ranked: Vec::new(), worst: f64::NAN, compared: 0, wrong: 0 }
     }
 
     /// Compares two values. Where what is allowed is not a number or infinite, nothing can be said: that fails.
@@ -56,11 +57,14 @@ impl WorstEntries {
             self.worst = ratio;
         }
         self.compared += 1;
+        self.wrong += if ratio <= 1.0 { 0 } else { 1 };
         let rank = |ratio: f64| if ratio.is_nan() { f64::INFINITY } else { ratio };
         let last = self.ranked.last().map_or(-1.0, |(ratio, _)| rank(*ratio));
         if self.ranked.len() < self.limit || rank(ratio) > last {
             let entry = in_plain_words(Entry::new(row, column, analytic, numeric, allowed));
             let entry = Entry { spring, ..entry };
+            let unsure = !allowed.is_finite() && analytic.is_finite() && numeric.is_finite();
+            let entry = if unsure { entry.with_verdict("cannot be measured") } else { entry };
             let place = self.ranked.partition_point(|(other, _)| rank(*other) >= rank(ratio));
             self.ranked.insert(place, (ratio, entry));
             self.ranked.truncate(self.limit);
@@ -73,6 +77,10 @@ impl WorstEntries {
 
     pub fn compared(&self) -> usize {
         self.compared
+    }
+
+    pub fn wrong(&self) -> usize {
+        self.wrong
     }
 
     /// The entries, worst first; `explain` may know more of those that are wrong.
