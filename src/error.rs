@@ -3,6 +3,7 @@
 //! An [`Error`] always means that nothing was computed. A computation that starts and then breaks down is not an
 //! error but an outcome with a status, see [`StepFailure`](crate::integrate::StepFailure).
 
+use crate::force::DegenerateSpring;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -34,7 +35,7 @@ pub enum Error {
     },
     /// A configuration in which a spring has no direction.
     #[error(transparent)]
-    DegenerateSpring(#[from] crate::force::DegenerateSpring),
+    DegenerateSpring(#[from] DegenerateSpring),
     /// The command's arguments do not fit together or do not fit the scene.
     #[error("{0}")]
     Usage(String),
@@ -46,10 +47,18 @@ impl Error {
         Self::Io { path: path.into(), source }
     }
 
-    /// Names the file in which an invalid value stands; leaves every other error as it is.
+    /// Names the file in which an invalid value or a degenerate spring stands, unless one is named already; leaves
+    /// every other error as it is.
     pub fn in_file(self, path: impl AsRef<Path>) -> Self {
         match self {
-            Self::Invalid(invalid) => Self::Invalid(Invalid { file: Some(path.as_ref().to_path_buf()), ..invalid }),
+            Self::Invalid(invalid) if invalid.file.is_none() => {
+                Self::Invalid(Invalid { file: Some(path.as_ref().to_path_buf()), ..invalid })
+            }
+            Self::DegenerateSpring(DegenerateSpring { spring, pair: [i, j] }) => {
+                let invalid =
+                    Invalid::new("springs.pairs", format!("[{i}, {j}]"), "is a spring of zero current length");
+                Self::Invalid(invalid.at(spring)).in_file(path)
+            }
             other => other,
         }
     }

@@ -1,6 +1,6 @@
 //! Pictures as plain data: what a plot or a scene sketch shows, not how it is drawn.
 //!
-//! Checks, inspections and charts describe their pictures with these types; the report room draws them.
+//! Checks, inspections and charts describe their pictures with these types; [`report`](crate::report) draws them.
 
 mod drawing;
 mod plot;

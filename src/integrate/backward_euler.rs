@@ -153,6 +153,10 @@ impl TimeStepper for BackwardEuler<'_> {
         Some(self.linear.solver())
     }
 
+    fn preconditioner(&self) -> Option<&'static str> {
+        self.linear.preconditioner()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         let system = self.linear.system;
         self.linear.set_extensions(&state.positions)?;

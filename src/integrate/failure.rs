@@ -64,6 +64,20 @@ pub enum Status {
     DegenerateSpring,
 }
 
+impl Status {
+    /// The name used in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Completed => "completed",
+            Self::Interrupted => "interrupted",
+            Self::Indefinite => "indefinite",
+            Self::NotConverged => "not-converged",
+            Self::NonFinite => "non-finite",
+            Self::DegenerateSpring => "degenerate-spring",
+        }
+    }
+}
+
 impl StepFailure {
     /// The status of a run that this failure ends.
     pub fn status(&self) -> Status {

@@ -82,6 +82,10 @@ impl<'s> LinearSystem<'s> {
         self.solver.name()
     }
 
+    pub fn preconditioner(&self) -> Option<&'static str> {
+        self.solver.preconditioner()
+    }
+
     pub fn set_extensions(&mut self, positions: &[Vector3<f64>]) -> Result<(), DegenerateSpring> {
         self.extensions.update(self.system, positions)
     }

@@ -45,6 +45,10 @@ impl TimeStepper for LinearBackwardEuler<'_> {
         Some(self.linear.solver())
     }
 
+    fn preconditioner(&self) -> Option<&'static str> {
+        self.linear.preconditioner()
+    }
+
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         let Self { linear, force, displacement } = self;
         let system = linear.system;

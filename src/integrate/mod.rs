@@ -6,6 +6,7 @@ mod failure;
 mod implicit;
 mod linear_backward_euler;
 mod matrices;
+mod method;
 mod run;
 mod schedule;
 mod statistics;
@@ -16,6 +17,7 @@ pub use failure::{NotSolved, Status, StepFailure};
 pub use implicit::{ImplicitOptions, StiffnessPolicy};
 pub use linear_backward_euler::LinearBackwardEuler;
 pub use matrices::StepMatrices;
+pub use method::Method;
 pub use run::{Outcome, RunFailure, run};
 pub use schedule::Schedule;
 pub use statistics::Statistics;
@@ -29,6 +31,11 @@ pub trait TimeStepper {
 
     /// The linear solver really used; `None` for explicit methods.
     fn solver(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// The preconditioner really used; `None` where there is none to choose.
+    fn preconditioner(&self) -> Option<&'static str> {
         None
     }
 

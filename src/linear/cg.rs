@@ -123,7 +123,9 @@ impl ConjugateGradient {
         preconditioner.apply(r, z);
         p.copy_from_slice(z);
         let mut rz = dot(r, z);
-        while norm(r) > target {
+        // Further down than rounding the recurrence knows nothing of the true residual, and would end in underflow.
+        let floor = target.max(f64::EPSILON * norm(r));
+        while norm(r) > floor {
             if *iterations >= self.iteration_limit {
                 return Some(CgOutcome::IterationLimit);
             }

@@ -17,6 +17,10 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::{Conj, Par, Side, Spec};
 
+/// Operations below which a factorization runs on one thread: there a second one gains nothing (the parallelism is
+/// inside the dense blocks), and handing work over allocates.
+const PARALLEL_FLOPS: f64 = 1e9;
+
 /// A pivot that is not positive (LLᵀ), or is zero or not finite (LDLᵀ).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NonPositivePivot {
@@ -51,6 +55,7 @@ impl Analysis {
         };
         let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, SymmetricOrdering::Amd, params)
             .map_err(|error| Error::Usage(format!("the matrix is too large to factor: {error:?}")))?;
+        let par = if flops(&symbolic) < PARALLEL_FLOPS { Par::Seq } else { par };
         let values = vec![0.0; symbolic.len_val()];
         // One buffer serves numeric factorization of either kind and solves.
         let scratch = symbolic
@@ -62,28 +67,8 @@ impl Analysis {
         Ok(Self { symbolic, values, memory, par })
     }
 
-    /// Columns and rows of every supernode's dense block: a trapezoid whose first `columns` rows are a triangle.
-    fn supernodes(&self) -> impl Iterator<Item = Supernode> + '_ {
-        let symbolic = match self.symbolic.raw() {
-            SymbolicCholeskyRaw::Supernodal(symbolic) => Some(symbolic),
-            SymbolicCholeskyRaw::Simplicial(_) => None,
-        };
-        symbolic.into_iter().flat_map(|symbolic| {
-            (0..symbolic.n_supernodes()).map(move |s| {
-                let first = symbolic.supernode_begin()[s] as usize;
-                let columns = symbolic.supernode_end()[s] as usize - first;
-                let below = symbolic.col_ptr_for_row_idx();
-                let rows = columns + (below[s + 1] - below[s]) as usize;
-                Supernode { first, columns, rows, values: symbolic.col_ptr_for_val()[s] as usize }
-            })
-        })
-    }
-
     fn size(&self) -> FactorSize {
-        // Column c of a block has rows − c entries h; eliminating it takes h² operations (multiply and add counted).
-        let column_flops = |h: usize| (h * h) as f64;
-        let flops = self.supernodes().map(|s| (0..s.columns).map(|c| column_flops(s.rows - c)).sum::<f64>()).sum();
-        FactorSize { entries: self.values.len(), flops }
+        FactorSize { entries: self.values.len(), flops: flops(&self.symbolic) }
     }
 
     /// The row of A that the factorization calls `permuted`.
@@ -94,11 +79,36 @@ impl Analysis {
     }
 }
 
+/// A dense block of L: a trapezoid whose first `columns` rows are a triangle.
 struct Supernode {
+    /// Its first column in L.
     first: usize,
     columns: usize,
     rows: usize,
+    /// Where its values start, by columns.
     values: usize,
+}
+
+fn supernodes(symbolic: &SymbolicCholesky<u32>) -> impl Iterator<Item = Supernode> + '_ {
+    let supernodal = match symbolic.raw() {
+        SymbolicCholeskyRaw::Supernodal(supernodal) => Some(supernodal),
+        SymbolicCholeskyRaw::Simplicial(_) => None,
+    };
+    supernodal.into_iter().flat_map(|supernodal| {
+        (0..supernodal.n_supernodes()).map(move |s| {
+            let first = supernodal.supernode_begin()[s] as usize;
+            let columns = supernodal.supernode_end()[s] as usize - first;
+            let below = supernodal.col_ptr_for_row_idx();
+            let rows = columns + (below[s + 1] - below[s]) as usize;
+            Supernode { first, columns, rows, values: supernodal.col_ptr_for_val()[s] as usize }
+        })
+    })
+}
+
+/// Operations of a numeric factorization. A column of a block that has h entries takes h² (multiply and add counted).
+fn flops(symbolic: &SymbolicCholesky<u32>) -> f64 {
+    let column = |h: usize| (h * h) as f64;
+    supernodes(symbolic).map(|s| (0..s.columns).map(|c| column(s.rows - c)).sum::<f64>()).sum()
 }
 
 /// Sparse Cholesky factorization `A = L Lᵀ`: exists if and only if A is positive definite (to rounding).
@@ -176,7 +186,7 @@ impl Ldlt {
     /// The pivots D of the last factored matrix with the rows of A they belong to, in the order of elimination.
     pub fn pivots(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         let forward = self.0.symbolic.perm().map(|perm| perm.arrays().0);
-        self.0.supernodes().flat_map(move |s| {
+        supernodes(&self.0.symbolic).flat_map(move |s| {
             (0..s.columns).map(move |c| {
                 let permuted = s.first + c;
                 let row = forward.map_or(permuted, |forward| forward[permuted] as usize);

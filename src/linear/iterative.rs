@@ -63,6 +63,10 @@ impl LinearSolver for CgSolver {
         }
     }
 
+    fn preconditioner(&self) -> Option<&'static str> {
+        Some(self.preconditioner.kind().name())
+    }
+
     fn prepare(&mut self, a: &SystemOperator, _work: &mut Work) -> Result<Definiteness, SolveFailure> {
         let update = match &mut self.application {
             Application::MatrixFree => self.preconditioner.update(a),

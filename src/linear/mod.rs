@@ -30,6 +30,11 @@ pub trait LinearSolver {
     /// The solver's name on the command line and in files.
     fn name(&self) -> &'static str;
 
+    /// The preconditioner's name, for a solver that has one.
+    fn preconditioner(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Takes over a matrix: refills and factors it, or sets up the preconditioner. Says what this proved.
     ///
     /// # Errors

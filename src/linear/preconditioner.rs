@@ -15,6 +15,17 @@ pub enum PreconditionerKind {
     BlockJacobi,
 }
 
+impl PreconditionerKind {
+    /// The name used on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Jacobi => "jacobi",
+            Self::BlockJacobi => "block-jacobi",
+        }
+    }
+}
+
 /// A diagonal block that is not positive definite: proof that the whole matrix is not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NotPositiveBlock(pub Dof);
@@ -32,6 +43,11 @@ impl Preconditioner {
     pub fn new(kind: PreconditionerKind, dofs: &DofMap) -> Self {
         let blocks = if kind == PreconditionerKind::None { 0 } else { dofs.particles() };
         Self { kind, dofs: dofs.clone(), inverses: vec![Matrix3::identity(); blocks] }
+    }
+
+    /// Which preconditioner this is.
+    pub fn kind(&self) -> PreconditionerKind {
+        self.kind
     }
 
     /// Recomputes from a matrix, without allocating.

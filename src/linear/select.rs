@@ -21,6 +21,19 @@ pub enum SolverChoice {
     CgAssembled,
 }
 
+impl SolverChoice {
+    /// The name used on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Llt => "llt",
+            Self::Ldlt => "ldlt",
+            Self::Cg => "cg",
+            Self::CgAssembled => "cg-assembled",
+        }
+    }
+}
+
 /// Which linear solver, and how.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SolverOptions {

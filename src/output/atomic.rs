@@ -30,6 +30,9 @@ impl AtomicFile {
             Some(parent) if parent != Path::new("") => parent,
             _ => Path::new("."),
         };
+        if folder.exists() && !folder.is_dir() {
+            return Err(Error::io(folder, io::ErrorKind::NotADirectory.into()));
+        }
         std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
         let file = temporary().tempfile_in(folder).map_err(|source| Error::io(folder, source))?;
         Ok(Self { target, file: BufWriter::with_capacity(1 << 16, file) })

@@ -2,30 +2,27 @@
 
 use super::AtomicFile;
 use crate::error::{Error, Result};
+use crate::force::Energy;
+use serde::Serialize;
 use std::io;
 use std::path::PathBuf;
 
-/// One row of `energy.csv`.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct EnergyRow {
-    /// t, in s.
-    pub time: f64,
-    /// Kinetic energy, in J.
-    pub kinetic: f64,
-    /// Elastic energy, in J.
-    pub elastic: f64,
-    /// Potential energy in the gravitational field, in J; zero at the origin.
-    pub gravitational: f64,
-    /// Sum of the three, in J.
-    pub total: f64,
-}
-
-/// `energy.csv` while a run is under way: header `time,kinetic,elastic,gravitational,total`, one row per recorded
-/// step. The file appears at [`finish`](Self::finish); memory does not grow with the number of rows.
+/// `energy.csv` while a run is under way: header `time,kinetic,elastic,gravitational,total`, one row per recorded step,
+/// time in s and energies in J. The file appears at [`finish`](Self::finish); memory does not grow with the number of
+/// rows.
 #[derive(Debug)]
 pub struct EnergyLog {
     target: PathBuf,
     rows: csv::Writer<AtomicFile>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    time: f64,
+    kinetic: f64,
+    elastic: f64,
+    gravitational: f64,
+    total: f64,
 }
 
 impl EnergyLog {
@@ -39,11 +36,13 @@ impl EnergyLog {
         Ok(Self { target, rows })
     }
 
-    /// Adds a row.
+    /// Adds the row of a time, in s.
     ///
     /// # Errors
     /// [`Error::Io`] when it cannot be written.
-    pub fn push(&mut self, row: &EnergyRow) -> Result<()> {
+    pub fn push(&mut self, time: f64, energy: &Energy) -> Result<()> {
+        let Energy { kinetic, elastic, gravitational } = *energy;
+        let row = Row { time, kinetic, elastic, gravitational, total: energy.total() };
         self.rows.serialize(row).map_err(|error| Error::io(&self.target, io::Error::from(error)))
     }
 

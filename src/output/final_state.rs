@@ -17,7 +17,7 @@ pub fn write_final_state(
     target: impl Into<PathBuf>,
     scene: &str,
     dimension: usize,
-    steps: usize,
+    steps: u64,
     state: &State,
 ) -> Result<()> {
     let rows = |rows| Rows { rows, dimension };
@@ -38,7 +38,7 @@ pub fn write_final_state(
 struct FinalState<'a> {
     scene: &'a str,
     time: f64,
-    steps: usize,
+    steps: u64,
     positions: Rows<'a>,
     velocities: Rows<'a>,
 }

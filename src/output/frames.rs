@@ -10,7 +10,7 @@ use crate::system::{State, System};
 use nalgebra::Vector3;
 use quick_xml::events::{BytesDecl, Event};
 use std::io::{self, Write};
-use std::num::NonZeroUsize;
+use std::num::NonZeroU64;
 use std::path::PathBuf;
 use vtkio::model::{Attribute, Attributes, ByteOrder, DataArray, DataSet, PolyDataPiece, Version, VertexNumbers, Vtk};
 
@@ -18,7 +18,7 @@ use vtkio::model::{Attribute, Attributes, ByteOrder, DataArray, DataSet, PolyDat
 #[derive(Debug)]
 pub struct Frames {
     folder: PathBuf,
-    every: NonZeroUsize,
+    every: NonZeroU64,
     /// Time and file of every frame written.
     series: Vec<(f64, String)>,
     /// Length of the series at which the list is written next.
@@ -27,7 +27,7 @@ pub struct Frames {
 
 impl Frames {
     /// Frames of the steps that `every` divides, in an output folder.
-    pub fn new(folder: impl Into<PathBuf>, every: NonZeroUsize) -> Self {
+    pub fn new(folder: impl Into<PathBuf>, every: NonZeroU64) -> Self {
         Self { folder: folder.into(), every, series: Vec::new(), list_at: 1 }
     }
 
@@ -35,7 +35,7 @@ impl Frames {
     ///
     /// # Errors
     /// [`Error::Io`](crate::Error::Io) when a file cannot be written.
-    pub fn record(&mut self, system: &System, state: &State, step: usize) -> Result<()> {
+    pub fn record(&mut self, system: &System, state: &State, step: u64) -> Result<()> {
         if !step.is_multiple_of(self.every.get()) {
             return Ok(());
         }

@@ -7,9 +7,11 @@ mod energy;
 mod final_state;
 mod frames;
 mod matrix_market;
+mod summary;
 
 pub use atomic::AtomicFile;
-pub use energy::{EnergyLog, EnergyRow};
+pub use energy::EnergyLog;
 pub use final_state::write_final_state;
 pub use frames::{Frames, write_frame};
 pub use matrix_market::{write_dofs, write_symmetric, write_vector};
+pub use summary::{EnergyChange, FailureReport, Summary};

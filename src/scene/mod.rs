@@ -30,6 +30,7 @@ mod build;
 pub mod builtin;
 mod load;
 mod mesh;
+mod read;
 mod row;
 mod schema;
 mod snapshot;

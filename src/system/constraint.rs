@@ -197,8 +197,9 @@ impl Prescribed {
     }
 
     /// Writes the displacement of every prescribed coordinate from `positions` to its place at time t into
-    /// `displacement`, in m, leaving the free entries alone (the notes' *Set-Boundary-Conditions*).
+    /// `displacement`, in m, and zero into every other entry (the notes' *Set-Boundary-Conditions*).
     pub fn displacement(&self, t: f64, positions: &[Vector3<f64>], displacement: &mut [Vector3<f64>]) {
+        displacement.fill(Vector3::zeros());
         for c in &self.coordinates {
             let (particle, axis) = (c.particle as usize, c.axis as usize);
             let target = c.start + self.motions[c.motion as usize].offset(t, axis);

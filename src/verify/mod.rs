@@ -1,6 +1,7 @@
 //! Verification: every number is held to a bound that an analysis gives.
 //!
-//! A [`Check`] is plain data: what was measured, what is allowed and why. Checks know nothing of reports.
+//! A [`Check`] is plain data: what was measured, what is allowed and why. Checks know nothing of
+//! [reports](crate::report).
 
 mod assembled;
 mod check;

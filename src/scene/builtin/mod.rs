@@ -67,7 +67,7 @@ impl Kind {
         match self {
             Self::Chain => 20,
             Self::Cloth => 20,
-            Self::Lattice => 6,
+            Self::Lattice => 8,
             Self::Column => 9,
             Self::Pendulum => 1,
             Self::String => 31,

@@ -1,0 +1,76 @@
+//! Arguments that several commands share.
+
+use super::Stop;
+use sprung::output::AtomicFile;
+use sprung::scene::{Scene, TimeSettings};
+use sprung::{Error, Result, State, System};
+use std::path::{Path, PathBuf};
+
+/// The scene that a command works on.
+#[derive(Debug, clap::Args)]
+pub struct SceneFile {
+    /// The scene: a TOML or JSON file
+    #[arg(value_name = "SCENE")]
+    path: PathBuf,
+}
+
+/// A scene that has been read and checked.
+pub struct LoadedScene {
+    pub file: PathBuf,
+    pub name: String,
+    pub time: TimeSettings,
+    pub system: System,
+    pub state: State,
+}
+
+impl SceneFile {
+    pub fn load(&self) -> Result<LoadedScene> {
+        let scene = Scene::load(&self.path)?;
+        let (system, state) = scene.build()?;
+        Ok(LoadedScene { file: self.path.clone(), name: scene.name, time: scene.time, system, state })
+    }
+}
+
+impl LoadedScene {
+    /// The value of an option, or the scene's own.
+    ///
+    /// # Errors
+    /// When neither is given: says which option or key to give.
+    pub fn or_given<T>(&self, option: Option<T>, key: Option<T>, name: &str) -> Result<T> {
+        option.or(key).ok_or_else(|| {
+            Error::Usage(format!("{}: no {name}: give the option --{name} or the key time.{name}", self.file.display()))
+        })
+    }
+
+    /// The folder for results: the one asked for, or `out/<scene name>`.
+    pub fn folder(&self, asked: &Option<PathBuf>) -> PathBuf {
+        asked.clone().unwrap_or_else(|| PathBuf::from("out").join(&self.name))
+    }
+}
+
+/// Makes sure, before anything is computed, that files of these names can be written in a folder; makes the folder.
+///
+/// # Errors
+/// The first name that cannot be written.
+pub fn check_writable(folder: &Path, names: &[&str]) -> Result<()> {
+    names.iter().try_for_each(|name| AtomicFile::create(folder.join(name)).map(drop))
+}
+
+/// How many threads compute.
+#[derive(Debug, clap::Args)]
+pub struct Threads {
+    /// Threads to compute with; results do not depend on it [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+impl Threads {
+    /// Runs a computation on as many threads as asked for.
+    pub fn install<T: Send>(&self, compute: impl FnOnce() -> Result<T, Stop> + Send) -> Result<T, Stop> {
+        let threads = self.threads.map_or(0, usize::from);
+        match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+            Ok(pool) => pool.install(compute),
+            Err(error) => Err(Error::Usage(format!("--threads: {error}")).into()),
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! `sprung matrix`: the linear system of the first step as Matrix Market files.
+
+use super::common::{LoadedScene, SceneFile, Threads, check_writable};
+use super::console::{Console, error};
+use super::values::{choice, positive};
+use super::{Outcome, Stop};
+use serde::Serialize;
+use sprung::assembly::SymmetricMatrix;
+use sprung::integrate::StepMatrices;
+use sprung::output::{write_dofs, write_symmetric, write_vector};
+use sprung::{Result, Stiffness};
+use std::path::{Path, PathBuf};
+
+/// Write the matrices of the first step as Matrix Market files
+///
+/// Assembles A δx = b of the linearised backward Euler step at the initial state, with A = M/dt² − G/dt − K, over the free
+/// degrees of freedom, ordered by particle, then axis. Writes A.mtx (N/m), M.mtx (kg), G.mtx (N·s/m), K.mtx (N/m) and
+/// b.mtx (N), and dofs.csv, which says for every row its particle and axis, counted from 0. Of the symmetric matrices the
+/// lower triangle is written. G and K are negative semidefinite where nothing is compressed; prescribed motion has been
+/// moved to b.
+#[derive(Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
+pub struct Matrix {
+    #[command(flatten)]
+    scene: SceneFile,
+
+    /// Time step, in seconds [default: the scene's time.dt]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    dt: Option<f64>,
+
+    /// Which part of every spring's stiffness enters K and A
+    #[arg(long, value_name = "OPTION", default_value = "full")]
+    #[arg(value_parser = choice(&Stiffness::ALL, Stiffness::name, describe_stiffness))]
+    stiffness: Stiffness,
+
+    #[command(flatten)]
+    threads: Threads,
+
+    /// Folder for the files, made where it does not exist [default: out/<scene name>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+fn describe_stiffness(option: Stiffness) -> &'static str {
+    match option {
+        Stiffness::Full => "the exact stiffness; A may be indefinite when springs are compressed",
+        Stiffness::Tension => "drop the transverse terms of compressed springs; A is positive definite",
+        Stiffness::Axial => "drop all transverse terms; A is positive definite",
+    }
+}
+
+const FILES: [&str; 6] = ["A.mtx", "M.mtx", "G.mtx", "K.mtx", "b.mtx", "dofs.csv"];
+
+/// The result as JSON.
+#[derive(Serialize)]
+struct Report<'a> {
+    scene: &'a str,
+    dt: f64,
+    stiffness: &'static str,
+    particles: usize,
+    springs: usize,
+    dofs: usize,
+    /// Entries of the lower triangles that are not zero.
+    entries: Entries,
+    out: &'a Path,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "UPPERCASE")]
+struct Entries {
+    a: usize,
+    m: usize,
+    g: usize,
+    k: usize,
+}
+
+impl Matrix {
+    pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
+        let scene = self.scene.load()?;
+        let dt = scene.or_given(self.dt, scene.time.dt, "dt")?;
+        let matrices = self.threads.install(|| {
+            Ok(StepMatrices::assemble(&scene.system, &scene.state, self.stiffness, dt)
+                .map_err(|error| error.in_file(&scene.file))?)
+        })?;
+        if let Some(name) = not_finite(&matrices) {
+            error(format_args!("{name} has entries that are not finite numbers (dt = {dt:?} s)"));
+            return Ok(Outcome::Failed);
+        }
+        let folder = scene.folder(&self.out);
+        check_writable(&folder, &FILES)?;
+        write(&folder, &scene, &matrices, &format!("dt = {dt:?} s, stiffness {}", self.stiffness.name()))
+            .map_err(Stop::Broken)?;
+        self.report(console, &scene, &matrices, dt, &folder)?;
+        Ok(Outcome::Done)
+    }
+
+    fn report(
+        &self,
+        console: &Console,
+        scene: &LoadedScene,
+        matrices: &StepMatrices,
+        dt: f64,
+        folder: &Path,
+    ) -> Result<(), Stop> {
+        let entries = |matrix: &SymmetricMatrix| nonzeros(matrix).count();
+        let report = Report {
+            scene: &scene.name,
+            dt,
+            stiffness: self.stiffness.name(),
+            particles: scene.system.particles(),
+            springs: scene.system.springs().len(),
+            dofs: scene.system.dofs().len(),
+            entries: Entries {
+                a: entries(&matrices.a),
+                m: entries(&matrices.m),
+                g: entries(&matrices.g),
+                k: entries(&matrices.k),
+            },
+            out: folder,
+        };
+        let text = format!(
+            "{}: {} degrees of freedom, {} entries in the lower triangle of A\n\
+             A.mtx, M.mtx, G.mtx, K.mtx, b.mtx and dofs.csv are in {}",
+            report.scene,
+            report.dofs,
+            report.entries.a,
+            folder.display(),
+        );
+        console.result(&report, text)
+    }
+}
+
+/// The name of the first part of the linear system that is not made of finite numbers.
+fn not_finite(matrices: &StepMatrices) -> Option<&'static str> {
+    let StepMatrices { a, m, g, k, b } = matrices;
+    let parts = [("M", m.values()), ("G", g.values()), ("K", k.values()), ("A", a.values()), ("b", b)];
+    parts.into_iter().find(|(_, values)| !values.iter().all(|value| value.is_finite())).map(|(name, _)| name)
+}
+
+/// The entries that a file holds: by the format's definition those that are not zero.
+fn nonzeros(matrix: &SymmetricMatrix) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+    matrix.iter().filter(|&(_, _, value)| value != 0.0)
+}
+
+fn write(folder: &Path, scene: &LoadedScene, matrices: &StepMatrices, how: &str) -> Result<()> {
+    let matrix = |name: &str, meaning: &str, matrix: &SymmetricMatrix| {
+        let comment = format!("{meaning}; {how}\nrows and columns as in dofs.csv");
+        write_symmetric(folder.join(name), &comment, matrix.dofs().len(), nonzeros(matrix).count(), nonzeros(matrix))
+    };
+    matrix("A.mtx", "A = M/dt^2 - G/dt - K, in N/m", &matrices.a)?;
+    matrix("M.mtx", "M, the masses, in kg", &matrices.m)?;
+    matrix("G.mtx", "G = d f_damping/d v, in N s/m", &matrices.g)?;
+    matrix("K.mtx", "K = d f_elastic/d x, in N/m", &matrices.k)?;
+    let comment = format!("b = M v/dt + M gravity + f_elastic - A_fc dx_c, in N; {how}\nrows as in dofs.csv");
+    write_vector(folder.join("b.mtx"), &comment, &matrices.b)?;
+    write_dofs(folder.join("dofs.csv"), scene.system.dofs())
+}

@@ -1,0 +1,165 @@
+//! Which method, stiffness and linear solver: the arguments of commands that simulate.
+
+use super::console::Console;
+use super::values::{choice, fraction};
+use faer::Par;
+use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy, TimeStepper};
+use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions};
+use sprung::{Result, State, Stiffness, System};
+
+/// How to simulate. Options that are not given are `None`, so that those given in vain can be told.
+#[derive(Debug, clap::Args)]
+pub struct MethodArguments {
+    /// Time integration method
+    #[arg(long, default_value = "linear-backward-euler")]
+    #[arg(value_parser = choice(&Method::ALL, Method::name, describe_method))]
+    method: Method,
+
+    /// Which part of every spring's stiffness enters the matrix A; forces are never changed [default: on-demand]
+    #[arg(long, value_name = "OPTION")]
+    #[arg(value_parser = choice(&STIFFNESSES, StiffnessPolicy::name, describe_stiffness))]
+    stiffness: Option<StiffnessPolicy>,
+
+    /// Linear solver [default: auto]
+    #[arg(long, value_parser = choice(&SOLVERS, SolverChoice::name, describe_solver))]
+    solver: Option<SolverChoice>,
+
+    /// Preconditioner of conjugate gradients [default: auto]
+    #[arg(long, value_name = "KIND")]
+    #[arg(value_parser = choice(&PRECONDITIONERS, PreconditionerChoice::name, describe_preconditioner))]
+    preconditioner: Option<PreconditionerChoice>,
+
+    /// Conjugate gradients stop at ‖b − A·δx‖ ≤ R·‖b‖ [default: 1e-10]
+    #[arg(long, value_name = "R", value_parser = fraction)]
+    tolerance: Option<f64>,
+}
+
+fn describe_method(method: Method) -> &'static str {
+    match method {
+        Method::LinearBackwardEuler => "backward Euler with forces linearised: one linear solve a step; first order",
+        Method::BackwardEuler => {
+            "backward Euler, its equations solved by Newton's method with line search; first order"
+        }
+        Method::ForwardEuler => "explicit, for comparison: needs very small steps; first order",
+        Method::SymplecticEuler => "explicit, for comparison: needs small steps; first order",
+    }
+}
+
+const STIFFNESSES: [StiffnessPolicy; 4] = [
+    StiffnessPolicy::OnDemand,
+    StiffnessPolicy::Always(Stiffness::Full),
+    StiffnessPolicy::Always(Stiffness::Tension),
+    StiffnessPolicy::Always(Stiffness::Axial),
+];
+
+fn describe_stiffness(policy: StiffnessPolicy) -> &'static str {
+    match policy {
+        StiffnessPolicy::OnDemand => "full while A is positive definite, tension in the solves where it is not",
+        StiffnessPolicy::Always(Stiffness::Full) => {
+            "the exact stiffness; A may be indefinite when springs are compressed"
+        }
+        StiffnessPolicy::Always(Stiffness::Tension) => "drop the transverse terms of compressed springs",
+        StiffnessPolicy::Always(Stiffness::Axial) => "drop all transverse terms",
+    }
+}
+
+const SOLVERS: [SolverChoice; 5] =
+    [SolverChoice::Auto, SolverChoice::Llt, SolverChoice::Ldlt, SolverChoice::Cg, SolverChoice::CgAssembled];
+
+fn describe_solver(solver: SolverChoice) -> &'static str {
+    match solver {
+        SolverChoice::Auto => "llt or cg, by the size and shape of the system",
+        SolverChoice::Llt => "sparse Cholesky factorization; refuses an indefinite A",
+        SolverChoice::Ldlt => "sparse LDLᵀ factorization; accepts an indefinite A",
+        SolverChoice::Cg => "conjugate gradients without a matrix",
+        SolverChoice::CgAssembled => "conjugate gradients on the assembled A",
+    }
+}
+
+const PRECONDITIONERS: [PreconditionerChoice; 4] = [
+    PreconditionerChoice::Auto,
+    PreconditionerChoice::Kind(PreconditionerKind::None),
+    PreconditionerChoice::Kind(PreconditionerKind::Jacobi),
+    PreconditionerChoice::Kind(PreconditionerKind::BlockJacobi),
+];
+
+fn describe_preconditioner(choice: PreconditionerChoice) -> &'static str {
+    match choice {
+        PreconditionerChoice::Auto => "the one that suits the system",
+        PreconditionerChoice::Kind(PreconditionerKind::None) => "no preconditioner",
+        PreconditionerChoice::Kind(PreconditionerKind::Jacobi) => "the diagonal of A",
+        PreconditionerChoice::Kind(PreconditionerKind::BlockJacobi) => "the 3×3 diagonal block of every particle",
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+enum PreconditionerChoice {
+    Auto,
+    Kind(PreconditionerKind),
+}
+
+impl PreconditionerChoice {
+    fn name(self) -> &'static str {
+        self.kind().map_or("auto", PreconditionerKind::name)
+    }
+
+    fn kind(self) -> Option<PreconditionerKind> {
+        match self {
+            Self::Auto => None,
+            Self::Kind(kind) => Some(kind),
+        }
+    }
+}
+
+/// Degrees of freedom from which splitting a factorization pays: a cloth of about 10⁴ particles.
+const LARGE: usize = 30_000;
+
+/// How a factorization is split. Splitting changes how numbers are rounded, so it depends on the system alone, never on
+/// the number of threads; any number of threads then gives the same bits.
+fn parallelism(system: &System) -> Par {
+    if system.dofs().len() < LARGE { Par::Seq } else { Par::rayon(2) }
+}
+
+impl MethodArguments {
+    /// The stepper asked for. Call inside the pool of threads that is to compute.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `state`; a matrix that is too large.
+    pub fn stepper<'s>(&self, system: &'s System, state: &State) -> Result<Box<dyn TimeStepper + 's>> {
+        let defaults = ImplicitOptions::default();
+        let linear = SolverOptions {
+            solver: self.solver.unwrap_or(defaults.linear.solver),
+            preconditioner: self.preconditioner.and_then(PreconditionerChoice::kind),
+            tolerance: self.tolerance.unwrap_or(defaults.linear.tolerance),
+            par: parallelism(system),
+        };
+        let options = ImplicitOptions { stiffness: self.stiffness.unwrap_or(defaults.stiffness), linear };
+        self.method.stepper(system, state, &options)
+    }
+
+    /// Name of the stiffness policy in effect; `none` for a method without matrices.
+    pub fn stiffness(&self) -> &'static str {
+        match self.method.is_implicit() {
+            true => self.stiffness.unwrap_or(ImplicitOptions::default().stiffness).name(),
+            false => "none",
+        }
+    }
+
+    /// Names the options that the method or the solver asked for does not use.
+    pub fn note_unused(&self, console: &Console) {
+        let given = [
+            ("stiffness", self.stiffness.is_some()),
+            ("solver", self.solver.is_some()),
+            ("preconditioner", self.preconditioner.is_some()),
+            ("tolerance", self.tolerance.is_some()),
+        ];
+        let (with, unused) = match self.solver {
+            _ if !self.method.is_implicit() => (self.method.name(), &given[..]),
+            Some(solver @ (SolverChoice::Llt | SolverChoice::Ldlt)) => (solver.name(), &given[2..]),
+            _ => return,
+        };
+        for (name, _) in unused.iter().filter(|(_, is_given)| *is_given) {
+            console.note(format_args!("--{name} has no effect with {with}"));
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! The command line: arguments, progress and exit statuses. One file per command.
+
+mod common;
+mod console;
+mod interrupt;
+mod matrix;
+mod method;
+mod new;
+mod recorder;
+mod run;
+mod values;
+
+use clap::{Parser, Subcommand};
+use console::Console;
+use sprung::Error;
+use std::process::ExitCode;
+
+/// Implicit mass–spring systems with an explicitly assembled sparse matrix.
+///
+/// A scene is a TOML or JSON file of particles, springs and constraints, in SI units. `sprung new cloth > cloth.toml`
+/// prints one to start from, `sprung run cloth.toml` simulates it.
+///
+/// Exit status: 0 done; 1 the computation ran and failed; 2 unusable input or arguments.
+#[derive(Debug, Parser)]
+#[command(name = "sprung", version, max_term_width = 100)]
+struct Arguments {
+    #[command(flatten)]
+    console: Console,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Run(run::Run),
+    Matrix(matrix::Matrix),
+    New(new::New),
+}
+
+/// How a command ended that could start.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// It did what was asked.
+    Done,
+    /// It computed, and the computation failed.
+    Failed,
+}
+
+/// Why a command could not start or finish.
+#[derive(Debug)]
+pub enum Stop {
+    /// The input or an argument cannot be used; nothing was written.
+    Unusable(Error),
+    /// A result could not be written.
+    Broken(Error),
+}
+
+impl From<Error> for Stop {
+    fn from(error: Error) -> Self {
+        Self::Unusable(error)
+    }
+}
+
+/// Runs the command that the arguments ask for; returns the exit status.
+pub fn main() -> ExitCode {
+    let Arguments { console, command } = Arguments::parse();
+    let outcome = match command {
+        Command::Run(run) => run.execute(&console),
+        Command::Matrix(matrix) => matrix.execute(&console),
+        Command::New(new) => new.execute(&console),
+    };
+    match outcome {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Failed) => ExitCode::from(1),
+        Err(Stop::Broken(error)) => {
+            console::error(error);
+            ExitCode::from(1)
+        }
+        Err(Stop::Unusable(error)) => {
+            console::error(error);
+            ExitCode::from(2)
+        }
+    }
+}

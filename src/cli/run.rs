@@ -1,0 +1,166 @@
+//! `sprung run`: simulate a scene.
+
+use super::common::{LoadedScene, SceneFile, Threads, check_writable};
+use super::console::{Console, error};
+use super::method::MethodArguments;
+use super::recorder::Recorder;
+use super::values::{count, positive, positive_count};
+use super::{Outcome, Stop, interrupt};
+use sprung::Result;
+use sprung::integrate::{Schedule, Status, run};
+use sprung::output::{FailureReport, Summary, write_final_state};
+use std::num::NonZeroU64;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+/// Simulate a scene
+///
+/// Writes summary.json (what was done and how it ended), final.json (positions in m and velocities in m/s at the end) and
+/// energy.csv (energies in J after every step); with --frames also frames for ParaView. Without --steps the run ends
+/// exactly at the duration: the last step is shorter where the time step does not divide it. A run that breaks down
+/// writes its last good state and ends with status 1; so does one that is ended by Ctrl-C, after the current step.
+#[derive(Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
+pub struct Run {
+    #[command(flatten)]
+    scene: SceneFile,
+
+    /// Time step, in seconds [default: the scene's time.dt]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    dt: Option<f64>,
+
+    /// Length of the run, in seconds [default: the scene's time.duration]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    duration: Option<f64>,
+
+    /// Length of the run, in steps; wins over a duration
+    #[arg(long, value_name = "N", value_parser = count)]
+    steps: Option<u64>,
+
+    #[command(flatten)]
+    method: MethodArguments,
+
+    /// Write every Nth step as a VTK file, from the initial state on, and frames.pvd, which opens them as a time series
+    #[arg(long, value_name = "N", value_parser = positive_count)]
+    frames: Option<NonZeroU64>,
+
+    #[command(flatten)]
+    threads: Threads,
+
+    /// Folder for the files, made where it does not exist [default: out/<scene name>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
+
+impl Run {
+    pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
+        let scene = self.scene.load()?;
+        let schedule = self.schedule(&scene)?;
+        self.method.note_unused(console);
+        let summary = self.threads.install(|| self.simulate(console, scene, &schedule))?;
+        if let Some(failure) = &summary.failure {
+            let FailureReport { step, time, message } = failure;
+            error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));
+        }
+        if summary.statistics.indefinite_solves > 0 {
+            let solves = summary.statistics.indefinite_solves;
+            console.note(format_args!("A was indefinite in {solves} solves: the motion may look right and be wrong"));
+        }
+        Ok(if summary.status == Status::Completed { Outcome::Done } else { Outcome::Failed })
+    }
+
+    fn schedule(&self, scene: &LoadedScene) -> Result<Schedule> {
+        let dt = scene.or_given(self.dt, scene.time.dt, "dt")?;
+        match self.steps {
+            Some(steps) => Ok(Schedule::steps(dt, steps)),
+            None => Ok(Schedule::duration(dt, scene.or_given(self.duration, scene.time.duration, "duration")?)),
+        }
+    }
+
+    /// Runs, writes and reports the results.
+    fn simulate(&self, console: &Console, scene: LoadedScene, schedule: &Schedule) -> Result<Summary, Stop> {
+        let folder = scene.folder(&self.out);
+        let LoadedScene { file, name, system, mut state, .. } = scene;
+        let start = Instant::now();
+        let mut stepper = self.method.stepper(&system, &state).map_err(|error| error.in_file(&file))?;
+        let interrupted = interrupt::flag();
+        check_writable(&folder, &FILES)?;
+        let mut recorder = Recorder::start(console, &folder, self.frames, schedule, &system, &state)?;
+
+        let mut unwritten = None;
+        let outcome = run(stepper.as_mut(), &mut state, schedule, |step, state| {
+            unwritten = recorder.record(&system, state, step).err();
+            if unwritten.is_some() || interrupted.load(Ordering::Relaxed) {
+                return ControlFlow::Break(());
+            }
+            ControlFlow::Continue(())
+        });
+        if let Some(error) = unwritten {
+            return Err(Stop::Broken(error));
+        }
+
+        let summary = Summary {
+            scene: name,
+            status: outcome.status(),
+            method: stepper.name(),
+            stiffness: self.method.stiffness(),
+            solver: stepper.solver().unwrap_or("none"),
+            preconditioner: stepper.preconditioner().unwrap_or("none"),
+            dt: schedule.dt(),
+            steps: outcome.steps,
+            time: state.time,
+            particles: system.particles(),
+            springs: system.springs().len(),
+            dofs: system.dofs().len(),
+            wall_seconds: start.elapsed().as_secs_f64(),
+            statistics: *stepper.statistics(),
+            energy: recorder.energy(),
+            failure: outcome.end.as_ref().err().map(FailureReport::from),
+        };
+        let written = recorder
+            .finish()
+            .and_then(|()| {
+                write_final_state(folder.join("final.json"), &summary.scene, system.dimension(), summary.steps, &state)
+            })
+            .and_then(|()| summary.write(folder.join("summary.json")));
+        written.map_err(Stop::Broken)?;
+        console.result(&summary, text(&summary, &folder, self.frames.is_some()))?;
+        Ok(summary)
+    }
+}
+
+/// The summary for people.
+fn text(summary: &Summary, folder: &Path, frames: bool) -> String {
+    let Summary { scene, method, stiffness, solver, steps, time, wall_seconds, energy, statistics, .. } = summary;
+    let Summary { particles, springs, dofs, .. } = summary;
+    let work = &statistics.work;
+    let status = summary.status.name();
+    let mut lines = vec![format!("{scene}: {status} after {steps} steps, at t = {time} s, in {wall_seconds:.3} s")];
+    lines.push(format!("  system    {particles} particles, {springs} springs, {dofs} degrees of freedom"));
+    if *solver == "none" {
+        lines.push(format!("  method    {method}, {} force evaluations", work.force_evaluations));
+    } else {
+        let with =
+            if summary.preconditioner == "none" { String::new() } else { format!(" with {}", summary.preconditioner) };
+        lines.push(format!("  method    {method}, stiffness {stiffness}, solver {solver}{with}"));
+        lines.push(format!(
+            "  work      {} solves, {} factorizations, {} CG iterations, {} Newton iterations",
+            work.solves, work.factorizations, work.cg_iterations, work.newton_iterations,
+        ));
+        lines.push(format!("  residual  at most {:.1e} of the right-hand side", statistics.max_relative_residual));
+    }
+    if statistics.tension_solves > 0 {
+        lines.push(format!(
+            "  dropped   transverse terms of compressed springs in {} solves",
+            statistics.tension_solves
+        ));
+    }
+    lines.push(format!("  energy    {:.6e} J at the start, {:.6e} J at the end", energy.initial, energy.last));
+    let names = if frames { [&FILES[..], &["frames.pvd"]].concat() } else { FILES.to_vec() };
+    lines.push(format!("  files     {} in {}", names.join(", "), folder.display()));
+    lines.join("\n")
+}

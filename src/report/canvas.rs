@@ -1,0 +1,175 @@
+//! A sheet of paper: shapes and text in pixels, written as SVG by plotters.
+//!
+//! Coordinates are whole pixels, so sheets are drawn large and scaled down by the page. Text is set by whoever shows
+//! the picture; only its width is estimated here.
+
+use super::palette::{self, Colour};
+use plotters::coord::Shift;
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+/// Where text stands relative to its point.
+pub(super) use plotters::style::text_anchor::HPos as Align;
+
+/// The width of every picture in pixels; on a page one is scaled to a third or two thirds of that.
+pub(super) const WIDTH: i32 = 800;
+/// Size of text in pixels.
+pub(super) const TEXT: i32 = 25;
+/// Distance of lines of text.
+pub(super) const LINE: i32 = 34;
+
+/// What drawing returns. Writing into memory does not fail; plotters cannot know that.
+pub(super) type Outcome = Result<(), Box<dyn std::error::Error>>;
+/// A point in pixels, from the upper left.
+pub(super) type Point = (i32, i32);
+
+/// Draws a picture with a name for those who cannot see it.
+///
+/// Should drawing fail, the picture says so instead.
+pub(super) fn sheet(name: &str, height: i32, draw: impl FnOnce(&Sheet<'_>) -> Outcome) -> String {
+    let mut svg = String::new();
+    let outcome = {
+        let area = SVGBackend::with_string(&mut svg, (WIDTH as u32, height.max(1) as u32)).into_drawing_area();
+        let sheet = Sheet { area };
+        sheet
+            .rectangle((0, 0), (WIDTH, height), palette::PAPER)
+            .and_then(|()| draw(&sheet))
+            .and_then(|()| sheet.finish())
+    };
+    let label = |text: &str| maud::html! { (text) }.into_string();
+    match outcome {
+        Ok(()) => svg.replacen("<svg ", &format!("<svg role=\"img\" aria-label=\"{}\" ", label(name)), 1),
+        Err(reason) => format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} 60\"><text x=\"8\" y=\"40\">{}</text></svg>",
+            label(&format!("{name} could not be drawn: {reason}"))
+        ),
+    }
+}
+
+/// The sheet being drawn on.
+pub(super) struct Sheet<'a> {
+    area: DrawingArea<SVGBackend<'a>, Shift>,
+}
+
+/// The marker of a point.
+#[derive(Clone, Copy)]
+pub(super) enum Marker {
+    Disc,
+    Square,
+    Triangle,
+    Ring,
+    Cross,
+}
+
+impl Sheet<'_> {
+    /// A line through points.
+    pub fn line(&self, points: Vec<Point>, colour: Colour, width: u32) -> Outcome {
+        Ok(self.area.draw(&PathElement::new(points, rgb(colour).stroke_width(width)))?)
+    }
+
+    /// A dashed line.
+    pub fn dashed(&self, points: Vec<Point>, colour: Colour, width: u32) -> Outcome {
+        let style = rgb(colour).stroke_width(width);
+        Ok(self.area.draw(&DashedPathElement::new(points, 12, 9, style))?)
+    }
+
+    /// A filled rectangle between two corners.
+    pub fn rectangle(&self, a: Point, b: Point, colour: Colour) -> Outcome {
+        Ok(self.area.draw(&Rectangle::new([a, b], rgb(colour).filled()))?)
+    }
+
+    /// A marker.
+    pub fn marker(&self, at: Point, marker: Marker, colour: Colour) -> Outcome {
+        let (x, y) = at;
+        let (filled, outline) = (rgb(colour).filled(), rgb(colour).stroke_width(3));
+        match marker {
+            Marker::Disc => self.area.draw(&Circle::new(at, 6, filled))?,
+            Marker::Square => self.area.draw(&Rectangle::new([(x - 6, y - 6), (x + 6, y + 6)], filled))?,
+            Marker::Triangle => self.area.draw(&Polygon::new([(x - 8, y + 6), (x + 8, y + 6), (x, y - 9)], filled))?,
+            Marker::Ring => self.area.draw(&Circle::new(at, 6, outline))?,
+            Marker::Cross => {
+                self.line(vec![(x - 8, y - 8), (x + 8, y + 8)], colour, 4)?;
+                self.line(vec![(x - 8, y + 8), (x + 8, y - 8)], colour, 4)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Text whose middle line is at the point's height.
+    pub fn text(&self, text: &str, at: Point, align: Align, colour: Colour) -> Outcome {
+        self.draw_text(text, at, align, colour, FontStyle::Normal, FontTransform::None)
+    }
+
+    /// Bold text.
+    pub fn heading(&self, text: &str, at: Point) -> Outcome {
+        self.draw_text(text, at, HPos::Left, palette::INK, FontStyle::Bold, FontTransform::None)
+    }
+
+    /// Text that reads upwards, centred at a point.
+    pub fn upright(&self, text: &str, at: Point, colour: Colour) -> Outcome {
+        self.draw_text(text, at, HPos::Center, colour, FontStyle::Normal, FontTransform::Rotate270)
+    }
+
+    fn draw_text(
+        &self,
+        text: &str,
+        at: Point,
+        align: Align,
+        colour: Colour,
+        style: FontStyle,
+        transform: FontTransform,
+    ) -> Outcome {
+        // plotters divides font sizes by 1.24.
+        let font = FontDesc::new(FontFamily::SansSerif, f64::from(TEXT) * 1.24, style).transform(transform);
+        let colour = rgb(colour);
+        let style = TextStyle::from(font).color(&colour).pos(Pos::new(align, VPos::Center));
+        Ok(self.area.draw(&Text::new(text, at, style))?)
+    }
+
+    fn finish(&self) -> Outcome {
+        Ok(self.area.present()?)
+    }
+}
+
+fn rgb((red, green, blue): Colour) -> RGBColor {
+    RGBColor(red, green, blue)
+}
+
+/// About how wide a text is in pixels, in one of the wider sans-serif fonts.
+pub(super) fn width(text: &str) -> i32 {
+    let em = |c: char| match c {
+        'i' | 'j' | 'l' | '.' | ',' | ':' | ';' | '|' | '!' | '\'' | ' ' | 'f' | 't' | 'r' | '(' | ')' => 0.38,
+        '⁰'..='⁹' | '¹' | '²' | '³' | '⁻' => 0.42,
+        'm' | 'w' | 'M' | 'W' | '→' | '—' | '⅓' | '⅔' | '½' => 0.98,
+        c if c.is_uppercase() || "+−=<>≤≥≈∞×∇".contains(c) => 0.8,
+        _ => 0.63,
+    };
+    (f64::from(TEXT) * text.chars().map(em).sum::<f64>()).ceil() as i32
+}
+
+/// Breaks a text into lines not wider than `limit` pixels, between words where it can.
+pub(super) fn wrap(text: &str, limit: i32) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if width(line) + width(" ") + width(word) <= limit => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.into()),
+        }
+    }
+    lines.iter().map(|line| clip(line, limit)).collect()
+}
+
+/// Cuts a text that is wider than `limit` pixels.
+pub(super) fn clip(text: &str, limit: i32) -> String {
+    let mut clipped = text.to_string();
+    while width(&clipped) > limit && clipped.pop().is_some() {}
+    if clipped.len() < text.len() {
+        clipped.pop();
+        clipped.push('…');
+    }
+    clipped
+}

@@ -1,0 +1,67 @@
+//! Turns results into something to read: HTML with plots and drawings, JSON, JUnit, a table for the terminal.
+//!
+//! Nothing here computes. All output is a function of the data alone: no clock, no host, no random identifiers, so the
+//! same results give the same bytes.
+
+mod canvas;
+mod check_html;
+pub mod drawing;
+mod html;
+mod json;
+mod junit;
+pub mod number;
+pub mod page;
+mod palette;
+pub mod plot;
+mod projection;
+mod ruler;
+mod shares;
+mod text;
+
+pub use html::html;
+pub use json::json;
+pub use junit::junit;
+pub use text::text;
+
+use crate::error::{Error, Result};
+use crate::verify::Results;
+use std::io::{self, Write};
+use std::path::Path;
+use tempfile::NamedTempFile;
+
+/// Writes `report.html`, `report.json` and `junit.xml` into a folder, which is created.
+///
+/// All three are complete before the first takes its name, so an existing report is replaced only by a whole one.
+///
+/// # Errors
+/// [`Error::Io`] with the file or folder that cannot be written.
+pub fn write(folder: impl AsRef<Path>, results: &Results) -> Result<()> {
+    let folder = folder.as_ref();
+    std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
+    let contents = [("report.html", Ok(html(results))), ("report.json", json(results)), ("junit.xml", junit(results))];
+    let mut complete = Vec::new();
+    for (name, content) in contents {
+        let path = folder.join(name);
+        let file =
+            content.and_then(|content| temporary(folder, &content)).map_err(|source| Error::io(&path, source))?;
+        complete.push((path, file));
+    }
+    for (path, file) in complete {
+        file.persist(&path).map_err(|failed| Error::io(&path, failed.error))?;
+    }
+    Ok(())
+}
+
+/// A file without a name yet, in the folder where it will get one.
+fn temporary(folder: &Path, content: &str) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    {
+        // Temporary files are readable by their owner alone; a report is as readable as any other new file.
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    let mut file = builder.prefix(".report-").tempfile_in(folder)?;
+    file.write_all(content.as_bytes())?;
+    Ok(file)
+}

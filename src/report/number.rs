@@ -1,0 +1,107 @@
+//! Numbers for readers: three significant digits, never a NaN in disguise. Files for machines get all digits.
+
+/// `0.0213`, `2.13e-11`, `NaN`: for a terminal.
+pub fn plain(value: f64) -> String {
+    match shape(value) {
+        Shape::Digits(digits) => digits,
+        Shape::Power { mantissa, exponent } => format!("{mantissa}e{exponent}"),
+    }
+}
+
+/// `0.0213`, `2.13 × 10⁻¹¹`, `NaN`: for a page or a picture.
+pub fn pretty(value: f64) -> String {
+    match shape(value) {
+        Shape::Digits(digits) => digits.replace('-', "−"),
+        Shape::Power { mantissa, exponent } => {
+            format!("{} × {}", mantissa.replace('-', "−"), power_of_ten(exponent))
+        }
+    }
+}
+
+/// Two numbers that are compared: with all digits where three could make different numbers look the same.
+pub fn pair(form: fn(f64) -> String, a: f64, b: f64) -> [String; 2] {
+    let close = a != b && (a - b).abs() < 0.005 * a.abs().max(b.abs());
+    [a, b].map(if close { all_digits } else { form })
+}
+
+/// A share of a bound, which shows whether it is above 1.
+pub fn share(form: fn(f64) -> String, value: f64) -> String {
+    if value > 1.0 && value < 1.005 { all_digits(value) } else { form(value) }
+}
+
+fn all_digits(value: f64) -> String {
+    if (1e-3..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
+}
+
+/// `1 check`, `2 checks`.
+pub fn count(n: usize, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
+}
+
+/// `10⁻⁵`.
+pub fn power_of_ten(exponent: i32) -> String {
+    let superscript = |c: char| match c {
+        '-' => '⁻',
+        '0' => '⁰',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        c => c.to_digit(10).and_then(|d| char::from_u32(0x2070 + d)).unwrap_or(c),
+    };
+    format!("10{}", exponent.to_string().chars().map(superscript).collect::<String>())
+}
+
+enum Shape {
+    Digits(String),
+    Power { mantissa: String, exponent: i32 },
+}
+
+fn shape(value: f64) -> Shape {
+    let size = value.abs();
+    let digits = if value.is_nan() {
+        "NaN".into()
+    } else if value.is_infinite() {
+        if value > 0.0 { "∞".into() } else { "-∞".into() }
+    } else if size < 1e6 && value.trunc() == value {
+        format!("{}", value + 0.0)
+    } else if (1e-3..1e4).contains(&size) {
+        let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
+        format!("{value:.decimals$}")
+    } else {
+        let text = format!("{value:.2e}");
+        let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+        return Shape::Power { mantissa: mantissa.into(), exponent: exponent.parse().unwrap_or(0) };
+    };
+    Shape::Digits(digits)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_keep_three_digits() {
+        let cases = [
+            (0.0, "0"),
+            (-0.0, "0"),
+            (12.0, "12"),
+            (0.5, "0.500"),
+            (0.0213, "0.0213"),
+            (-1234.56, "-1235"),
+            (2.134e-11, "2.13e-11"),
+            (6.02e23, "6.02e23"),
+            (f64::NAN, "NaN"),
+            (f64::INFINITY, "∞"),
+        ];
+        for (value, text) in cases {
+            assert_eq!(plain(value), text);
+        }
+        assert_eq!(pretty(-2.134e-11), "−2.13 × 10⁻¹¹");
+    }
+
+    #[test]
+    fn different_numbers_look_different() {
+        assert_eq!(pair(plain, 1.00001e-8, 1e-8), ["1.00001e-8", "1e-8"]);
+        assert_eq!(pair(plain, 2e-8, 1e-8), ["2.00e-8", "1.00e-8"]);
+    }
+}

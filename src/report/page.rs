@@ -1,0 +1,59 @@
+//! The skeleton of every page: head, style, sections, figures. Pages are single files that load nothing.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+/// A whole page. `title` is also its first heading, `lead` the sentence below it.
+pub fn page(title: &str, lead: &str, body: &Markup) -> String {
+    let document = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                // Without this, browsers ask the server for an icon.
+                link rel="icon" href="data:,";
+                style { (PreEscaped(include_str!("page.css"))) }
+            }
+            body {
+                header { h1 { (title) } p.lead { (lead) } }
+                main { (body) }
+                footer { "Written by sprung " (env!("CARGO_PKG_VERSION")) ". This page is one file and loads nothing." }
+            }
+        }
+    };
+    document.into_string()
+}
+
+/// A section that links can point to.
+pub fn section(id: &str, heading: &Markup, body: &Markup) -> Markup {
+    html! { section id=(id) { h2 { (heading) } (body) } }
+}
+
+/// A picture, given as an SVG element, with its caption.
+pub fn figure(svg: String, caption: &Markup) -> Markup {
+    html! { figure { (PreEscaped(svg)) figcaption { (caption) } } }
+}
+
+/// Pictures side by side where the page is wide enough.
+pub fn figures(all: &[Markup]) -> Markup {
+    html! { @if !all.is_empty() { div.figures { @for one in all { (one) } } } }
+}
+
+/// A formula in Unicode; an underscore makes what follows, up to the end of the word, a subscript.
+pub fn formula(text: &str) -> Markup {
+    let mut pieces = text.split('_');
+    let first = pieces.next().unwrap_or_default();
+    let lowered = pieces.map(|piece| piece.split_at(piece.find(|c: char| !c.is_alphanumeric()).unwrap_or(piece.len())));
+    html! { (first) @for (low, rest) in lowered { sub { (low) } (rest) } }
+}
+
+/// A table that scrolls sideways where the page is too narrow for it; `name` says what it holds.
+pub fn scrolling(name: &str, table: &Markup) -> Markup {
+    html! { div.scroll role="region" aria-label=(name) tabindex="0" { (table) } }
+}
+
+/// Something long, folded away behind a line that says what it is. Printing shows it.
+pub fn folded(summary: &str, body: &Markup) -> Markup {
+    html! { details.values { summary { (summary) } (body) } }
+}

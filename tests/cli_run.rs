@@ -1,0 +1,318 @@
+//! `sprung run`: options, files, outcomes.
+
+mod command;
+
+use command::Sandbox;
+use serde_json::{Value, json};
+use sprung::integrate::{ImplicitOptions, Method, Schedule, run};
+use sprung::{Scene, State};
+use std::ops::ControlFlow;
+
+/// A planar triangle that falls and turns; soft, so that every method gets through.
+const TRIANGLE: &str = r#"
+name = "falling triangle"
+gravity = [0.0, -9.81]
+[particles]
+positions = [[0.0, 0.0], [1.1, 0.1], [0.3, 0.9]]
+velocities = [[0.3, 0.0], [0.0, 0.7], [0.0, 0.0]]
+masses = [0.5, 0.7, 1.1]
+[springs]
+pairs = [[0, 1], [1, 2], [2, 0]]
+stiffness = [30.0, 20.0, 25.0]
+rest_lengths = [1.0, 0.9, 0.8]
+damping = 0.1
+[time]
+dt = 0.01
+duration = 0.1
+"#;
+
+fn triangle() -> Sandbox {
+    let sandbox = Sandbox::new();
+    sandbox.put("triangle.toml", TRIANGLE);
+    sandbox
+}
+
+#[test]
+fn writes_the_motion_that_the_library_computes() {
+    let sandbox = triangle();
+    sandbox.sprung(&["run", "triangle.toml"]).ends_with(0);
+
+    let (system, mut state) = Scene::from_toml(TRIANGLE).unwrap().build().unwrap();
+    let mut stepper = Method::LinearBackwardEuler.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+    run(stepper.as_mut(), &mut state, &Schedule::duration(0.01, 0.1), |_, _| ControlFlow::Continue(()));
+    let rows = |rows: &[nalgebra::Vector3<f64>]| rows.iter().map(|row| json!([row.x, row.y])).collect::<Vec<_>>();
+
+    assert_eq!(sandbox.names("out/falling triangle"), ["energy.csv", "final.json", "summary.json"]);
+    let expected = json!({
+        "scene": "falling triangle", "time": 0.1, "steps": 10,
+        "positions": rows(&state.positions), "velocities": rows(&state.velocities),
+    });
+    assert_eq!(sandbox.json("out/falling triangle/final.json"), expected);
+}
+
+#[test]
+fn the_summary_says_what_was_done() {
+    let sandbox = triangle();
+    sandbox.sprung(&["run", "triangle.toml", "--out", "o"]).ends_with(0);
+    let summary = sandbox.json("o/summary.json");
+    let expected = [
+        ("scene", json!("falling triangle")),
+        ("status", json!("completed")),
+        ("method", json!("linear-backward-euler")),
+        ("stiffness", json!("on-demand")),
+        ("solver", json!("llt")),
+        ("dt", json!(0.01)),
+        ("steps", json!(10)),
+        ("time", json!(0.1)),
+        ("particles", json!(3)),
+        ("springs", json!(3)),
+        ("dofs", json!(6)),
+        ("failure", Value::Null),
+    ];
+    for (key, value) in expected {
+        assert_eq!(summary[key], value, "{key}");
+    }
+    let work = json!({
+        "force_evaluations": 10, "assemblies": 10, "symbolic_factorizations": 1, "factorizations": 10, "solves": 10,
+        "cg_iterations": 0, "newton_iterations": 0,
+    });
+    assert_eq!(summary["work"], work);
+    assert!(summary["wall_seconds"].as_f64().unwrap() > 0.0);
+    assert!(summary["max_relative_residual"].as_f64().unwrap() < 1e-12);
+}
+
+#[test]
+fn energies_are_recorded_at_every_step_and_add_up() {
+    let sandbox = triangle();
+    sandbox.sprung(&["run", "triangle.toml", "--out", "o"]).ends_with(0);
+    let rows = sandbox.csv("o/energy.csv");
+    let summary = sandbox.json("o/summary.json");
+
+    assert_eq!(rows.len(), 11);
+    for (step, row) in rows.iter().enumerate() {
+        assert_eq!(row[0], if step == 10 { 0.1 } else { step as f64 * 0.01 });
+        assert_eq!(row[4], row[1] + row[2] + row[3]);
+    }
+    // The initial energies by hand: ½ Σ m v² and −Σ m g·y.
+    approx::assert_relative_eq!(rows[0][1], 0.5 * (0.5 * 0.09 + 0.7 * 0.49), max_relative = 1e-14);
+    approx::assert_relative_eq!(rows[0][3], 9.81 * (0.7 * 0.1 + 1.1 * 0.9), max_relative = 1e-14);
+    assert_eq!(summary["energy"], json!({ "initial": rows[0][4], "final": rows[10][4] }));
+}
+
+#[test]
+fn ends_exactly_at_the_duration() {
+    let sandbox = triangle();
+    let times = |arguments: &[&str]| {
+        sandbox.sprung(&[&["run", "triangle.toml", "--out", "o"], arguments].concat()).ends_with(0);
+        let steps = sandbox.json("o/summary.json")["steps"].as_u64().unwrap();
+        let rows: Vec<f64> = sandbox.csv("o/energy.csv").iter().map(|row| row[0]).collect();
+        assert_eq!(rows.len() as u64, steps + 1);
+        assert_eq!(sandbox.json("o/final.json")["time"], *rows.last().unwrap());
+        rows
+    };
+    // 3 · 0.1 is not 0.3 in binary; 4 · 0.03 is more than 0.1; the scene's duration is 0.1.
+    assert_eq!(times(&["--dt", "0.1", "--duration", "0.3"]), [0.0, 0.1, 0.2, 0.3]);
+    assert_eq!(times(&["--dt", "0.03"]), [0.0, 0.03, 0.06, 0.09, 0.1]);
+    assert_eq!(times(&["--dt", "0.3"]), [0.0, 0.1]);
+    // A number of steps wins over both durations.
+    assert_eq!(times(&["--dt", "0.25", "--steps", "2", "--duration", "9"]), [0.0, 0.25, 0.5]);
+    assert_eq!(times(&["--steps", "0"]), [0.0]);
+}
+
+#[test]
+fn a_shorter_last_step_is_a_real_step() {
+    let sandbox = triangle();
+    sandbox.sprung(&["run", "triangle.toml", "--dt", "0.08", "--out", "o"]).ends_with(0);
+    let (system, mut state) = Scene::from_toml(TRIANGLE).unwrap().build().unwrap();
+    let mut stepper = Method::LinearBackwardEuler.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+    for dt in [0.08, 0.1 - 0.08] {
+        stepper.step(&mut state, dt).unwrap();
+    }
+    let State { positions, .. } = state;
+    let expected: Vec<_> = positions.iter().map(|row| json!([row.x, row.y])).collect();
+    assert_eq!(sandbox.json("o/final.json")["positions"], json!(expected));
+}
+
+#[test]
+fn every_method_stiffness_solver_and_preconditioner_runs_and_is_named() {
+    let sandbox = triangle();
+    let summary = |arguments: &[&str]| {
+        let answer = sandbox.sprung(&[&["run", "triangle.toml", "--json", "--dt", "0.002"], arguments].concat());
+        answer.ends_with(0).json()
+    };
+    for method in ["linear-backward-euler", "backward-euler", "forward-euler", "symplectic-euler"] {
+        let summary = summary(&["--method", method]);
+        assert_eq!(summary["method"], method);
+        let explicit = matches!(method, "forward-euler" | "symplectic-euler");
+        assert_eq!(summary["solver"], if explicit { "none" } else { "llt" });
+        assert_eq!(summary["stiffness"], if explicit { "none" } else { "on-demand" });
+    }
+    for stiffness in ["on-demand", "full", "tension", "axial"] {
+        assert_eq!(summary(&["--stiffness", stiffness])["stiffness"], stiffness);
+    }
+    for solver in ["llt", "ldlt", "cg", "cg-assembled"] {
+        let summary = summary(&["--solver", solver]);
+        assert_eq!(summary["solver"], solver);
+        assert_eq!(summary["preconditioner"], if solver.starts_with("cg") { "block-jacobi" } else { "none" });
+        assert_eq!(summary["work"]["cg_iterations"] != 0, solver.starts_with("cg"));
+    }
+    for preconditioner in ["none", "jacobi", "block-jacobi"] {
+        let summary = summary(&["--solver", "cg", "--preconditioner", preconditioner]);
+        assert_eq!(summary["preconditioner"], preconditioner);
+    }
+}
+
+#[test]
+fn the_tolerance_reaches_conjugate_gradients() {
+    let sandbox = triangle();
+    let residual = |tolerance: &str| {
+        let answer = sandbox.sprung(&["run", "triangle.toml", "--json", "--solver", "cg", "--tolerance", tolerance]);
+        answer.ends_with(0).json()["max_relative_residual"].as_f64().unwrap()
+    };
+    let (loose, tight) = (residual("1e-2"), residual("1e-12"));
+    assert!(1e-12 < loose && loose <= 1e-2, "{loose}");
+    assert!(tight <= 1e-12, "{tight}");
+}
+
+#[test]
+fn json_is_alone_on_stdout_and_quiet_is_silent() {
+    let sandbox = triangle();
+    let answer = sandbox.sprung(&["run", "triangle.toml", "--out", "o", "--json"]).ends_with(0);
+    assert_eq!(answer.json(), sandbox.json("o/summary.json"));
+    assert_eq!(answer.stderr, "");
+
+    let answer = sandbox.sprung(&["run", "triangle.toml", "--quiet"]).ends_with(0);
+    assert_eq!((answer.stdout.as_str(), answer.stderr.as_str()), ("", ""));
+    let answer = sandbox.sprung(&["run", "triangle.toml", "--quiet", "--json"]).ends_with(0);
+    assert_eq!(answer.json()["status"], "completed");
+
+    let answer = sandbox.sprung(&["run", "triangle.toml"]).ends_with(0);
+    for part in ["falling triangle: completed after 10 steps", "solver llt", "6 degrees of freedom"] {
+        assert!(answer.stdout.contains(part), "{part:?} is not in {}", answer.stdout);
+    }
+}
+
+#[test]
+fn options_given_in_vain_are_named() {
+    let sandbox = triangle();
+    let answer = sandbox.sprung(&["run", "triangle.toml", "--method", "symplectic-euler", "--solver", "cg"]);
+    answer.ends_with(0).complains(&["note: --solver has no effect with symplectic-euler"]);
+    let answer = sandbox.sprung(&["run", "triangle.toml", "--solver", "llt", "--tolerance", "1e-3"]);
+    answer.ends_with(0).complains(&["note: --tolerance has no effect with llt"]);
+}
+
+#[test]
+fn frames_are_the_steps_asked_for() {
+    let sandbox = triangle();
+    sandbox.sprung(&["run", "triangle.toml", "--out", "o", "--frames", "4"]).ends_with(0);
+    let names = ["frame_000000.vtp", "frame_000004.vtp", "frame_000008.vtp"];
+    assert_eq!(sandbox.names("o/frames"), names);
+    let series = sandbox.read("o/frames.pvd");
+    for (name, time) in names.iter().zip(["0.0", "0.04", "0.08"]) {
+        let entry = format!(r#"timestep="{time}" part="0" file="frames/{name}""#);
+        assert!(series.contains(&entry), "{entry} is not in {series}");
+    }
+
+    sandbox.sprung(&["run", "triangle.toml", "--out", "without"]).ends_with(0);
+    assert_eq!(sandbox.names("without"), ["energy.csv", "final.json", "summary.json"]);
+}
+
+#[test]
+fn results_do_not_depend_on_the_number_of_threads() {
+    let sandbox = Sandbox::new();
+    let scene = sandbox.sprung(&["new", "cloth", "--size", "12"]).ends_with(0).stdout;
+    sandbox.put("cloth.toml", &scene);
+    for solver in ["llt", "ldlt", "cg", "cg-assembled"] {
+        let states = ["1", "2", "5"].map(|threads| {
+            let arguments = ["run", "cloth.toml", "--steps", "3", "--solver", solver, "--threads", threads];
+            sandbox.sprung(&arguments).ends_with(0);
+            sandbox.read("out/cloth/final.json")
+        });
+        assert!(states.iter().all(|state| *state == states[0]), "{solver}");
+    }
+}
+
+#[test]
+fn nor_do_they_where_the_factorization_is_split() {
+    let sandbox = Sandbox::new();
+    let scene = sandbox.sprung(&["new", "cloth", "--size", "102"]).ends_with(0).stdout;
+    sandbox.put("cloth.toml", &scene);
+    let states = ["1", "3"].map(|threads| {
+        // The first step of a flat cloth rounds alike however it is split; the second does not.
+        let arguments = ["run", "cloth.toml", "--steps", "2", "--solver", "llt", "--threads", threads];
+        sandbox.sprung(&arguments).ends_with(0);
+        sandbox.read("out/cloth/final.json")
+    });
+    assert!(states[0] == states[1]);
+}
+
+#[test]
+fn unusable_arguments_are_refused_before_anything_is_written() {
+    let sandbox = triangle();
+    sandbox.put("timeless.toml", &TRIANGLE[..TRIANGLE.find("[time]").unwrap()]);
+    let cases: [(&[&str], &[&str]); 20] = [
+        (&["run"], &["SCENE"]),
+        (&["run", "missing.toml"], &["missing.toml"]),
+        (&["run", "triangle.toml", "--dt", "0"], &["'0'", "--dt", "positive"]),
+        (&["run", "triangle.toml", "--dt", "-0.1"], &["'-0.1'", "--dt", "positive"]),
+        (&["run", "triangle.toml", "--dt", "nan"], &["'nan'", "--dt"]),
+        (&["run", "triangle.toml", "--dt", "soon"], &["'soon'", "--dt", "not a number"]),
+        (&["run", "triangle.toml", "--duration", "inf"], &["'inf'", "--duration"]),
+        (&["run", "triangle.toml", "--steps", "-1"], &["'-1'", "--steps", "whole number"]),
+        (&["run", "triangle.toml", "--steps", "1.5"], &["'1.5'", "--steps", "whole number"]),
+        (&["run", "triangle.toml", "--frames", "0"], &["'0'", "--frames", "above zero"]),
+        (&["run", "triangle.toml", "--threads", "0"], &["'0'", "--threads"]),
+        (&["run", "triangle.toml", "--tolerance", "1"], &["'1'", "--tolerance", "between 0 and 1"]),
+        (&["run", "triangle.toml", "--method", "rk4"], &["'rk4'", "--method", "linear-backward-euler"]),
+        (&["run", "triangle.toml", "--stiffness", "soft"], &["'soft'", "--stiffness", "on-demand"]),
+        (&["run", "triangle.toml", "--solver", "qr"], &["'qr'", "--solver", "cg-assembled"]),
+        (&["run", "triangle.toml", "--preconditioner", "ilu"], &["'ilu'", "--preconditioner", "block-jacobi"]),
+        (&["run", "triangle.toml", "--out"], &["--out"]),
+        (&["run", "timeless.toml"], &["timeless.toml", "--dt", "time.dt"]),
+        (&["run", "timeless.toml", "--dt", "0.1"], &["timeless.toml", "--duration", "time.duration"]),
+        (&["run", "triangle.toml", "--out", "triangle.toml"], &["triangle.toml", "not a directory"]),
+    ];
+    for (arguments, parts) in cases {
+        let answer = sandbox.sprung(arguments).ends_with(2);
+        answer.complains(parts);
+        assert_eq!(answer.stdout, "", "{arguments:?}");
+        assert_eq!(sandbox.names("."), ["timeless.toml", "triangle.toml"], "{arguments:?}");
+    }
+}
+
+#[test]
+fn a_scene_whose_prescribed_motion_starts_on_another_particle_is_refused() {
+    let sandbox = Sandbox::new();
+    let scene = r#"
+    particles = { positions = [[0], [1]], masses = 1 }
+    springs = { pairs = [[0, 1]], stiffness = 1 }
+    constraints = [{ particles = [1], path = { times = [0], offsets = [[-1]] } }]
+    time = { dt = 0.1, duration = 1 }
+    "#;
+    sandbox.put("on_top.toml", scene);
+    let answer = sandbox.sprung(&["run", "on_top.toml"]).ends_with(2);
+    answer.complains(&["on_top.toml", "springs.pairs[0] = [0, 1]", "zero current length"]);
+}
+
+#[test]
+fn a_run_that_cannot_write_all_of_its_files_does_not_start() {
+    let sandbox = triangle();
+    std::fs::create_dir_all(sandbox.path("o/final.json")).unwrap();
+    sandbox.put("o/summary.json", "old");
+    sandbox.sprung(&["run", "triangle.toml", "--out", "o"]).ends_with(2).complains(&["final.json", "directory"]);
+    assert_eq!(sandbox.names("o"), ["final.json", "summary.json"]);
+    assert_eq!(sandbox.read("o/summary.json"), "old");
+}
+
+#[test]
+fn files_of_an_earlier_run_are_replaced() {
+    let sandbox = triangle();
+    for name in ["summary.json", "final.json", "energy.csv", "notes.txt"] {
+        sandbox.put(&format!("o/{name}"), "old");
+    }
+    sandbox.sprung(&["run", "triangle.toml", "--out", "o"]).ends_with(0);
+    assert_eq!(sandbox.json("o/summary.json")["steps"], 10);
+    assert_eq!(sandbox.json("o/final.json")["steps"], 10);
+    assert_eq!(sandbox.csv("o/energy.csv").len(), 11);
+    assert_eq!(sandbox.read("o/notes.txt"), "old");
+}
