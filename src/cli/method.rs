@@ -11,11 +11,13 @@ use sprung::{Result, State, Stiffness, System};
 #[derive(Debug, clap::Args)]
 pub struct MethodArguments {
     /// Time integration method
-    #[arg(long, default_value = "linear-backward-euler", value_parser = choice(&Method::ALL, Method::name, describe_method))]
+    #[arg(long, default_value = "linear-backward-euler")]
+    #[arg(value_parser = choice(&Method::ALL, Method::name, describe_method))]
     method: Method,
 
     /// Which part of every spring's stiffness enters the matrix A; forces are never changed [default: on-demand]
-    #[arg(long, value_name = "OPTION", value_parser = choice(&STIFFNESSES, StiffnessPolicy::name, describe_stiffness))]
+    #[arg(long, value_name = "OPTION")]
+    #[arg(value_parser = choice(&STIFFNESSES, StiffnessPolicy::name, describe_stiffness))]
     stiffness: Option<StiffnessPolicy>,
 
     /// Linear solver [default: auto]
@@ -23,7 +25,8 @@ pub struct MethodArguments {
     solver: Option<SolverChoice>,
 
     /// Preconditioner of conjugate gradients [default: auto]
-    #[arg(long, value_name = "KIND", value_parser = choice(&PRECONDITIONERS, PreconditionerChoice::name, describe_preconditioner))]
+    #[arg(long, value_name = "KIND")]
+    #[arg(value_parser = choice(&PRECONDITIONERS, PreconditionerChoice::name, describe_preconditioner))]
     preconditioner: Option<PreconditionerChoice>,
 
     /// Conjugate gradients stop at ‖b − A·δx‖ ≤ R·‖b‖ [default: 1e-10]
