@@ -43,7 +43,9 @@ fn angular_momentum_is_kept_by_those_that_promise_it_and_by_no_other() {
         assert!(change(method, full) > 1e-6, "{} keeps angular momentum: the test shows nothing", method.name());
     }
     for policy in policies() {
-        assert!(change(Method::ImplicitMidpoint, policy) < 1e-9);
+        // The torque of residual forces of 1e-10 of about 5 N at 1 m, over 2 s.
+        let change = change(Method::ImplicitMidpoint, policy);
+        assert!(change < 5e-9, "{}: {change:e}", policy.name());
     }
     // Explicit damping acts along springs at their present directions, so symplectic Euler keeps it damped or not.
     assert!(change(Method::SymplecticEuler, full) < 1e-12);
