@@ -15,7 +15,8 @@ use std::ops::ControlFlow;
 #[derive(Debug, clap::Args)]
 pub struct MethodArguments {
     /// Time integration method [default: linear-backward-euler; with --rtol: w2]
-    #[arg(long, value_parser = choice(&Method::ALL, Method::name, describe_method))]
+    #[arg(long)]
+    #[arg(value_parser = choice(&Method::ALL, Method::name, describe_method))]
     method: Option<Method>,
 
     /// Adaptive steps, short enough for a relative error of positions of about R at the end. --dt is then the first step to try
@@ -24,7 +25,8 @@ pub struct MethodArguments {
     rtol: Option<f64>,
 
     /// Which part of every spring's stiffness enters the matrix A; forces are never changed [default: on-demand]
-    #[arg(long, value_name = "OPTION", value_parser = choice(&STIFFNESSES, StiffnessPolicy::name, describe_stiffness))]
+    #[arg(long, value_name = "OPTION")]
+    #[arg(value_parser = choice(&STIFFNESSES, StiffnessPolicy::name, describe_stiffness))]
     stiffness: Option<StiffnessPolicy>,
 
     /// Linear solver [default: auto]
@@ -32,7 +34,8 @@ pub struct MethodArguments {
     solver: Option<SolverChoice>,
 
     /// Preconditioner of conjugate gradients [default: auto]
-    #[arg(long, value_name = "KIND", value_parser = choice(&PRECONDITIONERS, PreconditionerChoice::name, describe_preconditioner))]
+    #[arg(long, value_name = "KIND")]
+    #[arg(value_parser = choice(&PRECONDITIONERS, PreconditionerChoice::name, describe_preconditioner))]
     preconditioner: Option<PreconditionerChoice>,
 
     /// Conjugate gradients stop at ‖b − A·δx‖ ≤ R·‖b‖ [default: 1e-10]
