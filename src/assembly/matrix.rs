@@ -160,6 +160,12 @@ impl SymmetricMatrix {
     }
 }
 
+impl From<&SymmetricMatrix> for CscMatrix<f64> {
+    fn from(matrix: &SymmetricMatrix) -> Self {
+        matrix.to_csc()
+    }
+}
+
 impl LinearOperator for SymmetricMatrix {
     fn order(&self) -> usize {
         self.pattern.order()

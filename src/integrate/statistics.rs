@@ -15,6 +15,8 @@ pub struct Statistics {
     pub softened_solves: u64,
     /// Transverse terms dropped in these solves, all together.
     pub dropped_terms: u64,
+    /// Steps of runs with error control that were tried and not taken.
+    pub rejected_steps: u64,
     /// Accepted solves with an indefinite A (LDLᵀ under the full stiffness): such a step need not be meaningful.
     pub indefinite_solves: u64,
 }

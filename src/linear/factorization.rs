@@ -17,10 +17,6 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::{Conj, Par, Side, Spec};
 
-/// Operations below which a factorization runs on one thread: there a second one gains nothing (the parallelism is
-/// inside the dense blocks), and handing work over allocates.
-const PARALLEL_FLOPS: f64 = 1e9;
-
 /// A pivot that is not positive (LLᵀ), or is zero or not finite (LDLᵀ).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NonPositivePivot {
@@ -55,7 +51,6 @@ impl Analysis {
         };
         let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, SymmetricOrdering::Amd, params)
             .map_err(|error| Error::Usage(format!("the matrix is too large to factor: {error:?}")))?;
-        let par = if flops(&symbolic) < PARALLEL_FLOPS { Par::Seq } else { par };
         let values = vec![0.0; symbolic.len_val()];
         // One buffer serves numeric factorization of any kind and solves.
         let scratch = symbolic
