@@ -18,7 +18,7 @@ use crate::linear::{Ldlt, norm};
 use crate::operator::LinearOperator;
 use crate::work::Work;
 use faer::Par;
-use nalgebra::{DMatrix, SymmetricEigen};
+use nalgebra::{DMatrix, Dyn, SymmetricEigen};
 
 /// An eigenvalue with its unit vector.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,7 +83,7 @@ pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par,
     let mut search = Search { a, factorization: Ldlt::analyse(a.pattern(), par)?, work };
     search.work.symbolic_factorizations += 1;
     let largest = search.largest();
-    let lowest = search.lowest(inertia, wanted.clamp(1, n), largest);
+    let lowest = search.lowest(inertia.negative, wanted.clamp(1, n), largest);
     let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
     let nearest = match () {
         () if inertia.zero > 0 => 0.0,
@@ -93,15 +93,40 @@ pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par,
     Ok(Spectrum { condition: largest.abs().max(smallest.abs()) / nearest, lowest, largest })
 }
 
-/// All eigenpairs of a small matrix.
-fn dense(a: &SymmetricMatrix, inertia: &Inertia) -> Option<Spectrum> {
+/// λ_min alone, in N/m; NaN where A is empty or has entries that are not finite.
+///
+/// # Errors
+/// A matrix that is too large to factor.
+pub fn smallest_eigenvalue(a: &SymmetricMatrix, par: Par, work: &mut Work) -> Result<f64> {
+    let n = a.dofs().len();
+    if n == 0 || !a.norm_inf(&mut vec![0.0; n]).is_finite() {
+        return Ok(f64::NAN);
+    }
+    if n <= LARGEST_DENSE
+        && let Some(eigen) = diagonalise(a)
+    {
+        return Ok(eigen.eigenvalues.min());
+    }
+    let mut search = Search { a, factorization: Ldlt::analyse(a.pattern(), par)?, work };
+    search.work.symbolic_factorizations += 1;
+    let largest = search.largest();
+    Ok(search.lowest(0, 1, largest).first().map_or(f64::NAN, |pair| pair.value))
+}
+
+fn diagonalise(a: &SymmetricMatrix) -> Option<SymmetricEigen<f64, Dyn>> {
     let n = a.dofs().len();
     let mut matrix = DMatrix::zeros(n, n);
     for (row, column, value) in a.iter() {
         matrix[(row, column)] = value;
         matrix[(column, row)] = value;
     }
-    let eigen = SymmetricEigen::try_new(matrix, f64::EPSILON, 100 * n)?;
+    SymmetricEigen::try_new(matrix, f64::EPSILON, 100 * n)
+}
+
+/// All eigenpairs of a small matrix.
+fn dense(a: &SymmetricMatrix, inertia: &Inertia) -> Option<Spectrum> {
+    let n = a.dofs().len();
+    let eigen = diagonalise(a)?;
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
     let pair = |&k: &usize| eigenpair(a, eigen.eigenvalues[k], eigen.eigenvectors.column(k).as_slice().to_vec());
@@ -139,8 +164,9 @@ impl Search<'_> {
     }
 
     /// The lowest pairs, by solves with `A − σ`.
-    fn lowest(&mut self, inertia: &Inertia, wanted: usize, largest: f64) -> Vec<Eigenpair> {
-        let Some(shift) = self.factor_below_spectrum(inertia, largest) else { return Vec::new() };
+    /// As many of them as Sylvester's count says are negative, `negative`, are not missed for being multiple.
+    fn lowest(&mut self, negative: usize, wanted: usize, largest: f64) -> Vec<Eigenpair> {
+        let Some(shift) = self.factor_below_spectrum(largest) else { return Vec::new() };
         let Self { a, factorization, work } = self;
         let mut solve = |x: &[f64], y: &mut [f64]| {
             work.solves += 1;
@@ -149,11 +175,10 @@ impl Search<'_> {
         };
         let mut space = Krylov::new(a.dofs().len(), wanted, &mut solve);
         let mut found = space.iterate(TOLERANCE, &mut solve);
-        // Sylvester's count says how many negative ones there are: look again for copies of multiple eigenvalues.
-        let due = inertia.negative.min(wanted);
-        let negative = |pairs: &[Ritz]| pairs.iter().filter(|pair| shift + 1.0 / pair.value < 0.0).count();
+        let due = negative.min(wanted);
+        let missed = |pairs: &[Ritz]| pairs.iter().filter(|pair| shift + 1.0 / pair.value < 0.0).count() < due;
         for _ in 0..due {
-            if negative(&found) >= due {
+            if !missed(&found) {
                 break;
             }
             space.refresh(&mut solve);
@@ -163,12 +188,10 @@ impl Search<'_> {
     }
 
     /// Factors `A − σ` with a σ below the spectrum, and returns σ.
-    fn factor_below_spectrum(&mut self, inertia: &Inertia, largest: f64) -> Option<f64> {
-        if inertia.is_definite() {
-            self.work.factorizations += 1;
-            if self.factorization.factor(self.a).is_ok() && self.factorization.is_positive() {
-                return Some(0.0);
-            }
+    fn factor_below_spectrum(&mut self, largest: f64) -> Option<f64> {
+        self.work.factorizations += 1;
+        if self.factorization.factor(self.a).is_ok() && self.factorization.is_positive() {
+            return Some(0.0);
         }
         // The lowest eigenvalue of A is what λ_max − A has as its largest, from the other side.
         let mut apply = |x: &[f64], y: &mut [f64]| {
