@@ -1,7 +1,6 @@
 //! Sparsity patterns as SVG.
 
 use super::canvas::{LINE, TEXT, WIDTH, wrap};
-use super::number::count;
 use super::palette::{self, css};
 use crate::figure::Spy;
 use maud::html;
@@ -30,12 +29,9 @@ pub fn svg(spy: &Spy) -> String {
             }
         }
     }
-    let note = format!(
-        "{} of order {}, {:.2} % of the lower triangle",
-        count(spy.entries, "entry").replace("entrys", "entries"),
-        spy.order,
-        100.0 * spy.entries as f64 / (0.5 * spy.order as f64 * (spy.order as f64 + 1.0)).max(1.0)
-    );
+    let positions = 0.5 * spy.order as f64 * (spy.order as f64 + 1.0);
+    let filled = 100.0 * spy.entries as f64 / positions.max(1.0);
+    let note = format!("order {}, {} entries, {filled:.2} % of the lower triangle", spy.order, spy.entries);
     let height = top + SIDE as i32 + 24 + LINE;
     let markup = html! {
         svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(spy.title)
