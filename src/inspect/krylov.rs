@@ -16,8 +16,8 @@ use rand_chacha::rand_core::SeedableRng;
 /// Vectors by which the basis grows at a time: the largest multiplicity that is found at once.
 const BLOCK: usize = 4;
 
-/// Steps after which the search stops without having converged.
-const LONGEST_SEARCH: usize = 1000;
+/// Steps after which a search stops, converged or not.
+pub(super) const LONGEST_SEARCH: usize = 1000;
 
 /// A Ritz pair: an approximate eigenvalue with its unit vector and what bounds its error.
 #[derive(Debug, Clone)]
@@ -55,7 +55,7 @@ impl Krylov {
 
     /// Adds random vectors, making room first.
     pub fn refresh(&mut self, apply: &mut dyn FnMut(&[f64], &mut [f64])) {
-        if self.size + BLOCK > self.basis.ncols() {
+        if self.size > BLOCK && self.size + BLOCK > self.basis.ncols() {
             let (values, vectors) = self.ritz_pairs();
             self.compress(&values, &vectors);
         }
@@ -66,9 +66,9 @@ impl Krylov {
         }
     }
 
-    /// Iterates until the residuals of the wanted pairs are below `tolerance` times the largest |θ|, or the search has become
-    /// too long. Returns the pairs, largest first; their residuals bound their errors.
-    pub fn iterate(&mut self, tolerance: f64, apply: &mut dyn FnMut(&[f64], &mut [f64])) -> Vec<Ritz> {
+    /// Iterates until the residuals of the wanted pairs are below `tolerance` times the largest |θ|, or `longest` steps have
+    /// been taken. Returns the pairs, largest first; their residuals bound their errors.
+    pub fn iterate(&mut self, tolerance: f64, longest: usize, apply: &mut dyn FnMut(&[f64], &mut [f64])) -> Vec<Ritz> {
         let mut step = 0;
         loop {
             let (values, vectors) = self.ritz_pairs();
@@ -84,7 +84,7 @@ impl Krylov {
             let open: Vec<usize> = (0..count).filter(is_open).take(BLOCK).collect();
             step += 1;
             let mut grown = false;
-            if self.size < self.n && step <= LONGEST_SEARCH {
+            if self.size < self.n && step <= longest {
                 if self.size + open.len() > self.basis.ncols() {
                     self.compress(&values, &vectors);
                 }
@@ -139,6 +139,9 @@ impl Krylov {
 
     /// Eigenpairs of `VᵀBV`, largest first.
     fn ritz_pairs(&self) -> (Vec<f64>, DMatrix<f64>) {
+        if self.size == 0 {
+            return (Vec::new(), DMatrix::zeros(0, 0));
+        }
         let projected = self.projected.view((0, 0), (self.size, self.size)).into_owned();
         let Some(eigen) = SymmetricEigen::try_new(projected, f64::EPSILON, 10_000) else {
             return (vec![f64::NAN; self.size], DMatrix::identity(self.size, self.size));

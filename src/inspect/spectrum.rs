@@ -11,7 +11,7 @@
 //! For every pair (λ, x) the residual bounds the error: A has an eigenvalue within `‖Ax − λx‖` of λ.
 
 use super::inertia::Inertia;
-use super::krylov::{Krylov, Ritz};
+use super::krylov::{Krylov, LONGEST_SEARCH, Ritz};
 use crate::assembly::SymmetricMatrix;
 use crate::error::Result;
 use crate::linear::{Ldlt, norm};
@@ -159,7 +159,7 @@ impl Search<'_> {
 
     fn largest(&self) -> f64 {
         let mut apply = |x: &[f64], y: &mut [f64]| self.a.apply(x, y);
-        let pairs = Krylov::new(self.n(), 1, &mut apply).iterate(RESIDUAL, &mut apply);
+        let pairs = Krylov::new(self.n(), 1, &mut apply).iterate(RESIDUAL, LONGEST_SEARCH, &mut apply);
         pairs.first().map_or(f64::NAN, |pair| pair.value)
     }
 
@@ -174,7 +174,7 @@ impl Search<'_> {
             factorization.solve_in_place(y);
         };
         let mut space = Krylov::new(a.dofs().len(), wanted, &mut solve);
-        let mut found = space.iterate(TOLERANCE, &mut solve);
+        let mut found = space.iterate(TOLERANCE, LONGEST_SEARCH, &mut solve);
         let due = negative.min(wanted);
         let missed = |pairs: &[Ritz]| pairs.iter().filter(|pair| shift + 1.0 / pair.value < 0.0).count() < due;
         for _ in 0..due {
@@ -182,7 +182,7 @@ impl Search<'_> {
                 break;
             }
             space.refresh(&mut solve);
-            found = space.iterate(TOLERANCE, &mut solve);
+            found = space.iterate(TOLERANCE, LONGEST_SEARCH, &mut solve);
         }
         found.into_iter().map(|pair| eigenpair(a, shift + 1.0 / pair.value, pair.vector)).collect()
     }
@@ -200,7 +200,7 @@ impl Search<'_> {
                 *y = largest * x - *y;
             }
         };
-        let pairs = Krylov::new(self.n(), 1, &mut apply).iterate(1e-4, &mut apply);
+        let pairs = Krylov::new(self.n(), 1, &mut apply).iterate(1e-4, LONGEST_SEARCH, &mut apply);
         let estimate = pairs.first()?;
         let lowest = largest - estimate.value;
         let mut margin = estimate.residual.max(0.05 * lowest.abs()).max(1e-8 * largest.abs());
@@ -230,7 +230,7 @@ impl Search<'_> {
             factorization.solve_in_place(y);
             factorization.solve_in_place(y);
         };
-        let pairs = Krylov::new(a.dofs().len(), 1, &mut solve).iterate(TOLERANCE, &mut solve);
+        let pairs = Krylov::new(a.dofs().len(), 1, &mut solve).iterate(TOLERANCE, LONGEST_SEARCH, &mut solve);
         pairs.first().map_or(f64::NAN, |pair| pair.value.abs().sqrt().recip())
     }
 }
