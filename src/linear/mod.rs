@@ -16,11 +16,11 @@ mod select;
 
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
 pub use direct::{CholeskySolver, LdltSolver};
-pub use factorization::{Cholesky, FactorSize, Ldlt, NonPositivePivot};
+pub use factorization::{Cholesky, FactorSize, Ldlt, NonPositivePivot, SOLVE_COLUMNS};
 pub use iterative::{Application, CgSolver};
 pub use norms::{backward_error, dot, norm};
 pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
-pub use pivoted::{PivotSigns, PivotedLdlt};
+pub use pivoted::{PivotSigns, PivotedLdlt, Pivoting};
 pub use preconditioner::{NotPositiveBlock, Preconditioner, PreconditionerKind};
 pub use select::{SolverChoice, SolverOptions, select};
 
