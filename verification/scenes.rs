@@ -3,7 +3,7 @@
 use crate::collect::{Collector, slug};
 use libtest_mimic::Trial;
 use sprung::Scene;
-use sprung::verify::{FAMILIES, Subject};
+use sprung::verify::{FAMILIES, Subject, built_in};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -21,16 +21,11 @@ pub fn trials(collector: &mut Collector) -> Vec<Trial> {
     trials
 }
 
-/// Every scene file beside this one, by name.
+/// The scenes that the program carries, and one too large to be carried.
 fn subjects() -> Vec<Subject> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/scenes");
-    let mut files: Vec<_> = folder
-        .read_dir()
-        .expect("the folder of scenes")
-        .map(|entry| entry.expect("an entry of the folder of scenes").path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "toml"))
-        .collect();
-    files.sort();
-    let subject = |file| Subject::of_scene(&Scene::load(file)?);
-    files.iter().map(|file| subject(file).expect("a usable scene")).collect()
+    let bunny = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/scenes/bunny.toml");
+    let bunny = Scene::load(bunny).and_then(|scene| Subject::of_scene(&scene));
+    let mut subjects = built_in().expect("usable scenes");
+    subjects.push(bunny.expect("a usable scene"));
+    subjects
 }

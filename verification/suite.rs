@@ -7,6 +7,7 @@
 //! the verdicts and write their own report.
 
 mod collect;
+mod known;
 mod scenes;
 
 use collect::Collector;
@@ -17,6 +18,7 @@ fn main() {
     let mut collector = Collector::default();
     let mut trials = Vec::new();
     trials.extend(scenes::trials(&mut collector));
+    trials.extend(known::trials(&mut collector));
     let conclusion = libtest_mimic::run(&arguments, trials);
     if !arguments.list && conclusion.num_filtered_out == 0 {
         collector.report();

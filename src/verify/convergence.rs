@@ -5,9 +5,9 @@
 //! short enough to resolve every vibration: stiff scenes show less than the order until they are.
 
 use super::family::Outcome;
-use super::reference::{self, U};
+use super::reference;
 use super::runs::{Way, direct};
-use super::{Check, Claim, Subject};
+use super::{Check, Claim, Subject, U};
 use crate::figure::{Guide, Plot, Series};
 use crate::linear::norm;
 use crate::system::State;

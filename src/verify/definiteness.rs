@@ -1,8 +1,8 @@
 //! What the options promise about definiteness, and whether the factorizations judge it right.
 
 use super::family::Outcome;
-use super::reference::{self, U, dense_step_matrix};
-use super::{Check, Claim, Subject, Unfinished};
+use super::reference::{self, dense_step_matrix};
+use super::{Check, Claim, Subject, U, Unfinished};
 use crate::assembly::SymmetricMatrix;
 use crate::integrate::StepMatrices;
 use crate::linear::{Cholesky, Ldlt};

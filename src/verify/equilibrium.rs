@@ -4,9 +4,9 @@
 //! the method. Given one velocity to all particles and no constraints, all move by `dt v` a step.
 
 use super::family::Outcome;
-use super::reference::{self, U};
+use super::reference;
 use super::runs::{Way, direct};
-use super::{Check, Claim, Subject, Unfinished, worst};
+use super::{Check, Claim, Subject, U, Unfinished, worst};
 use crate::system::State;
 use nalgebra::Vector3;
 

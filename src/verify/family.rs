@@ -2,7 +2,7 @@
 
 use super::{Check, Claim, Results, Subject};
 use super::{
-    convergence, definiteness, equilibrium, momentum, prescribed_motion, refusals, rigid_motion, sameness,
+    convergence, definiteness, derivatives, equilibrium, momentum, prescribed_motion, refusals, rigid_motion, sameness,
     step_equations, work_energy,
 };
 use crate::error::Error;
@@ -51,6 +51,19 @@ impl Family {
 
 /// Every family, in the order of the claims.
 pub const FAMILIES: &[Family] = &[
+    Family { claim: Claim::Jacobian, name: "jacobian", applies: derivatives::applies, measure: derivatives::jacobian },
+    Family {
+        claim: Claim::Jacobian,
+        name: "dropped_terms",
+        applies: derivatives::applies,
+        measure: derivatives::dropped,
+    },
+    Family {
+        claim: Claim::Consistency,
+        name: "derivatives",
+        applies: derivatives::applies,
+        measure: derivatives::consistency,
+    },
     Family {
         claim: Claim::Solvers,
         name: "linear_steps",

@@ -7,9 +7,8 @@
 //! `x' × v' = x × v'`. The transverse terms of the other options turn the parts about.
 
 use super::family::Outcome;
-use super::reference::U;
 use super::runs::{Way, direct};
-use super::{Check, Claim, Subject, Unfinished, reference, worst};
+use super::{Check, Claim, Subject, U, Unfinished, reference, worst};
 use crate::integrate::Method;
 use crate::spring::Stiffness;
 use crate::system::State;

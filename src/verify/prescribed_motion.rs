@@ -4,9 +4,8 @@
 //! worked out here a second time, from the scene's numbers.
 
 use super::family::Outcome;
-use super::reference::U;
 use super::runs::{Way, direct};
-use super::{Check, Claim, Subject, worst};
+use super::{Check, Claim, Subject, U, worst};
 use crate::integrate::Method;
 use crate::system::{Dof, Motion, State};
 

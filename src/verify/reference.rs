@@ -8,9 +8,6 @@ use crate::spring::Stiffness;
 use crate::system::{State, System};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-/// u, the unit of rounding of a double.
-pub(super) const U: f64 = f64::EPSILON / 2.0;
-
 /// One spring at a configuration: its ends, `n`, `l`, and the numbers k, l0, b.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Link {

@@ -8,8 +8,8 @@
 
 use super::definiteness::Factored;
 use super::family::Outcome;
-use super::reference::{self, U, dense_step_matrix, field};
-use super::{Check, Claim, Subject, Unfinished, worst};
+use super::reference::{self, dense_step_matrix, field};
+use super::{Check, Claim, Subject, U, Unfinished, worst};
 use crate::force::{DegenerateSpring, Extensions};
 use crate::integrate::{ImplicitOptions, LinearBackwardEuler, StepFailure, TimeStepper};
 use crate::linear::{

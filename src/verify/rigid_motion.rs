@@ -13,8 +13,7 @@
 //! Prescribed coordinates take part: what they contribute comes through the coupling to the right-hand side.
 
 use super::family::Outcome;
-use super::reference::U;
-use super::{Check, Claim, Entry, Subject, reference, worst};
+use super::{Check, Claim, Entry, Subject, U, reference, worst};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::force::Extensions;
 use crate::operator::{Combination, LinearOperator, SystemOperator};

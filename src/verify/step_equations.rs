@@ -10,9 +10,9 @@
 //! ```
 
 use super::family::Outcome;
-use super::reference::{self, Link, U, damping_product, free, links, stiffness_product};
+use super::reference::{self, Link, damping_product, free, links, stiffness_product};
 use super::runs::{Way, direct};
-use super::{Check, Claim, Subject, worst};
+use super::{Check, Claim, Subject, U, worst};
 use crate::integrate::Method;
 use crate::linear::{SolverChoice, SolverOptions, norm};
 use crate::spring::Stiffness;

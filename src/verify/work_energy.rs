@@ -5,8 +5,8 @@
 //! twentieth: its integrand is analytic far around the interval.
 
 use super::family::Outcome;
-use super::reference::{self, U, field};
-use super::{Check, Claim, Subject};
+use super::reference::{self, field};
+use super::{Check, Claim, Subject, U};
 use crate::force::{Energy, Extensions, add_elastic_force, add_weight};
 use crate::system::State;
 use nalgebra::Vector3;
