@@ -1,6 +1,6 @@
 //! Backward Euler with the nonlinear equations solved to convergence.
 //!
-//! `M (v' − v)/dt = f_el(x') + f_d(x', v') + g` with `x' = x + δx`, `v' = δx/dt`, by [Newton's method](super::newton) in δx.
+//! `M (v' − v)/dt = f_el(x') + f_d(x', v') + g` with `x' = x + δx`, `v' = δx/dt`, by Newton's method in δx.
 
 use super::implicit::ImplicitOptions;
 use super::linear_backward_euler::advance;

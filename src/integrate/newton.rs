@@ -13,9 +13,8 @@
 //! solved by refinement, `A Δ₀ = −r`, `A Δ_{i+1} = D Δ_i`, `Δ = Σ Δ_i`, each a solve with the matrix at hand. The stiffness
 //! option is the filter that keeps A positive definite; with `full` the convergence is quadratic, damped or not.
 //!
-//! **How exactly.** `‖J Δ + r‖ ≤ η ‖r‖` with Eisenstat and Walker's second forcing term (1996), `η = 0.9 (‖r‖/‖r_last‖)²`,
-//! which keeps the convergence quadratic. It is the tolerance of conjugate gradients (in place of the one that the user
-//! sets, which is its floor), and ends the refinement. Before the last iteration η is as large as the remaining decrease.
+//! **How exactly.** `‖J Δ + r‖ ≤ η ‖r‖` with a [`Forcing`] term η that keeps the convergence quadratic. It is the tolerance of
+//! conjugate gradients (in place of the one that the user sets, which is its floor), and ends the refinement.
 //!
 //! **Globalisation.** Without damping r is the gradient of the incremental potential
 //!
@@ -35,6 +34,7 @@
 //! step must be cut below a quarter, or r does not fall to a quarter, the rest of the time step is solved `on-demand`: with the
 //! full stiffness wherever it is definite. All lead to the same solution.
 
+use super::forcing::Forcing;
 use super::implicit::{ImplicitOptions, LinearSystem, StiffnessPolicy};
 use super::{NotSolved, StepFailure};
 use crate::error::Result;
@@ -339,33 +339,6 @@ impl Point {
     fn shortening(&self, from: &Self) -> f64 {
         let zero = from.slope / (from.slope - self.slope);
         if self.slope > 0.0 { zero.clamp(0.1, 0.5) } else { 0.5 }
-    }
-}
-
-/// Eisenstat and Walker's second choice of the forcing term, with their safeguard against falling too fast.
-struct Forcing {
-    floor: f64,
-    last: Option<(f64, f64)>,
-}
-
-impl Forcing {
-    fn new(floor: f64) -> Self {
-        Self { floor, last: None }
-    }
-
-    /// η for a residual norm that is to come down to a target.
-    fn next(&mut self, residual: f64, target: f64) -> f64 {
-        let wanted = match self.last {
-            None => 0.1,
-            Some((last, eta)) => {
-                let safeguard = 0.9 * eta * eta;
-                let wanted = 0.9 * (residual / last).powi(2);
-                if safeguard > 0.1 { wanted.max(safeguard) } else { wanted }
-            }
-        };
-        let eta = wanted.min(0.5).max(0.5 * target / residual).max(self.floor);
-        self.last = Some((residual, eta));
-        eta
     }
 }
 
