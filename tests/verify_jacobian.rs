@@ -260,39 +260,38 @@ fn coincident_ends_fail_with_the_spring_named() {
     assert!(f.iter().all(|f| f.is_nan()));
 }
 
+/// All families of derivatives on one subject.
+fn derivatives(name: &str, system: System, state: State) -> Vec<Check> {
+    let subject = Subject { name: name.to_owned(), system, state, dt: 0.01 };
+    let families = FAMILIES.iter().filter(|f| ["jacobian", "dropped_terms", "derivatives"].contains(&f.name));
+    families.flat_map(|family| family.check(&subject)).collect()
+}
+
 #[test]
 fn a_hundred_thousand_particles_take_seconds() {
     let (system, state) = builtin(Kind::Cloth, 316).unwrap().build().unwrap();
     let start = std::time::Instant::now();
-    for check in jacobian_checks(&system, &state, 0.01, "cloth 316") {
-        report(&check);
-        passes(&check);
-    }
-    println!("Jacobian {:?}", start.elapsed());
-    for check in consistency_checks(&system, &state, 0.01, "cloth 316") {
-        report(&check);
-        passes(&check);
-    }
-    println!("and consistency {:?}", start.elapsed());
-    assert!(start.elapsed().as_secs() < 120);
+    let k = stiffness(&system, &state, Stiffness::Full);
+    println!("assembled and expanded: {:?}", start.elapsed());
+    let check = stiffness_entries(&system, &state, elastic_force(&system, &state), &k, "cloth 316");
+    println!("and compared: {:?}, {}", start.elapsed(), check.why);
+    passes(&check);
+    passes(&stiffness_against_duals(&system, &state, &k, "cloth 316"));
+    println!("and with dual numbers: {:?}", start.elapsed());
+    assert!(start.elapsed().as_secs() < 60);
 }
 
 #[test]
-fn all_checks_of_a_scene_run_together() {
+fn all_families_of_derivatives_pass_on_every_scene() {
     for (scene, system, state) in everything() {
-        let checks = jacobian_checks(&system, &state, 0.01, &scene);
-        assert!(checks.len() >= 9);
-        checks.iter().chain(&consistency_checks(&system, &state, 0.01, &scene)).for_each(passes);
+        let checks = derivatives(&scene, system, state);
+        assert!(checks.len() >= 12, "{scene}");
+        checks.iter().for_each(passes);
     }
-    let mut held = SystemBuilder::new();
-    held.particle([0.0; 3], 1.0);
-    held.hold(0);
-    let (system, state) = held.build().unwrap();
-    assert!(jacobian_checks(&system, &state, 0.01, "").is_empty());
     let (system, mut state) = crooked();
     state.positions[3] = state.positions[1];
-    let failed = jacobian_checks(&system, &state, 0.01, "crooked");
-    assert!(failed.len() == 1 && !failed[0].passed() && failed[0].why.contains("spring 4"));
+    let failed = derivatives("crooked", system, state);
+    assert!(failed.iter().all(|check| !check.passed() && check.why.contains("spring 4")), "{failed:#?}");
 }
 
 fn everything() -> Vec<(String, System, State)> {

@@ -1,9 +1,10 @@
 //! Every solver on one step's system, against each other and against two independent libraries.
 
+use super::Subject;
 use super::check::Check;
 use super::claim::Claim;
 use super::condition::Condition;
-use super::derivatives::unless_rigid;
+use super::family::Outcome;
 use super::force_error::U;
 use super::products::{products_agree, refill_is_fresh};
 use super::residual::{Residual, largest};
@@ -31,39 +32,35 @@ const SPARSE_LIMIT: usize = 2500;
 /// Rows up to which dense matrices are used.
 const DENSE_LIMIT: usize = 400;
 
-/// Products and refill of A at a state, for every option.
+/// Products and refill of A, for every option.
 ///
 /// The refilled matrix held other values before: those of twice the step under another option.
-pub fn assembly_checks(system: &System, state: &State, dt: f64, scene: &str) -> Vec<Check> {
-    let checks = || -> Result<Vec<Check>> {
-        let extensions = Extensions::at(system, &state.positions)?;
-        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
-        let mut checks = Vec::new();
-        for option in Stiffness::ALL {
-            let scene = format!("{scene}, {}", option.name());
-            let before = if option == Stiffness::Full { Stiffness::Axial } else { Stiffness::Full };
-            let before = SystemOperator::new(system, &extensions, before, Combination::step(2.0 * dt));
-            let operator = SystemOperator::new(system, &extensions, option, Combination::step(dt));
-            let mut matrix = SystemMatrix::assemble(pattern.clone(), &before);
-            matrix.refill(&operator);
-            checks.push(products_agree(&operator, matrix.matrix(), &scene));
-            checks.push(refill_is_fresh(&operator, matrix.matrix(), &scene));
-        }
-        Ok(checks)
-    };
-    unless_rigid(system, Claim::Assembly, scene, checks)
+pub(super) fn assembly(subject: &Subject) -> Outcome {
+    let Subject { name, system, state, dt } = subject;
+    let extensions = Extensions::at(system, &state.positions)?;
+    let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+    let mut checks = Vec::new();
+    for option in Stiffness::ALL {
+        let scene = format!("{name}, {}", option.name());
+        let before = if option == Stiffness::Full { Stiffness::Axial } else { Stiffness::Full };
+        let before = SystemOperator::new(system, &extensions, before, Combination::step(2.0 * dt));
+        let operator = SystemOperator::new(system, &extensions, option, Combination::step(*dt));
+        let mut matrix = SystemMatrix::assemble(pattern.clone(), &before);
+        matrix.refill(&operator);
+        checks.push(products_agree(&operator, matrix.matrix(), &scene));
+        checks.push(refill_is_fresh(&operator, matrix.matrix(), &scene));
+    }
+    Ok(checks)
 }
 
-/// All solvers on the system of one step from a state.
+/// All solvers on the system of one step.
 ///
 /// Under `Full` if that is definite, else under `Tension`. Backward errors of both factorizations, the residuals of
 /// conjugate gradients matrix-free and assembled, their agreement within what the condition allows, and on small scenes
 /// that with nalgebra-sparse's Cholesky and a dense one, and the condition estimate itself.
-pub fn solver_checks(system: &System, state: &State, dt: f64, scene: &str) -> Vec<Check> {
-    unless_rigid(system, Claim::Solvers, scene, || run(system, state, dt, scene))
-}
-
-fn run(system: &System, state: &State, dt: f64, name: &str) -> Result<Vec<Check>> {
+pub(super) fn solvers(subject: &Subject) -> Outcome {
+    let Subject { name, system, state, dt } = subject;
+    let dt = *dt;
     let extensions = Extensions::at(system, &state.positions)?;
     let (option, matrix, b, mut factor) = definite(system, state, dt)?;
     let operator = SystemOperator::new(system, &extensions, option, Combination::step(dt));
