@@ -115,8 +115,8 @@ impl Krylov {
             }
         }
         let after = crate::linear::norm(&vector);
-        // What is left of a dependent vector is rounding; a NaN fails this test too.
-        if !(after > 1e-12 * before) {
+        // What is left of a dependent vector is rounding.
+        if after.is_nan() || after <= 1e-12 * before {
             return false;
         }
         for (target, v) in self.basis.column_mut(self.size).as_mut_slice().iter_mut().zip(&vector) {

@@ -3,7 +3,7 @@
 use super::{Check, Claim, Results, Subject};
 use super::{
     convergence, definiteness, derivatives, equilibrium, momentum, prescribed_motion, refusals, rigid_motion, sameness,
-    step_equations, work_energy,
+    solvers, step_equations, work_energy,
 };
 use crate::error::Error;
 use crate::force::DegenerateSpring;
@@ -64,6 +64,8 @@ pub const FAMILIES: &[Family] = &[
         applies: derivatives::applies,
         measure: derivatives::consistency,
     },
+    Family { claim: Claim::Assembly, name: "assembly", applies: step_equations::can_move, measure: solvers::assembly },
+    Family { claim: Claim::Solvers, name: "solvers", applies: step_equations::can_move, measure: solvers::solvers },
     Family {
         claim: Claim::Solvers,
         name: "linear_steps",
