@@ -7,7 +7,7 @@ use sprung::operator::LinearOperator;
 use sprung::scene::{Kind, builtin};
 use sprung::spring::Extension;
 use sprung::verify::*;
-use sprung::{Spring, State, Stiffness, System, SystemBuilder};
+use sprung::{Scene, Spring, State, Stiffness, System, SystemBuilder};
 
 /// Five particles, one held, nothing equal, no rest length 1; some springs stretched, some compressed.
 fn crooked() -> (System, State) {
@@ -264,14 +264,35 @@ fn coincident_ends_fail_with_the_spring_named() {
 fn a_hundred_thousand_particles_take_seconds() {
     let (system, state) = builtin(Kind::Cloth, 316).unwrap().build().unwrap();
     let start = std::time::Instant::now();
-    let k = stiffness(&system, &state, Stiffness::Full);
-    let assembled = start.elapsed();
-    let check = stiffness_entries(&system, &state, elastic_force(&system, &state), &k, "cloth 316");
-    println!("assembled {assembled:?}, differences {:?}: {} {}", start.elapsed(), check.value, check.why);
-    passes(&check);
-    passes(&stiffness_against_duals(&system, &state, &k, "cloth 316"));
-    println!("duals {:?}", start.elapsed());
-    assert!(start.elapsed().as_secs() < 60);
+    for check in jacobian_checks(&system, &state, 0.01, "cloth 316") {
+        report(&check);
+        passes(&check);
+    }
+    println!("Jacobian {:?}", start.elapsed());
+    for check in consistency_checks(&system, &state, 0.01, "cloth 316") {
+        report(&check);
+        passes(&check);
+    }
+    println!("and consistency {:?}", start.elapsed());
+    assert!(start.elapsed().as_secs() < 120);
+}
+
+#[test]
+fn all_checks_of_a_scene_run_together() {
+    for (scene, system, state) in everything() {
+        let checks = jacobian_checks(&system, &state, 0.01, &scene);
+        assert!(checks.len() >= 9);
+        checks.iter().chain(&consistency_checks(&system, &state, 0.01, &scene)).for_each(passes);
+    }
+    let mut held = SystemBuilder::new();
+    held.particle([0.0; 3], 1.0);
+    held.hold(0);
+    let (system, state) = held.build().unwrap();
+    assert!(jacobian_checks(&system, &state, 0.01, "").is_empty());
+    let (system, mut state) = crooked();
+    state.positions[3] = state.positions[1];
+    let failed = jacobian_checks(&system, &state, 0.01, "crooked");
+    assert!(failed.len() == 1 && !failed[0].passed() && failed[0].why.contains("spring 4"));
 }
 
 fn everything() -> Vec<(String, System, State)> {
@@ -280,8 +301,15 @@ fn everything() -> Vec<(String, System, State)> {
         let (system, state) = builtin(kind, kind.default_size()).unwrap().build().unwrap();
         (kind.name().to_owned(), system, state)
     });
+    let mut files: Vec<_> =
+        std::fs::read_dir("verification/scenes").unwrap().map(|file| file.unwrap().path()).collect();
+    files.sort();
+    let files = files.into_iter().filter(|file| file.extension().is_some_and(|end| end == "toml")).map(|file| {
+        let (system, state) = Scene::load(&file).unwrap().build().unwrap();
+        (file.file_stem().unwrap().to_string_lossy().into_owned(), system, state)
+    });
     let (system, state) = crooked();
-    hard.chain(ready).chain([("crooked".to_owned(), system, state)]).collect()
+    hard.chain(files).chain(ready).chain([("crooked".to_owned(), system, state)]).collect()
 }
 
 fn elastic(system: &System, state: &State) -> Vec<f64> {

@@ -2,8 +2,8 @@
 
 use super::{Check, Claim, Results, Subject};
 use super::{
-    convergence, definiteness, derivatives, equilibrium, momentum, prescribed_motion, refusals, rigid_motion, sameness,
-    step_equations, work_energy,
+    assembly_checks, consistency_checks, convergence, definiteness, equilibrium, jacobian_checks, momentum,
+    prescribed_motion, refusals, rigid_motion, sameness, solver_checks, step_equations, work_energy,
 };
 use crate::error::Error;
 use crate::force::DegenerateSpring;
@@ -51,10 +51,11 @@ impl Family {
 
 /// Every family, in the order of the claims.
 pub const FAMILIES: &[Family] = &[
-    family(Claim::Jacobian, "jacobian", derivatives::applies, derivatives::jacobian),
-    family(Claim::Jacobian, "dropped_terms", derivatives::applies, derivatives::dropped),
-    family(Claim::Consistency, "derivatives", derivatives::applies, derivatives::consistency),
+    family(Claim::Jacobian, "jacobian", pulls, |s| Ok(jacobian_checks(&s.system, &s.state, s.dt, &s.name))),
+    family(Claim::Consistency, "derivatives", pulls, |s| Ok(consistency_checks(&s.system, &s.state, s.dt, &s.name))),
     family(Claim::Consistency, "work_energy", has_springs, work_energy::measure),
+    family(Claim::Assembly, "assembly", pulls, |s| Ok(assembly_checks(&s.system, &s.state, s.dt, &s.name))),
+    family(Claim::Solvers, "solvers", can_move, |s| Ok(solver_checks(&s.system, &s.state, s.dt, &s.name))),
     family(Claim::Solvers, "linear_steps", can_move, step_equations::linear),
     family(Claim::Solvers, "other_steps", can_move, step_equations::others),
     family(Claim::Solvers, "repeated", always, sameness::repeated),
@@ -99,4 +100,8 @@ fn always(_: &Subject) -> bool {
 
 fn can_move(subject: &Subject) -> bool {
     !subject.system.dofs().is_empty()
+}
+
+fn pulls(subject: &Subject) -> bool {
+    !subject.system.active_springs().is_empty()
 }
