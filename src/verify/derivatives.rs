@@ -16,11 +16,6 @@ use nalgebra::Matrix3;
 /// Free coordinates up to which every column is also measured on its own, trusting no pattern.
 const ONE_BY_ONE_LIMIT: usize = 120;
 
-/// Where springs act on free coordinates.
-pub(super) fn applies(subject: &Subject) -> bool {
-    !subject.system.active_springs().is_empty()
-}
-
 /// K under the full stiffness along random directions, entry by entry, and spring by spring.
 pub(super) fn jacobian(subject: &Subject) -> Outcome {
     let Subject { name, system, state, dt } = subject;
