@@ -127,7 +127,7 @@ const LARGE: usize = 30_000;
 
 /// How a factorization is split. Splitting changes how numbers are rounded, so it depends on the system alone, never on
 /// the number of threads; any number of threads then gives the same bits.
-fn parallelism(system: &System) -> Par {
+pub fn parallelism(system: &System) -> Par {
     if system.dofs().len() < LARGE { Par::Seq } else { Par::rayon(2) }
 }
 
@@ -199,6 +199,15 @@ impl MethodArguments {
             true => self.stiffness.unwrap_or(ImplicitOptions::default().stiffness).name(),
             false => "none",
         }
+    }
+
+    /// The option of the matrices that a failed solve was given, and the dt of the first one of a step.
+    pub fn failed_matrix(&self, step: f64) -> (Stiffness, f64) {
+        let option = match self.stiffness.unwrap_or(ImplicitOptions::default().stiffness) {
+            StiffnessPolicy::Always(option) => option,
+            StiffnessPolicy::OnDemand => Stiffness::Full,
+        };
+        (option, self.method().matrix_dt(step))
     }
 
     /// Names the options that the method or the solver asked for does not use.

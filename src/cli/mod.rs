@@ -2,6 +2,8 @@
 
 mod common;
 mod console;
+mod failure;
+mod inspect;
 mod interrupt;
 mod matrix;
 mod method;
@@ -35,6 +37,7 @@ struct Arguments {
 enum Command {
     Run(run::Run),
     Matrix(matrix::Matrix),
+    Inspect(inspect::Inspect),
     Verify(verify::Verify),
     New(new::New),
 }
@@ -69,6 +72,7 @@ pub fn main() -> ExitCode {
     let outcome = match command {
         Command::Run(run) => run.execute(&console),
         Command::Matrix(matrix) => matrix.execute(&console),
+        Command::Inspect(inspect) => inspect.execute(&console),
         Command::Verify(verify) => verify.execute(&console),
         Command::New(new) => new.execute(&console),
     };

@@ -2,6 +2,7 @@
 
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
+use super::failure::Failed;
 use super::method::MethodArguments;
 use super::recorder::Recorder;
 use super::values::{count, positive, positive_count};
@@ -62,10 +63,6 @@ impl Run {
         let schedule = self.schedule(&scene)?;
         self.method.note_unused(console);
         let summary = self.threads.install(|| self.simulate(console, scene, &schedule))?;
-        if let Some(failure) = &summary.failure {
-            let FailureReport { step, time, message } = failure;
-            error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));
-        }
         if summary.statistics.indefinite_solves > 0 {
             let solves = summary.statistics.indefinite_solves;
             console.note(format_args!("A was indefinite in {solves} solves: the motion may look right and be wrong"));
@@ -130,6 +127,15 @@ impl Run {
             .and_then(|()| summary.write(folder.join("summary.json")));
         written.map_err(Stop::Broken)?;
         console.result(&summary, text(&summary, &folder, self.frames.is_some()))?;
+        if let Some(FailureReport { step, time, message }) = &summary.failure {
+            error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));
+        }
+        if summary.status == Status::Indefinite {
+            let step = schedule.step(summary.steps).unwrap_or(schedule.dt());
+            let (option, matrix_dt) = self.method.failed_matrix(step);
+            let failed = Failed { scene: &summary.scene, system: &system, state: &state, steps: summary.steps, step };
+            failed.explain(console, option, matrix_dt, &folder.join("failure")).map_err(Stop::Broken)?;
+        }
         Ok(summary)
     }
 }

@@ -207,6 +207,18 @@ impl Ldlt {
         })
     }
 
+    /// Rows and columns of the stored entries of L below its diagonal, the zeros inside supernodes included, numbered in the order of
+    /// elimination.
+    pub fn pattern(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        supernodes(&self.0.symbolic).flat_map(|s| {
+            (0..s.columns).flat_map(move |c| {
+                let triangle = c + 1..s.columns;
+                let rows = triangle.map(move |r| s.first + r).chain(s.below.iter().map(|&row| row as usize));
+                rows.map(move |row| (row, s.first + c))
+            })
+        })
+    }
+
     /// Whether all pivots of the last factored matrix are positive. `L√D` is then its Cholesky factor: the matrix is
     /// positive definite, to rounding.
     pub fn is_positive(&self) -> bool {

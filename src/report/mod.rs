@@ -7,6 +7,7 @@ mod canvas;
 mod check_html;
 pub mod drawing;
 mod html;
+pub mod inspection;
 mod json;
 mod junit;
 pub mod number;
@@ -16,6 +17,7 @@ pub mod plot;
 mod projection;
 mod ruler;
 mod shares;
+pub mod spy;
 mod text;
 
 pub use html::html;
