@@ -1,5 +1,7 @@
 //! Matrices known by their products: the linear operator that conjugate gradients needs, and the system's own.
 
+mod prefetch;
+mod stream;
 mod system_operator;
 
 pub use system_operator::{Combination, SystemOperator};
