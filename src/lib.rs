@@ -36,6 +36,7 @@ pub mod figure;
 pub mod force;
 pub mod integrate;
 pub mod linear;
+pub mod multigrid;
 pub mod operator;
 pub mod output;
 pub mod report;
