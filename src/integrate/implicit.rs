@@ -87,6 +87,7 @@ impl<'s> LinearSystem<'s> {
     }
 
     pub fn set_extensions(&mut self, positions: &[Vector3<f64>]) -> Result<(), DegenerateSpring> {
+        self.solver.place(positions);
         self.extensions.update(self.system, positions)
     }
 

@@ -77,7 +77,7 @@ impl ConjugateGradient {
     pub fn solve(
         &mut self,
         a: &impl LinearOperator,
-        preconditioner: &Preconditioner,
+        preconditioner: &mut Preconditioner,
         b: &[f64],
         x: &mut [f64],
     ) -> CgReport {
@@ -114,7 +114,7 @@ impl ConjugateGradient {
     fn iterate(
         &mut self,
         a: &impl LinearOperator,
-        preconditioner: &Preconditioner,
+        preconditioner: &mut Preconditioner,
         x: &mut [f64],
         target: f64,
         iterations: &mut u64,
