@@ -83,6 +83,12 @@ impl BlockPattern {
         Some(BlockSlot { row, column, offset: below[at].1, transposed: i < j })
     }
 
+    /// Number of values in the columns of the particles before this one.
+    #[inline]
+    pub(super) fn values_before(&self, particle: usize) -> usize {
+        self.symbolic.col_ptr()[self.dofs.first_row(particle)] as usize
+    }
+
     /// Positions of the values in column `local` of a particle.
     #[inline]
     pub(super) fn column(&self, particle: usize, local: usize) -> Range<usize> {

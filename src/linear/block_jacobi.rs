@@ -2,7 +2,11 @@
 
 use crate::operator::BlockDiagonal;
 use crate::system::{Dof, DofMap};
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
+use std::ops::Range;
+
+/// Particles that one thread treats at a stretch.
+const STRETCH: usize = 4096;
 
 /// Which part of the diagonal blocks is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -58,10 +62,32 @@ impl BlockJacobi {
 
     /// `z = P⁻¹ r`, reduced vectors.
     pub fn apply(&self, r: &[f64], z: &mut [f64]) {
-        z.fill(0.0);
-        for (particle, inverse) in self.inverses.iter().enumerate() {
-            let v = inverse * self.dofs.get(r, particle);
-            self.dofs.add(z, particle, &v);
+        self.apply_to(0..self.inverses.len(), r, z);
+    }
+
+    /// The rows of some particles, which are what `r` and `z` hold.
+    fn apply_to(&self, particles: Range<usize>, r: &[f64], z: &mut [f64]) {
+        let first = self.dofs.first_row(particles.start);
+        if particles.len() > STRETCH {
+            let middle = particles.start + particles.len() / 2;
+            let at = self.dofs.first_row(middle) - first;
+            let ((r0, r1), (z0, z1)) = (r.split_at(at), z.split_at_mut(at));
+            let Range { start, end } = particles;
+            rayon::join(|| self.apply_to(start..middle, r0, z0), || self.apply_to(middle..end, r1, z1));
+            return;
+        }
+        for (inverse, particle) in self.inverses[particles.clone()].iter().zip(particles) {
+            let rows = self.dofs.rows(particle);
+            let rows = rows.start - first..rows.end - first;
+            let (r, z) = (&r[rows.clone()], &mut z[rows]);
+            if let (&[rx, ry, rz], [x, y, z]) = (r, &mut *z) {
+                [*x, *y, *z] = (inverse * Vector3::new(rx, ry, rz)).into();
+            } else {
+                let free = self.dofs.free_axes(particle);
+                for (z, row) in z.iter_mut().zip(free.iter()) {
+                    *z = r.iter().zip(free.iter()).map(|(r, column)| inverse[(row, column)] * r).sum();
+                }
+            }
         }
     }
 }

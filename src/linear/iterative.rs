@@ -101,7 +101,11 @@ impl LinearSolver for CgSolver {
     ) -> Result<Solution, SolveFailure> {
         work.solves += 1;
         let digits = -self.method.tolerance.log10();
-        let patience = if let Preconditioner::Multigrid(multigrid) = &self.preconditioner { multigrid.patience(digits) } else { None };
+        let patience = if let Preconditioner::Multigrid(multigrid) = &self.preconditioner {
+            multigrid.patience(digits)
+        } else {
+            None
+        };
         let limit = self.method.iteration_limit;
         if let Some(patience) = patience {
             self.method.iteration_limit = limit.min(patience);

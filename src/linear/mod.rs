@@ -14,6 +14,7 @@ mod outcome;
 mod preconditioner;
 mod reuse;
 mod select;
+mod vector;
 
 pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};

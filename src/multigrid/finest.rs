@@ -45,7 +45,8 @@ impl<const D: usize, const M: usize> Finest<D, M> {
     /// More blocks than 32-bit indices can count.
     pub fn new(system: &System) -> Result<Self> {
         let dofs = system.dofs();
-        let movable: Vec<u32> = (0..system.particles()).filter(|&p| dofs.free_axes(p) != Axes::NONE).map(|p| p as u32).collect();
+        let movable: Vec<u32> =
+            (0..system.particles()).filter(|&p| dofs.free_axes(p) != Axes::NONE).map(|p| p as u32).collect();
         let given = springs(system, &movable);
         let order = order(&given.graph);
         let particles: Vec<u32> = order.iter().map(|&node| movable[node as usize]).collect();
@@ -58,10 +59,12 @@ impl<const D: usize, const M: usize> Finest<D, M> {
             let position = pattern.position(node, other).map_or(NOWHERE, |position| position as u32);
             End { spring, position: if other as usize == node { NOWHERE } else { position } }
         };
-        let ends = (0..particles.len()).flat_map(|node| ends[starts[node]..starts[node + 1]].iter().map(move |&end| (node, end)));
+        let ends = (0..particles.len())
+            .flat_map(|node| ends[starts[node]..starts[node + 1]].iter().map(move |&end| (node, end)));
         let ends = ends.map(|(node, end)| locate(node, end)).collect();
         let free: Vec<Axes> = particles.iter().map(|&p| dofs.free_axes(p as usize)).collect();
-        let modes = |free: &Axes| std::array::from_fn(|r| std::array::from_fn(|c| f64::from(r == c && free.contains(r))));
+        let modes =
+            |free: &Axes| std::array::from_fn(|r| std::array::from_fn(|c| f64::from(r == c && free.contains(r))));
         let frames = free.iter().map(|free| Frame { modes: modes(free), centre: [0.0; 3] }).collect();
         let first_rows = particles.iter().map(|&p| dofs.rows(p as usize).start as u32).collect();
         Ok(Self { particles, free, first_rows, starts, ends, graph, frames, matrix: BlockMatrix::zeros(pattern) })
@@ -82,7 +85,8 @@ impl<const D: usize, const M: usize> Finest<D, M> {
         for_each_sparse_row(pattern, values, &|node, row| {
             row.fill(zero());
             let mass = a.mass_factor() * masses[particles[node] as usize];
-            let mut diagonal: Block<D, D> = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { mass } else { 0.0 }));
+            let mut diagonal: Block<D, D> =
+                std::array::from_fn(|r| std::array::from_fn(|c| if r == c { mass } else { 0.0 }));
             let first = pattern.row(node).start;
             for end in &ends[starts[node]..starts[node + 1]] {
                 let block = a.blocks()[end.spring as usize].matrix();
@@ -177,12 +181,14 @@ fn springs(system: &System, particles: &[u32]) -> Springs {
     for (node, &particle) in (0..).zip(particles) {
         node_of[particle as usize] = node;
     }
-    let ends_of = || (0u32..).zip(system.active()).map(|(at, (_, [i, j], spring))| (at, [node_of[i], node_of[j]], spring));
+    let ends_of =
+        || (0u32..).zip(system.active()).map(|(at, (_, [i, j], spring))| (at, [node_of[i], node_of[j]], spring));
     let both_move = ends_of().filter(|(_, ends, _)| !ends.contains(&FIXED));
     let edges: Vec<_> = both_move.map(|(_, [i, j], spring)| (i, j, spring.stiffness / spring.rest_length)).collect();
     let graph = Graph::new(particles.len(), edges.iter().copied());
 
-    let at_ends = || ends_of().flat_map(|(at, [i, j], _)| [(at, i, j), (at, j, i)]).filter(|&(_, node, _)| node != FIXED);
+    let at_ends =
+        || ends_of().flat_map(|(at, [i, j], _)| [(at, i, j), (at, j, i)]).filter(|&(_, node, _)| node != FIXED);
     let mut starts = vec![0usize; particles.len() + 1];
     at_ends().for_each(|(_, node, _)| starts[node as usize + 1] += 1);
     (0..particles.len()).for_each(|node| starts[node + 1] += starts[node]);

@@ -43,9 +43,6 @@ fn split<T: Send>(pattern: &Pattern, rows: Range<usize>, values: &mut [T], f: &(
     } else {
         let middle = rows.start + rows.len() / 2;
         let (low, high) = values.split_at_mut(pattern.row(middle).start - start);
-        rayon::join(
-            || split(pattern, rows.start..middle, low, f),
-            || split(pattern, middle..rows.end, high, f),
-        );
+        rayon::join(|| split(pattern, rows.start..middle, low, f), || split(pattern, middle..rows.end, high, f));
     }
 }

@@ -39,7 +39,8 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             }
         })?;
         let mut starts = vec![0usize; count + 1];
-        let of_nodes = || (0..a.rows()).filter_map(|node| aggregates.of_node(node).map(|aggregate| (node, aggregate as usize)));
+        let of_nodes =
+            || (0..a.rows()).filter_map(|node| aggregates.of_node(node).map(|aggregate| (node, aggregate as usize)));
         of_nodes().for_each(|(_, aggregate)| starts[aggregate + 1] += 1);
         (0..count).for_each(|aggregate| starts[aggregate + 1] += starts[aggregate]);
         let mut members = vec![0; starts[count]];
@@ -69,12 +70,14 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         });
         let tentative = &mut tentative[..frames.len()];
         for_each_row(tentative, |node, t| {
-            *t = aggregates.of_node(node).map_or(zero(), |aggregate| modes[aggregate as usize].tentative(&frames[node]));
+            *t =
+                aggregates.of_node(node).map_or(zero(), |aggregate| modes[aggregate as usize].tentative(&frames[node]));
         });
         let BlockMatrix { pattern, values } = matrix;
         for_each_sparse_row(pattern, values, &|row, p| {
             let columns = pattern.columns(row);
-            let slot = |node| aggregates.of_node(node).and_then(|aggregate| columns.iter().position(|&c| c == aggregate));
+            let slot =
+                |node| aggregates.of_node(node).and_then(|aggregate| columns.iter().position(|&c| c == aggregate));
             p.fill(zero());
             for (node, a) in a.row(row) {
                 if let Some(slot) = slot(node) {

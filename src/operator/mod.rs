@@ -4,6 +4,7 @@ mod prefetch;
 mod stream;
 mod system_operator;
 
+pub(crate) use prefetch::prefetch;
 pub use system_operator::{Combination, SystemOperator};
 
 use nalgebra::Matrix3;

@@ -16,7 +16,7 @@
 //! no two threads write to one row, and every row adds up its springs in one order: the result is the same to the bit
 //! for any number of parts.
 
-use super::prefetch::prefetch;
+use super::prefetch;
 use crate::spring::SpringBlock;
 use crate::system::{Axes, DofMap, System};
 use std::ops::Range;
@@ -148,8 +148,7 @@ impl Part {
         let active = (0u32..).zip(system.active());
         let positions: Vec<u32> = active.filter(|(_, (_, pair, _))| ends_here(*pair)).map(|(at, _)| at).collect();
         let nothing = Record { g: [0.0; 3], transverse: 0.0, ends: [0; 2] };
-        let row = |particle| system.dofs().rows(particle).start;
-        let rows = row(particles.start)..particles.end.checked_sub(1).map_or(0, |last| system.dofs().rows(last).end);
+        let rows = system.dofs().first_row(particles.start)..system.dofs().first_row(particles.end);
         Self { rows, records: vec![nothing; positions.len()], positions }
     }
 

@@ -79,6 +79,11 @@ impl DofMap {
         self.first[particle] as usize..self.first[particle + 1] as usize
     }
 
+    /// The number of rows before a particle's: its first row if it has any. `particle` may be one past the last.
+    pub fn first_row(&self, particle: usize) -> usize {
+        self.first[particle] as usize
+    }
+
     /// The row of a coordinate; `None` when it is prescribed or not modelled.
     pub fn row(&self, dof: Dof) -> Option<usize> {
         let free = self.free[dof.particle];
