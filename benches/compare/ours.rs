@@ -23,7 +23,8 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["scene", kind, size] => println!("{}", scene(kind, size).to_json()),
-        ["measure", kind, size] => measure(kind, size),
+        ["measure", kind, size] => measure(kind, size, ""),
+        ["measure", kind, size, stage] => measure(kind, size, stage),
         // `cargo bench` without arguments runs the kernels; the comparison wants to be asked for.
         _ => eprintln!("compare: run benches/compare/run.py for the comparison with other libraries"),
     }
@@ -33,11 +34,13 @@ fn scene(kind: &str, size: &str) -> sprung::Scene {
     scenes::scene(kind, size.parse().expect("SIZE is a number")).expect("a scene of that size")
 }
 
-fn measure(kind: &str, size: &str) {
+fn measure(kind: &str, size: &str, only: &str) {
     let (system, state) = scene(kind, size).build().expect("a valid scene");
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| Measurement { name: format!("{kind} {size}"), system: &system, state: &state, threads }.all());
+        pool.install(|| {
+            Measurement { name: format!("{kind} {size}"), system: &system, state: &state, threads, only }.all()
+        });
     }
 }
 
@@ -46,6 +49,8 @@ struct Measurement<'s> {
     system: &'s System,
     state: &'s State,
     threads: usize,
+    /// What the names of the measured stages begin with.
+    only: &'s str,
 }
 
 impl Measurement<'_> {
@@ -61,7 +66,8 @@ impl Measurement<'_> {
 
         let pattern = Arc::new(SpringPattern::of_stiffness(system).expect("a matrix that fits"));
         let mut matrix = SystemMatrix::zeros(pattern);
-        self.print("refill A", || matrix.refill(&operator), self.refill_bytes(matrix.matrix().values().len()));
+        let bytes = self.refill_bytes(matrix.matrix().values().len());
+        self.print("refill A", || matrix.refill(&operator), bytes);
         let mut force = vec![nalgebra::Vector3::zeros(); system.particles()];
         let right_hand_side = || {
             for ((b, mass), v) in force.iter_mut().zip(system.masses()).zip(&state.velocities) {
@@ -73,6 +79,9 @@ impl Measurement<'_> {
         self.print("right-hand side", right_hand_side, self.force_bytes());
         self.print("blocks", || operator.update(&extensions, Stiffness::Tension, step), self.block_bytes());
 
+        if !self.only.is_empty() {
+            return;
+        }
         let b: Vec<f64> = (0..n).map(|i| (i as f64 * 1.3).cos()).collect();
         for kind in [PreconditionerKind::BlockJacobi, PreconditionerKind::Multigrid] {
             self.conjugate_gradients(kind, &operator, &b);
@@ -113,6 +122,9 @@ impl Measurement<'_> {
 
     /// Prints a kernel's time beside its floor: the bytes that it must move over the bandwidth measured between repeats.
     fn print(&self, stage: &str, mut kernel: impl FnMut(), bytes: usize) {
+        if !stage.starts_with(self.only) {
+            return;
+        }
         let mut triad = Triad::new(self.threads);
         let repeats = (400_000_000 / bytes).clamp(15, 401);
         let mut times = Vec::with_capacity(repeats);

@@ -27,6 +27,9 @@ const PART_SPRINGS: usize = 8192;
 /// Records between two rounds of prefetching: five cache lines hold eight of them.
 const BATCH: usize = 8;
 
+/// One of them in every line.
+const IN_EVERY_LINE: [usize; 5] = [0, 2, 4, 5, 7];
+
 /// How many records ahead of their use memory is asked for: about the delay of main memory. Measured, 256 is the best of
 /// 64, 128, 256 and 512, and twice as fast as the processor's own prefetching alone.
 const AHEAD: usize = 256;
@@ -43,6 +46,9 @@ struct Record {
 }
 
 const BY_MATRIX: u32 = u32::MAX;
+
+/// No row: rows are fewer, and so are the differences of two.
+const NO_ROW: u32 = u32::MAX - 1;
 
 /// Consecutive particles and the springs that end in them.
 #[derive(Debug, Clone)]
@@ -129,7 +135,7 @@ fn update_parts(parts: &mut [Part], springs: &Springs) {
 fn multiply_parts<const N: usize>(parts: &[Part], springs: &Springs, diagonal: &[f64], w: &[f64], y: &mut [f64]) {
     match parts {
         [] => {}
-        [part] => pulp::Arch::new().dispatch(|| part.multiply::<N>(springs, diagonal, w, y)),
+        [part] => pulp::Arch::new().dispatch(Product::<N> { part, springs, diagonal, w, y }),
         [first, ..] => {
             let (left, right) = parts.split_at(parts.len() / 2);
             let boundary = right.first().map_or(0, |part| part.rows.start - first.rows.start);
@@ -170,35 +176,48 @@ impl Part {
             };
         }
     }
+}
+
+/// A part's product, compiled for every kind of processor that [`pulp`] tells apart.
+struct Product<'a, const N: usize> {
+    part: &'a Part,
+    springs: &'a Springs<'a>,
+    diagonal: &'a [f64],
+    w: &'a [f64],
+    y: &'a mut [f64],
+}
+
+impl<const N: usize> pulp::NullaryFnOnce for Product<'_, N> {
+    type Output = ();
 
     #[inline(always)]
-    fn multiply<const N: usize>(&self, springs: &Springs, diagonal: &[f64], w: &[f64], y: &mut [f64]) {
-        let first = self.rows.start;
-        for ((y, m), w) in y.iter_mut().zip(&diagonal[self.rows.clone()]).zip(&w[self.rows.clone()]) {
+    fn call(self) {
+        let Self { part: Part { rows, records, .. }, springs, diagonal, w, y } = self;
+        // Rows are numbered in 32 bits.
+        let first = rows.start as u32;
+        for ((y, m), w) in y.iter_mut().zip(&diagonal[rows.clone()]).zip(&w[rows.clone()]) {
             *y = m * w;
         }
         // Successive springs often share their first end: its sum stays in registers until another one comes.
-        let mut run = Run::<N> { row: usize::MAX, w: [0.0; N], sum: [0.0; N] };
-        for (batch, records) in self.records.chunks(BATCH).enumerate() {
-            for ahead in self.records.iter().skip(batch * BATCH + AHEAD).take(BATCH) {
-                prefetch(ahead);
+        let mut run = Run::<N> { row: NO_ROW, w: [0.0; N], sum: [0.0; N] };
+        for (batch, of_batch) in records.chunks(BATCH).enumerate() {
+            if let Some(ahead) = records.get(batch * BATCH + AHEAD..(batch + 1) * BATCH + AHEAD) {
+                IN_EVERY_LINE.iter().for_each(|&record| prefetch(&ahead[record]));
             }
-            for record in records {
-                let [i, j] = record.ends.map(|row| row as usize);
-                if record.ends[0] == BY_MATRIX {
-                    run.end(first, y);
-                    run.row = usize::MAX;
-                    springs.add_by_matrix(j, w, first, y);
-                    continue;
-                }
+            for &Record { g, transverse, ends: [i, j] } in of_batch {
                 if i != run.row {
                     run.end(first, y);
+                    if i == BY_MATRIX {
+                        run.row = NO_ROW;
+                        springs.add_by_matrix(j as usize, w, rows.start, y);
+                        continue;
+                    }
                     run = Run { row: i, w: at(w, i), sum: at(y, i.wrapping_sub(first)) };
                 }
                 let wj: [f64; N] = at(w, j);
                 let d: [f64; N] = std::array::from_fn(|axis| run.w[axis] - wj[axis]);
-                let along = springs.sign * (0..N).fold(0.0, |sum, axis| sum + record.g[axis] * d[axis]);
-                let s: [f64; N] = std::array::from_fn(|axis| record.transverse * d[axis] + record.g[axis] * along);
+                let along = springs.sign * (1..N).fold(g[0] * d[0], |sum, axis| sum + g[axis] * d[axis]);
+                let s: [f64; N] = std::array::from_fn(|axis| transverse * d[axis] + g[axis] * along);
                 (0..N).for_each(|axis| run.sum[axis] += s[axis]);
                 if let Some(y) = at_mut::<N>(y, j.wrapping_sub(first)) {
                     (0..N).for_each(|axis| y[axis] -= s[axis]);
@@ -232,7 +251,7 @@ fn add_own(dofs: &DofMap, first: usize, y: &mut [f64], particle: usize, s: [f64;
 
 /// The end that successive springs share: its first row, its part of w and its sum so far.
 struct Run<const N: usize> {
-    row: usize,
+    row: u32,
     w: [f64; N],
     sum: [f64; N],
 }
@@ -240,7 +259,7 @@ struct Run<const N: usize> {
 impl<const N: usize> Run<N> {
     /// Puts the sum back, if `y`, the rows from `first` on, holds them.
     #[inline(always)]
-    fn end(&self, first: usize, y: &mut [f64]) {
+    fn end(&self, first: u32, y: &mut [f64]) {
         if let Some(y) = at_mut::<N>(y, self.row.wrapping_sub(first)) {
             *y = self.sum;
         }
@@ -249,11 +268,13 @@ impl<const N: usize> Run<N> {
 
 /// N numbers from `row` on; zeros where there are none.
 #[inline(always)]
-fn at<const N: usize>(v: &[f64], row: usize) -> [f64; N] {
-    v.get(row..).and_then(|v| v.first_chunk()).copied().unwrap_or([0.0; N])
+fn at<const N: usize>(v: &[f64], row: u32) -> [f64; N] {
+    let row = row as usize;
+    v.get(row..row.wrapping_add(N)).and_then(|v| v.first_chunk()).copied().unwrap_or([0.0; N])
 }
 
 #[inline(always)]
-fn at_mut<const N: usize>(v: &mut [f64], row: usize) -> Option<&mut [f64; N]> {
-    v.get_mut(row..).and_then(|v| v.first_chunk_mut())
+fn at_mut<const N: usize>(v: &mut [f64], row: u32) -> Option<&mut [f64; N]> {
+    let row = row as usize;
+    v.get_mut(row..row.wrapping_add(N)).and_then(|v| v.first_chunk_mut())
 }
