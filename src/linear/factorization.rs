@@ -3,6 +3,7 @@
 //! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that
 //! both take microseconds, and only one convention for the index of a failed pivot is then in play.
 
+use super::ordering::{Ordering, OrderingMethod};
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::error::{Error, Result};
 use crate::system::Dof;
@@ -10,6 +11,7 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltError;
 use faer::linalg::cholesky::llt::factor::LltError;
 use faer::mat::MatMut;
+use faer::perm::PermRef;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
@@ -37,10 +39,13 @@ pub struct FactorSize {
     pub entries: usize,
     /// Floating-point operations of a numeric factorization.
     pub flops: f64,
+    /// How the rows were ordered.
+    pub ordering: OrderingMethod,
 }
 
 /// Ordering, symbolic analysis and memory, shared by both factorizations.
 struct Analysis {
+    ordering: OrderingMethod,
     symbolic: SymbolicCholesky<u32>,
     values: Vec<f64>,
     memory: MemBuffer,
@@ -53,7 +58,9 @@ impl Analysis {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             ..Default::default()
         };
-        let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, SymmetricOrdering::Amd, params)
+        let Ordering { method, forward, inverse } = Ordering::of(pattern);
+        let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
+        let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, ordering, params)
             .map_err(|error| Error::Usage(format!("the matrix is too large to factor: {error:?}")))?;
         let par = if flops(&symbolic) < PARALLEL_FLOPS { Par::Seq } else { par };
         let values = vec![0.0; symbolic.len_val()];
@@ -64,11 +71,11 @@ impl Analysis {
             .or(symbolic.solve_in_place_scratch::<f64>(1, par));
         let memory = MemBuffer::try_new(scratch)
             .map_err(|_| Error::Usage("the matrix is too large to factor: out of memory".into()))?;
-        Ok(Self { symbolic, values, memory, par })
+        Ok(Self { ordering: method, symbolic, values, memory, par })
     }
 
     fn size(&self) -> FactorSize {
-        FactorSize { entries: self.values.len(), flops: flops(&self.symbolic) }
+        FactorSize { entries: self.values.len(), flops: flops(&self.symbolic), ordering: self.ordering }
     }
 
     /// The row of A that the factorization calls `permuted`.
@@ -115,7 +122,7 @@ fn flops(symbolic: &SymbolicCholesky<u32>) -> f64 {
 pub struct Cholesky(Analysis);
 
 impl Cholesky {
-    /// Orders (approximate minimum degree) and analyses a pattern.
+    /// Orders (approximate minimum degree or nested dissection, whichever costs less) and analyses a pattern.
     ///
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
@@ -133,7 +140,7 @@ impl Cholesky {
     /// # Errors
     /// The first pivot that is not positive.
     pub fn factor(&mut self, a: &SymmetricMatrix) -> Result<(), NonPositivePivot> {
-        let Analysis { symbolic, values, memory, par } = &mut self.0;
+        let Analysis { symbolic, values, memory, par, .. } = &mut self.0;
         let stack = MemStack::new(memory);
         let regularization = Default::default();
         let done = symbolic
@@ -144,7 +151,7 @@ impl Cholesky {
 
     /// `x ← A⁻¹ x` with the last factored matrix.
     pub fn solve_in_place(&mut self, x: &mut [f64]) {
-        let Analysis { symbolic, values, memory, par } = &mut self.0;
+        let Analysis { symbolic, values, memory, par, .. } = &mut self.0;
         let rows = x.len();
         let x = MatMut::from_column_major_slice_mut(x, rows, 1);
         LltRef::new(symbolic, values).solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
@@ -174,7 +181,7 @@ impl Ldlt {
     /// # Errors
     /// A pivot that is exactly zero, or not finite.
     pub fn factor(&mut self, a: &SymmetricMatrix) -> Result<(), NonPositivePivot> {
-        let Analysis { symbolic, values, memory, par } = &mut self.0;
+        let Analysis { symbolic, values, memory, par, .. } = &mut self.0;
         let stack = MemStack::new(memory);
         let regularization = Default::default();
         let done = symbolic
@@ -197,7 +204,7 @@ impl Ldlt {
 
     /// `x ← A⁻¹ x` with the last factored matrix.
     pub fn solve_in_place(&mut self, x: &mut [f64]) {
-        let Analysis { symbolic, values, memory, par } = &mut self.0;
+        let Analysis { symbolic, values, memory, par, .. } = &mut self.0;
         let rows = x.len();
         let x = MatMut::from_column_major_slice_mut(x, rows, 1);
         LdltRef::new(symbolic, values).solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
