@@ -34,6 +34,7 @@ pub mod assembly;
 pub mod error;
 pub mod figure;
 pub mod force;
+pub mod inspect;
 pub mod integrate;
 pub mod linear;
 pub mod multigrid;

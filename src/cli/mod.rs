@@ -9,6 +9,7 @@ mod new;
 mod recorder;
 mod run;
 mod values;
+mod verify;
 
 use clap::{Parser, Subcommand};
 use console::Console;
@@ -34,6 +35,7 @@ struct Arguments {
 enum Command {
     Run(run::Run),
     Matrix(matrix::Matrix),
+    Verify(verify::Verify),
     New(new::New),
 }
 
@@ -67,6 +69,7 @@ pub fn main() -> ExitCode {
     let outcome = match command {
         Command::Run(run) => run.execute(&console),
         Command::Matrix(matrix) => matrix.execute(&console),
+        Command::Verify(verify) => verify.execute(&console),
         Command::New(new) => new.execute(&console),
     };
     match outcome {

@@ -12,6 +12,7 @@ mod iterative;
 mod norms;
 mod ordering;
 mod outcome;
+mod pivoted;
 mod preconditioner;
 mod reuse;
 mod select;
@@ -25,6 +26,7 @@ pub use iterative::{Application, CgSolver};
 pub use norms::{backward_error, dot, norm};
 pub use ordering::OrderingMethod;
 pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
+pub use pivoted::{PivotSigns, PivotedLdlt};
 pub use preconditioner::{Preconditioner, PreconditionerKind};
 pub use reuse::ReusedMultigrid;
 pub use select::{SolverChoice, SolverOptions, select};
@@ -52,6 +54,9 @@ pub trait LinearSolver {
     /// # Errors
     /// When the matrix is found not to be positive definite by a solver that needs it, or not finite.
     fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure>;
+
+    /// How exactly an iterative solver is to solve from now on, `‖b − A x‖ ≤ tolerance·‖b‖`; others have no use for it.
+    fn set_tolerance(&mut self, _tolerance: f64) {}
 
     /// Solves with the matrix of the last `prepare`, which must be given again. `b` and `x` are reduced; on entry `x`
     /// is the first guess of an iterative solver.
