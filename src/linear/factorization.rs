@@ -18,6 +18,8 @@ use faer::sparse::linalg::cholesky::{
     factorize_symbolic_cholesky,
 };
 use faer::{Conj, Par, Side, Spec};
+use serde::Serialize;
+use std::time::Instant;
 
 /// A pivot that is not positive (LLᵀ), or is zero or not finite (LDLᵀ).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,7 +31,7 @@ pub struct NonPositivePivot {
 }
 
 /// What a factorization costs, known from the pattern alone.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FactorSize {
     /// Stored values of L, the zeros inside supernodes included.
     pub entries: usize,
@@ -39,9 +41,32 @@ pub struct FactorSize {
     pub ordering: OrderingMethod,
 }
 
+/// The time a factorization has taken so far, in s, all calls together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct FactorTimes {
+    /// Ordering and symbolic analysis, once.
+    pub analysis_seconds: f64,
+    /// Numeric factorizations.
+    pub factor_seconds: f64,
+    /// Solves.
+    pub solve_seconds: f64,
+}
+
+/// Size and times of a factorization.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct FactorReport {
+    /// What it costs.
+    #[serde(flatten)]
+    pub size: FactorSize,
+    /// What it has taken.
+    #[serde(flatten)]
+    pub times: FactorTimes,
+}
+
 /// Ordering, symbolic analysis and memory, shared by both factorizations.
 pub(super) struct Analysis {
     ordering: OrderingMethod,
+    times: FactorTimes,
     pub symbolic: SymbolicCholesky<u32>,
     pub values: Vec<f64>,
     pub memory: MemBuffer,
@@ -54,6 +79,7 @@ impl Analysis {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             ..Default::default()
         };
+        let start = Instant::now();
         let Ordering { method, forward, inverse } = Ordering::of(pattern);
         let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
         let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, ordering, params)
@@ -67,7 +93,12 @@ impl Analysis {
             .or(symbolic.solve_in_place_scratch::<f64>(1, par));
         let memory = MemBuffer::try_new(scratch)
             .map_err(|_| Error::Usage("the matrix is too large to factor: out of memory".into()))?;
-        Ok(Self { ordering: method, symbolic, values, memory, par })
+        let times = FactorTimes { analysis_seconds: start.elapsed().as_secs_f64(), ..FactorTimes::default() };
+        Ok(Self { ordering: method, times, symbolic, values, memory, par })
+    }
+
+    fn report(&self) -> FactorReport {
+        FactorReport { size: self.size(), times: self.times }
     }
 
     fn size(&self) -> FactorSize {
@@ -147,26 +178,35 @@ impl Cholesky {
         self.0.size()
     }
 
+    /// The size and the times so far.
+    pub fn report(&self) -> FactorReport {
+        self.0.report()
+    }
+
     /// Factors a matrix on the analysed pattern.
     ///
     /// # Errors
     /// The first pivot that is not positive.
     pub fn factor(&mut self, a: &SymmetricMatrix) -> Result<(), NonPositivePivot> {
-        let Analysis { symbolic, values, memory, par, .. } = &mut self.0;
+        let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
+        let start = Instant::now();
         let stack = MemStack::new(memory);
         let regularization = Default::default();
         let done = symbolic
             .factorize_numeric_llt(values, a.as_faer(), Side::Lower, regularization, *par, stack, Spec::default())
             .map(|_| ());
+        times.factor_seconds += start.elapsed().as_secs_f64();
         done.map_err(|LltError::NonPositivePivot { index }| self.0.pivot(a.pattern(), index))
     }
 
     /// `x ← A⁻¹ x` with the last factored matrix.
     pub fn solve_in_place(&mut self, x: &mut [f64]) {
-        let Analysis { symbolic, values, memory, par, .. } = &mut self.0;
+        let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
+        let start = Instant::now();
         let rows = x.len();
         let x = MatMut::from_column_major_slice_mut(x, rows, 1);
         LltRef::new(symbolic, values).solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
+        times.solve_seconds += start.elapsed().as_secs_f64();
     }
 }
 
@@ -188,17 +228,24 @@ impl Ldlt {
         self.0.size()
     }
 
+    /// The size and the times so far.
+    pub fn report(&self) -> FactorReport {
+        self.0.report()
+    }
+
     /// Factors a matrix on the analysed pattern.
     ///
     /// # Errors
     /// A pivot that is exactly zero, or not finite.
     pub fn factor(&mut self, a: &SymmetricMatrix) -> Result<(), NonPositivePivot> {
-        let Analysis { symbolic, values, memory, par, .. } = &mut self.0;
+        let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
+        let start = Instant::now();
         let stack = MemStack::new(memory);
         let regularization = Default::default();
         let done = symbolic
             .factorize_numeric_ldlt(values, a.as_faer(), Side::Lower, regularization, *par, stack, Spec::default())
             .map(|_| ());
+        times.factor_seconds += start.elapsed().as_secs_f64();
         done.map_err(|LdltError::ZeroPivot { index }| self.0.pivot(a.pattern(), index))
     }
 
@@ -248,9 +295,11 @@ impl Ldlt {
 
     /// `x ← A⁻¹ x` with the last factored matrix.
     pub fn solve_in_place(&mut self, x: &mut [f64]) {
-        let Analysis { symbolic, values, memory, par, .. } = &mut self.0;
+        let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
+        let start = Instant::now();
         let rows = x.len();
         let x = MatMut::from_column_major_slice_mut(x, rows, 1);
         LdltRef::new(symbolic, values).solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
+        times.solve_seconds += start.elapsed().as_secs_f64();
     }
 }

@@ -21,7 +21,7 @@ mod vector;
 pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
 pub use direct::{CholeskySolver, LdltSolver};
-pub use factorization::{Cholesky, FactorSize, Ldlt, NonPositivePivot};
+pub use factorization::{Cholesky, FactorReport, FactorSize, FactorTimes, Ldlt, NonPositivePivot};
 pub use iterative::{Application, CgSolver};
 pub use norms::{backward_error, dot, norm};
 pub use ordering::OrderingMethod;
@@ -42,6 +42,11 @@ pub trait LinearSolver {
 
     /// The preconditioner's name, for a solver that has one.
     fn preconditioner(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Size and times of the factorization, for a solver that factors.
+    fn factor(&self) -> Option<FactorReport> {
         None
     }
 
