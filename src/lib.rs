@@ -40,6 +40,7 @@ pub mod linear;
 pub mod multigrid;
 pub mod operator;
 pub mod output;
+mod parallel;
 pub mod report;
 pub mod scene;
 pub mod spring;

@@ -14,6 +14,7 @@
 use super::stream::SpringStream;
 use super::{BlockDiagonal, LinearOperator};
 use crate::force::Extensions;
+use crate::parallel::pieces;
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{Axes, System};
 use nalgebra::{Matrix3, Vector3};
@@ -82,7 +83,7 @@ impl<'s> SystemOperator<'s> {
         &mut self,
         extensions: &Extensions,
         combination: Combination,
-        mut option: impl FnMut(usize) -> Stiffness,
+        option: impl Fn(usize) -> Stiffness + Sync,
     ) {
         self.set_blocks(extensions, combination.mass, |position, spring, at| {
             // K holds −K^s and G holds −b nnᵀ where the spring's own block stands, hence the signs.
@@ -97,13 +98,16 @@ impl<'s> SystemOperator<'s> {
         &mut self,
         extensions: &Extensions,
         mass: f64,
-        mut block: impl FnMut(usize, &Spring, &Extension) -> SpringBlock,
+        block: impl Fn(usize, &Spring, &Extension) -> SpringBlock + Sync,
     ) {
         self.mass = mass;
-        let springs = self.system.active().zip(extensions.iter());
-        for (position, (target, ((_, _, spring), at))) in self.blocks.iter_mut().zip(springs).enumerate() {
-            *target = block(position, spring, at);
-        }
+        let (system, extensions) = (self.system, extensions.as_slice());
+        pieces(&mut self.blocks, &|first, piece| {
+            let springs = (first..).zip(system.active_from(first)).zip(&extensions[first..]);
+            for (target, ((position, (_, _, spring)), at)) in piece.iter_mut().zip(springs) {
+                *target = block(position, spring, at);
+            }
+        });
         self.stream.update(self.system, &self.blocks);
         for (particle, mass) in self.system.masses().iter().enumerate() {
             self.inertia[self.system.dofs().rows(particle)].fill(self.mass * mass);
