@@ -96,7 +96,7 @@ impl Measurement<'_> {
         solver.place(&self.state.positions);
         let mut x = vec![0.0; b.len()];
         let mut work = Work::default();
-        let start = Instant::now();
+        let start = Clock::start(self.threads);
         let prepared = solver.prepare(operator, &mut work);
         let setup = start.elapsed();
         let solved = prepared.and_then(|_| solver.solve(operator, b, &mut x, &mut work));
@@ -108,7 +108,7 @@ impl Measurement<'_> {
 
     fn direct(&self, matrix: &SystemMatrix, b: &[f64]) {
         let par = if self.threads == 1 { faer::Par::Seq } else { faer::Par::rayon(self.threads) };
-        let start = Instant::now();
+        let start = Clock::start(self.threads);
         let mut cholesky = Cholesky::analyse(matrix.matrix().pattern(), par).expect("a factor that fits");
         let analysis = start.elapsed();
         let size = cholesky.size();
@@ -161,15 +161,9 @@ impl Measurement<'_> {
     }
 
     fn once(&self, kernel: impl FnOnce()) -> Duration {
-        if self.threads == 1 {
-            let start = ThreadTime::now();
-            kernel();
-            start.elapsed()
-        } else {
-            let start = Instant::now();
-            kernel();
-            start.elapsed()
-        }
+        let start = Clock::start(self.threads);
+        kernel();
+        start.elapsed()
     }
 
     fn line(&self, stage: &str, time: Duration, with: serde_json::Value) {
@@ -199,6 +193,25 @@ impl Measurement<'_> {
     /// Extension, parameters and indices of every spring read; block and record written.
     fn block_bytes(&self) -> usize {
         (68 + 160) * self.system.active_springs().len()
+    }
+}
+
+/// Processor time of this thread where it works alone, the clock where others work with it.
+enum Clock {
+    Thread(ThreadTime),
+    Wall(Instant),
+}
+
+impl Clock {
+    fn start(threads: usize) -> Self {
+        if threads == 1 { Self::Thread(ThreadTime::now()) } else { Self::Wall(Instant::now()) }
+    }
+
+    fn elapsed(&self) -> Duration {
+        match self {
+            Self::Thread(start) => start.elapsed(),
+            Self::Wall(start) => start.elapsed(),
+        }
     }
 }
 

@@ -30,6 +30,8 @@ DT = 0.01
 LARGEST_EXPORT = 350_000
 # Beyond this many operations a factorization takes too long to be repeated.
 LARGEST_FACTOR = 2e11
+# Eigen's factorization works column by column; on this scene it would take hours.
+NOT_FACTORED_BY_EIGEN = {"lattice 46"}
 
 
 def output(*command, **keywords):
@@ -108,9 +110,11 @@ def measure(folder, name, ours, sprung, peers):
     if exported:
         for threads in (1, 2):
             for library in ("eigen", "cholmod"):
+                skip = library == "eigen" and name in NOT_FACTORED_BY_EIGEN
                 lines += output(peers, library, name, particles, folder / "A.mtx", folder / "b.mtx", folder / "triplets.bin",
-                                threads, LARGEST_FACTOR, env=environment(library, threads))
-        lines += output(sys.executable, HERE / "amg.py", name, particles, folder)
+                                threads, 0 if skip else LARGEST_FACTOR, env=environment(library, threads))
+        lines += output(sys.executable, HERE / "amg.py", name, particles, folder,
+                        env=environment("pyamg", 1))
     return [json.loads(line) for line in lines.splitlines()]
 
 
