@@ -17,6 +17,8 @@ pub struct Work {
     pub solves: u64,
     /// Products with A inside conjugate gradients.
     pub cg_iterations: u64,
+    /// Computations of the coarse levels of multigrid, refused ones included.
+    pub multigrid_setups: u64,
     /// Newton iterations of nonlinear methods.
     pub newton_iterations: u64,
 }

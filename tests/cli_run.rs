@@ -74,9 +74,17 @@ fn the_summary_says_what_was_done() {
     }
     let work = json!({
         "force_evaluations": 10, "assemblies": 10, "symbolic_factorizations": 1, "factorizations": 10, "solves": 10,
-        "cg_iterations": 0, "newton_iterations": 0,
+        "cg_iterations": 0, "multigrid_setups": 0, "newton_iterations": 0,
     });
     assert_eq!(summary["work"], work);
+    // Two particles of three axes: one dense triangle.
+    let factor = &summary["factor"];
+    assert_eq!(factor["flops"], json!(91.0));
+    assert_eq!(factor["ordering"], json!("minimum-degree"));
+    assert!(factor["entries"].as_u64().unwrap() >= 21);
+    for time in ["analysis_seconds", "factor_seconds", "solve_seconds"] {
+        assert!(factor[time].as_f64().unwrap() > 0.0, "{time}");
+    }
     assert!(summary["wall_seconds"].as_f64().unwrap() > 0.0);
     assert!(summary["max_relative_residual"].as_f64().unwrap() < 1e-12);
 }

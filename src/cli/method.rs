@@ -100,6 +100,9 @@ fn describe_preconditioner(choice: PreconditionerChoice) -> &'static str {
         PreconditionerChoice::Kind(PreconditionerKind::None) => "no preconditioner",
         PreconditionerChoice::Kind(PreconditionerKind::Jacobi) => "the diagonal of A",
         PreconditionerChoice::Kind(PreconditionerKind::BlockJacobi) => "the 3×3 diagonal block of every particle",
+        PreconditionerChoice::Kind(PreconditionerKind::Multigrid) => {
+            "algebraic multigrid: few iterations whatever the size, each costing as much as several others"
+        }
     }
 }
 

@@ -116,6 +116,7 @@ impl Run {
             dofs: system.dofs().len(),
             wall_seconds: start.elapsed().as_secs_f64(),
             statistics: *stepper.statistics(),
+            factor: stepper.factor(),
             energy: recorder.energy(),
             failure: outcome.end.as_ref().err().map(FailureReport::from),
         };

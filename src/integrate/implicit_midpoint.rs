@@ -12,6 +12,7 @@ use super::implicit::ImplicitOptions;
 use super::newton::{Newton, NewtonOptions};
 use super::{Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
+use crate::linear::FactorReport;
 use crate::system::{State, System};
 
 /// The implicit midpoint rule, second order, nonlinear.
@@ -41,6 +42,10 @@ impl TimeStepper for ImplicitMidpoint<'_> {
 
     fn preconditioner(&self) -> Option<&'static str> {
         self.newton.linear.preconditioner()
+    }
+
+    fn factor(&self) -> Option<FactorReport> {
+        self.newton.linear.factor()
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {

@@ -7,6 +7,7 @@
 
 use super::norms::{dot, norm};
 use super::preconditioner::Preconditioner;
+use super::vector::{conjugate, descend, subtract};
 use crate::operator::LinearOperator;
 
 /// How conjugate gradients ended.
@@ -77,7 +78,7 @@ impl ConjugateGradient {
     pub fn solve(
         &mut self,
         a: &impl LinearOperator,
-        preconditioner: &Preconditioner,
+        preconditioner: &mut Preconditioner,
         b: &[f64],
         x: &mut [f64],
     ) -> CgReport {
@@ -114,7 +115,7 @@ impl ConjugateGradient {
     fn iterate(
         &mut self,
         a: &impl LinearOperator,
-        preconditioner: &Preconditioner,
+        preconditioner: &mut Preconditioner,
         x: &mut [f64],
         target: f64,
         iterations: &mut u64,
@@ -123,9 +124,10 @@ impl ConjugateGradient {
         preconditioner.apply(r, z);
         p.copy_from_slice(z);
         let mut rz = dot(r, z);
+        let mut size = norm(r);
         // Further down than rounding the recurrence knows nothing of the true residual, and would end in underflow.
-        let floor = target.max(f64::EPSILON * norm(r));
-        while norm(r) > floor {
+        let floor = target.max(f64::EPSILON * size);
+        while size > floor {
             if *iterations >= self.iteration_limit {
                 return Some(CgOutcome::IterationLimit);
             }
@@ -139,19 +141,12 @@ impl ConjugateGradient {
             }
             *iterations += 1;
             let alpha = rz / curvature;
-            for (x, p) in x.iter_mut().zip(p.iter()) {
-                *x += alpha * p;
-            }
-            for (r, q) in r.iter_mut().zip(q.iter()) {
-                *r -= alpha * q;
-            }
+            size = descend(alpha, p, q, x, r).sqrt();
             preconditioner.apply(r, z);
             let next = dot(r, z);
             let beta = next / rz;
             rz = next;
-            for (p, z) in p.iter_mut().zip(z.iter()) {
-                *p = z + beta * *p;
-            }
+            conjugate(beta, z, p);
         }
         None
     }
@@ -159,9 +154,6 @@ impl ConjugateGradient {
     /// `r = b − A x`; returns its norm. The search direction is left alone: it may be asked for.
     fn set_true_residual(&mut self, a: &impl LinearOperator, b: &[f64], x: &[f64]) -> f64 {
         a.apply(x, &mut self.product);
-        for ((r, b), q) in self.residual.iter_mut().zip(b).zip(&self.product) {
-            *r = b - q;
-        }
-        norm(&self.residual)
+        subtract(b, &self.product, &mut self.residual).sqrt()
     }
 }

@@ -3,12 +3,13 @@
 use super::LinearSolver;
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
-use super::preconditioner::{NotPositiveBlock, Preconditioner, PreconditionerKind};
+use super::preconditioner::{Preconditioner, PreconditionerKind};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::operator::SystemOperator;
 use crate::system::System;
 use crate::work::Work;
+use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// How the products with A are made.
@@ -21,7 +22,7 @@ pub enum Application {
 }
 
 /// Conjugate gradients with a preconditioner.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct CgSolver {
     method: ConjugateGradient,
     preconditioner: Preconditioner,
@@ -30,7 +31,10 @@ pub struct CgSolver {
 
 impl CgSolver {
     /// Matrix-free.
-    pub fn matrix_free(system: &System, preconditioner: PreconditionerKind, tolerance: f64) -> Self {
+    ///
+    /// # Errors
+    /// For multigrid, more matrix blocks than 32-bit indices can count.
+    pub fn matrix_free(system: &System, preconditioner: PreconditionerKind, tolerance: f64) -> Result<Self> {
         Self::new(system, preconditioner, tolerance, Application::MatrixFree)
     }
 
@@ -40,13 +44,22 @@ impl CgSolver {
     /// More entries than 32-bit indices can count.
     pub fn assembled(system: &System, preconditioner: PreconditionerKind, tolerance: f64) -> Result<Self> {
         let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
-        Ok(Self::new(system, preconditioner, tolerance, Application::Assembled(Box::new(matrix))))
+        Self::new(system, preconditioner, tolerance, Application::Assembled(Box::new(matrix)))
     }
 
-    fn new(system: &System, kind: PreconditionerKind, tolerance: f64, application: Application) -> Self {
-        let dofs = system.dofs();
-        let method = ConjugateGradient::new(dofs.len(), tolerance);
-        Self { method, preconditioner: Preconditioner::new(kind, dofs), application }
+    fn new(system: &System, kind: PreconditionerKind, tolerance: f64, application: Application) -> Result<Self> {
+        let method = ConjugateGradient::new(system.dofs().len(), tolerance);
+        Ok(Self { method, preconditioner: Preconditioner::new(kind, system)?, application })
+    }
+
+    fn run(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) -> CgReport {
+        let Self { method, preconditioner, application } = self;
+        let report = match application {
+            Application::MatrixFree => method.solve(a, preconditioner, b, x),
+            Application::Assembled(matrix) => method.solve(matrix.matrix(), preconditioner, b, x),
+        };
+        work.cg_iterations += report.iterations;
+        report
     }
 
     /// The method: its parameters, and the direction of negative curvature after a failure.
@@ -67,15 +80,15 @@ impl LinearSolver for CgSolver {
         Some(self.preconditioner.kind().name())
     }
 
-    fn prepare(&mut self, a: &SystemOperator, _work: &mut Work) -> Result<Definiteness, SolveFailure> {
-        let update = match &mut self.application {
-            Application::MatrixFree => self.preconditioner.update(a),
-            Application::Assembled(matrix) => {
-                matrix.refill(a);
-                self.preconditioner.update(matrix.matrix())
-            }
-        };
-        update.map_err(|NotPositiveBlock(dof)| SolveFailure::Indefinite(Evidence::DiagonalBlock(dof)))?;
+    fn place(&mut self, positions: &[Vector3<f64>]) {
+        self.preconditioner.place(positions);
+    }
+
+    fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+        if let Application::Assembled(matrix) = &mut self.application {
+            matrix.refill(a);
+        }
+        self.preconditioner.update(a, work)?;
         Ok(Definiteness::Unknown)
     }
 
@@ -90,12 +103,27 @@ impl LinearSolver for CgSolver {
         x: &mut [f64],
         work: &mut Work,
     ) -> Result<Solution, SolveFailure> {
-        let report = match &self.application {
-            Application::MatrixFree => self.method.solve(a, &self.preconditioner, b, x),
-            Application::Assembled(matrix) => self.method.solve(matrix.matrix(), &self.preconditioner, b, x),
-        };
         work.solves += 1;
-        work.cg_iterations += report.iterations;
+        let digits = -self.method.tolerance.log10();
+        let patience = if let Preconditioner::Multigrid(multigrid) = &self.preconditioner {
+            multigrid.patience(digits)
+        } else {
+            None
+        };
+        let limit = self.method.iteration_limit;
+        if let Some(patience) = patience {
+            self.method.iteration_limit = limit.min(patience);
+        }
+        let mut report = self.run(a, b, x, work);
+        self.method.iteration_limit = limit;
+        if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
+            if patience.is_some() && report.outcome == CgOutcome::IterationLimit {
+                multigrid.rebuild(work)?;
+                report = self.run(a, b, x, work);
+            } else if report.outcome == CgOutcome::Converged {
+                multigrid.record(report.iterations, digits);
+            }
+        }
         accept(&report)
     }
 }

@@ -76,18 +76,18 @@ pub fn select(
     work: &mut Work,
 ) -> Result<Box<dyn LinearSolver>> {
     let preconditioner = options.preconditioner.unwrap_or(PreconditionerKind::BlockJacobi);
-    let matrix_free = || Box::new(CgSolver::matrix_free(system, preconditioner, options.tolerance));
+    let matrix_free = || CgSolver::matrix_free(system, preconditioner, options.tolerance).map(Box::new);
     Ok(match options.solver {
         SolverChoice::Llt => Box::new(CholeskySolver::new(system, options.par, work)?),
         SolverChoice::Ldlt => Box::new(LdltSolver::new(system, options.par, work)?),
-        SolverChoice::Cg => matrix_free(),
+        SolverChoice::Cg => matrix_free()?,
         SolverChoice::CgAssembled => Box::new(CgSolver::assembled(system, preconditioner, options.tolerance)?),
-        SolverChoice::Auto if system.dofs().len() > LARGEST_ANALYSED => matrix_free(),
+        SolverChoice::Auto if system.dofs().len() > LARGEST_ANALYSED => matrix_free()?,
         SolverChoice::Auto => {
             let cholesky = CholeskySolver::new(system, options.par, work)?;
             let springs = system.active_springs().len().max(1);
             let limit = if promised { FLOPS_PER_SPRING } else { FLOPS_PER_SPRING_UNPROMISED };
-            if cholesky.size().flops <= limit * springs as f64 { Box::new(cholesky) } else { matrix_free() }
+            if cholesky.size().flops <= limit * springs as f64 { Box::new(cholesky) } else { matrix_free()? }
         }
     })
 }
