@@ -110,7 +110,7 @@ impl LinearSolver for CgSolver {
         self.method.iteration_limit = limit;
         if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
             if patience.is_some() && report.outcome == CgOutcome::IterationLimit {
-                multigrid.rebuild(work)?;
+                multigrid.rebuild(a, work)?;
                 report = self.run(a, b, x, work);
             } else if report.outcome == CgOutcome::Converged {
                 multigrid.record(report.iterations, digits);

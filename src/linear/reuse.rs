@@ -59,7 +59,7 @@ impl ReusedMultigrid {
         self.multigrid.refill(a).map_err(failure)?;
         match self.coarse {
             Coarse::Used { lost, .. } if lost < REBUILD => Ok(()),
-            _ => self.rebuild(work),
+            _ => self.rebuild(a, work),
         }
     }
 
@@ -67,10 +67,10 @@ impl ReusedMultigrid {
     ///
     /// # Errors
     /// What shows that the matrix is not positive definite, or not finite.
-    pub fn rebuild(&mut self, work: &mut Work) -> Result<(), SolveFailure> {
+    pub fn rebuild(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
         work.multigrid_setups += 1;
         self.coarse = Coarse::Missing;
-        self.multigrid.rebuild().map_err(failure)?;
+        self.multigrid.rebuild(a).map_err(failure)?;
         self.coarse = Coarse::New;
         Ok(())
     }

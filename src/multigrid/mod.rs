@@ -17,7 +17,7 @@ mod stage;
 use crate::error::Result;
 use crate::operator::SystemOperator;
 use crate::system::{Dof, System};
-use finest::Finest;
+use finest::{Finest, near_one};
 use nalgebra::Vector3;
 use stage::{Refusal, Stage};
 
@@ -100,12 +100,12 @@ impl Multigrid {
         hierarchy!(&mut self.0, h => h.refill(a))
     }
 
-    /// Recomputes the coarse levels from the finest.
+    /// Recomputes the coarse levels for the matrix of the last [`refill`](Self::refill), which must be given again.
     ///
     /// # Errors
     /// When A is seen not to be positive definite, or not finite.
-    pub fn rebuild(&mut self) -> Result<(), SetupFailure> {
-        hierarchy!(&mut self.0, h => h.rebuild())
+    pub fn rebuild(&mut self, a: &SystemOperator) -> Result<(), SetupFailure> {
+        hierarchy!(&mut self.0, h => h.rebuild(a))
     }
 
     /// `z = B r`, reduced vectors, B symmetric positive definite: one V-cycle.
@@ -115,7 +115,7 @@ impl Multigrid {
 
     /// The levels, from the finest.
     pub fn levels(&self) -> Vec<LevelSize> {
-        hierarchy!(&self.0, h => h.stage.sizes(&h.finest.matrix.pattern))
+        hierarchy!(&self.0, h => h.stage.sizes(&h.finest.pattern))
     }
 
     /// Bytes of memory held.
@@ -127,35 +127,37 @@ impl Multigrid {
 /// All levels, with D axes a particle and M rigid motions.
 #[derive(Debug)]
 struct Hierarchy<const D: usize, const M: usize> {
-    finest: Finest<D, M>,
+    finest: Finest<D>,
     stage: Stage<D, M>,
-    right_hand_side: Vec<[f64; D]>,
-    solution: Vec<[f64; D]>,
+    /// The levels hold `factor·A`.
+    factor: f64,
+    right_hand_side: Vec<[f32; D]>,
+    solution: Vec<[f32; D]>,
 }
 
 impl<const D: usize, const M: usize> Hierarchy<D, M> {
     fn new(system: &System) -> Result<Self> {
-        let finest = Finest::new(system)?;
-        let stage = Stage::new(&finest.matrix.pattern, &finest.graph)?;
-        let zeros = || vec![[0.0; D]; finest.matrix.rows()];
+        let (finest, graph) = Finest::new(system)?;
+        let stage = Stage::new(&finest.pattern, &graph)?;
+        let zeros = || vec![[0.0; D]; finest.pattern.rows()];
         let (right_hand_side, solution) = (zeros(), zeros());
-        Ok(Self { finest, stage, right_hand_side, solution })
+        Ok(Self { finest, stage, factor: 1.0, right_hand_side, solution })
     }
 
     fn refill(&mut self, a: &SystemOperator) -> Result<(), SetupFailure> {
-        self.finest.refill(a);
-        self.stage.update_smoother(&self.finest.matrix).map_err(|refusal| self.explain(refusal))
+        let Self { finest, stage, factor, .. } = self;
+        *factor = finest.factor(a);
+        stage.update_smoother(&finest.rows(a), *factor).map_err(|refusal| self.explain(a, refusal))
     }
 
-    fn rebuild(&mut self) -> Result<(), SetupFailure> {
-        let Self { finest, stage, .. } = self;
-        stage.update_coarse(&finest.matrix, &finest.frames).map_err(|refusal| self.explain(refusal))
+    fn rebuild(&mut self, a: &SystemOperator) -> Result<(), SetupFailure> {
+        let Self { finest, stage, factor, .. } = self;
+        stage.update_coarse(&finest.rows(a), *factor, finest).map_err(|refusal| self.explain(a, refusal))
     }
 
     /// A pivot that is not positive means an indefinite matrix only if the matrix is finite.
-    fn explain(&self, Refusal { level, node, pivot }: Refusal) -> SetupFailure {
-        let entries = self.finest.matrix.values.as_flattened().as_flattened();
-        if !entries.iter().all(|entry| entry.is_finite()) {
+    fn explain(&self, a: &SystemOperator, Refusal { level, node, pivot }: Refusal) -> SetupFailure {
+        if !a.blocks().iter().all(|block| block.axial.is_finite() && block.transverse.is_finite()) {
             return SetupFailure::NonFinite;
         }
         let axis = pivot.filter(|_| level == 0).map(|bad| bad.index);
@@ -168,11 +170,13 @@ impl<const D: usize, const M: usize> Hierarchy<D, M> {
         }
     }
 
+    /// Powers of two keep the numbers of the cycle within single precision, and are exact.
     fn apply(&mut self, r: &[f64], z: &mut [f64]) {
-        let Self { finest, stage, right_hand_side, solution } = self;
-        finest.gather(r, right_hand_side);
-        stage.apply(&finest.matrix, right_hand_side, solution);
-        finest.scatter(solution, z);
+        let Self { finest, stage, factor, right_hand_side, solution } = self;
+        let scale = near_one(r.iter().fold(0.0, |largest, r| f64::max(largest, r.abs())));
+        finest.gather(r, scale, right_hand_side);
+        stage.apply(right_hand_side, solution);
+        finest.scatter(solution, *factor / scale, z);
     }
 
     fn bytes(&self) -> usize {

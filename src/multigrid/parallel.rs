@@ -26,26 +26,38 @@ pub(super) fn for_chunks<T: Send>(values: &mut [T], length: usize, f: impl Fn(us
     }
 }
 
-/// Calls `f(row, values of the row)` for every row of a sparse matrix.
-pub(super) fn for_each_sparse_row<T: Send>(pattern: &Pattern, values: &mut [T], f: &(impl Fn(usize, &mut [T]) + Sync)) {
-    split(pattern, 0..pattern.rows(), values, f);
+/// Calls `f(row, values of the row, value)` for every row of a sparse matrix and every entry of a vector beside it.
+pub(super) fn for_each_sparse_row<T: Send, U: Send>(
+    pattern: &Pattern,
+    values: &mut [T],
+    beside: &mut [U],
+    f: &(impl Fn(usize, &mut [T], &mut U) + Sync),
+) {
+    split(pattern, 0..pattern.rows(), values, beside, f);
 }
 
-fn split<T: Send>(pattern: &Pattern, rows: Range<usize>, values: &mut [T], f: &(impl Fn(usize, &mut [T]) + Sync)) {
-    let start = pattern.row(rows.start).start;
+fn split<T: Send, U: Send>(
+    pattern: &Pattern,
+    rows: Range<usize>,
+    values: &mut [T],
+    beside: &mut [U],
+    f: &(impl Fn(usize, &mut [T], &mut U) + Sync),
+) {
     if rows.len() <= GRAIN {
         let mut rest = values;
-        for row in rows {
+        for (row, beside) in rows.zip(beside) {
             let (mine, others) = rest.split_at_mut(pattern.row(row).len());
-            f(row, mine);
+            f(row, mine, beside);
             rest = others;
         }
     } else {
-        let middle = rows.start + rows.len() / 2;
-        let (low, high) = values.split_at_mut(pattern.row(middle).start - start);
+        let half = rows.len() / 2;
+        let middle = rows.start + half;
+        let (low, high) = values.split_at_mut(pattern.row(middle).start - pattern.row(rows.start).start);
+        let (low_beside, high_beside) = beside.split_at_mut(half);
         rayon::join(
-            || split(pattern, rows.start..middle, low, f),
-            || split(pattern, middle..rows.end, high, f),
+            || split(pattern, rows.start..middle, low, low_beside, f),
+            || split(pattern, middle..rows.end, high, high_beside, f),
         );
     }
 }

@@ -7,16 +7,21 @@ use super::coarsest::{BadRow, Dense};
 use super::galerkin::Galerkin;
 use super::gauss_seidel::{BadBlock, GaussSeidel};
 use super::graph::Graph;
-use super::modes::Frame;
-use super::prolongator::{LargestEigenvalue, Prolongator};
-use super::sparse::{BlockMatrix, Pattern};
+use super::modes::Frames;
+use super::prolongator::Prolongator;
+use super::sparse::{Pattern, Rows};
 use crate::error::Result;
+use std::sync::Arc;
 
 /// Unknowns that are solved for directly: a dense factorization of this order takes a few milliseconds.
 const LARGEST_DENSE: usize = 400;
 
 /// ω λ_max: one step of Jacobi, `1 − ω λ`, is then at most 1/3 in the upper three quarters of the spectrum.
 const DAMPING: f64 = 4.0 / 3.0;
+
+/// Iterations of the power method for the first matrix, and for each later one, which starts from what is known.
+const FIRST_POWER_ITERATIONS: usize = 12;
+const LATER_POWER_ITERATIONS: usize = 2;
 
 /// A matrix and how it is solved, approximately.
 #[derive(Debug)]
@@ -34,12 +39,13 @@ pub(super) enum Stage<const N: usize, const M: usize> {
 pub(super) struct Level<const N: usize, const M: usize> {
     smoother: GaussSeidel<N>,
     prolongator: Prolongator<N, M>,
-    eigenvalue: LargestEigenvalue<N>,
+    /// Approximates the eigenvector of `λ_max(D⁻¹A)`, and how often the power method improves it.
+    eigenvector: Vec<[f32; N]>,
+    power_iterations: usize,
     galerkin: Galerkin<N, M>,
-    frames: Vec<Frame<M, M>>,
-    residual: Vec<[f64; N]>,
-    coarse_residual: Vec<[f64; M]>,
-    correction: Vec<[f64; M]>,
+    residual: Vec<[f32; N]>,
+    coarse_residual: Vec<[f32; M]>,
+    correction: Vec<[f32; M]>,
     next: Stage<M, M>,
 }
 
@@ -58,12 +64,13 @@ impl<const N: usize, const M: usize> Stage<N, M> {
     ///
     /// # Errors
     /// More blocks than 32-bit indices can count.
-    pub fn new(a: &Pattern, graph: &Graph) -> Result<Self> {
-        if a.rows() * N <= LARGEST_DENSE {
-            return Ok(Self::Direct(Dense::new(a.rows() * N)));
+    pub fn new(a: &Arc<Pattern>, graph: &Graph) -> Result<Self> {
+        let rows = a.rows();
+        if rows * N <= LARGEST_DENSE {
+            return Ok(Self::Direct(Dense::new(rows * N)));
         }
         let aggregates = Aggregates::of(graph);
-        let smoother = GaussSeidel::new(a.rows());
+        let smoother = GaussSeidel::new(a.clone());
         if aggregates.count() == 0 {
             return Ok(Self::Uncoupled(smoother));
         }
@@ -72,51 +79,55 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         let galerkin = Galerkin::new(a, &prolongator)?;
         let next = Stage::new(&galerkin.coarse.pattern, &coarse_graph)?;
         let coarse = prolongator.columns();
+        // The fractional parts of multiples of the golden ratio are spread evenly; centred, they favour no mode.
+        let scattered = |index: usize| ((index as f64 * 0.618_033_988_749_894_9).fract() - 0.5) as f32;
         Ok(Self::Coarsen(Box::new(Level {
             smoother,
-            eigenvalue: LargestEigenvalue::new(a.rows()),
-            frames: prolongator.modes.iter().map(|modes| modes.frame).collect(),
-            residual: vec![[0.0; N]; a.rows()],
+            prolongator,
+            eigenvector: (0..rows).map(|row| std::array::from_fn(|k| scattered(row * N + k + 1))).collect(),
+            power_iterations: FIRST_POWER_ITERATIONS,
+            galerkin,
+            residual: vec![[0.0; N]; rows],
             coarse_residual: vec![[0.0; M]; coarse],
             correction: vec![[0.0; M]; coarse],
-            prolongator,
-            galerkin,
             next,
         })))
     }
 
-    /// Recomputes what depends on the numbers of A on this level alone: all but the coarse levels.
+    /// Takes over `factor·A` on this level alone.
     ///
     /// # Errors
     /// A node whose diagonal block is not positive definite; for a factorization, whose pivot is not positive.
-    pub fn update_smoother(&mut self, a: &BlockMatrix<N, N>) -> Result<(), Refusal> {
+    pub fn update_smoother(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), Refusal> {
         let smoother = match self {
             Self::Direct(dense) => {
                 let refused = |BadRow(node)| Refusal { level: 0, node, pivot: None };
-                return dense.update(a).map_err(refused);
+                return dense.update(a, factor).map_err(refused);
             }
             Self::Uncoupled(smoother) => smoother,
             Self::Coarsen(level) => &mut level.smoother,
         };
-        smoother.update(a).map_err(|BadBlock { row, bad }| Refusal { level: 0, node: row, pivot: Some(bad) })
+        smoother.update(a, factor).map_err(|BadBlock { row, bad }| Refusal { level: 0, node: row, pivot: Some(bad) })
     }
 
     /// Recomputes the coarse levels. Call after [`update_smoother`](Self::update_smoother).
     ///
     /// # Errors
     /// A node of a coarse level at which its matrix is not positive definite: then A is not.
-    pub fn update_coarse(&mut self, a: &BlockMatrix<N, N>, frames: &[Frame<N, M>]) -> Result<(), Refusal> {
+    pub fn update_coarse(
+        &mut self,
+        a: &impl Rows<N>,
+        factor: f64,
+        frames: &(impl Frames<N, M> + ?Sized),
+    ) -> Result<(), Refusal> {
         let Self::Coarsen(level) = self else { return Ok(()) };
-        let Level { smoother, prolongator, eigenvalue, galerkin, frames: coarse_frames, next, .. } = &mut **level;
-        let damping = DAMPING / eigenvalue.update(a, &smoother.inverses);
-        // The product is computed after the prolongator and lends it its memory.
-        prolongator.update(a, &smoother.inverses, damping, frames, &mut galerkin.product.values);
+        let Level { smoother, prolongator, eigenvector, power_iterations, galerkin, residual, next, .. } = &mut **level;
+        let eigenvalue = smoother.largest_eigenvalue(*power_iterations, eigenvector, residual);
+        *power_iterations = LATER_POWER_ITERATIONS;
+        prolongator.update(smoother, DAMPING / eigenvalue, frames);
         galerkin.update(a, prolongator);
-        for (frame, modes) in coarse_frames.iter_mut().zip(&prolongator.modes) {
-            *frame = modes.frame;
-        }
-        next.update_smoother(&galerkin.coarse)
-            .and_then(|()| next.update_coarse(&galerkin.coarse, coarse_frames))
+        next.update_smoother(&galerkin.coarse, factor)
+            .and_then(|()| next.update_coarse(&galerkin.coarse, factor, &prolongator.modes[..]))
             .map_err(|refusal| Refusal { level: refusal.level + 1, ..refusal })
     }
 
@@ -128,12 +139,12 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         }
     }
 
-    /// `x ≈ A⁻¹ b`: one V-cycle from zero.
-    pub fn apply(&mut self, a: &BlockMatrix<N, N>, b: &[[f64; N]], x: &mut [[f64; N]]) {
+    /// `x ≈ (factor·A)⁻¹ b`: one V-cycle from zero.
+    pub fn apply(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
         match self {
             Self::Direct(dense) => dense.solve(b, x),
-            Self::Uncoupled(smoother) => smoother.forward(a, b, x),
-            Self::Coarsen(level) => level.cycle(a, b, x),
+            Self::Uncoupled(smoother) => smoother.forward(b, x),
+            Self::Coarsen(level) => level.cycle(b, x),
         }
     }
 
@@ -157,22 +168,21 @@ impl<const N: usize, const M: usize> Stage<N, M> {
 }
 
 impl<const N: usize, const M: usize> Level<N, M> {
-    fn cycle(&mut self, a: &BlockMatrix<N, N>, b: &[[f64; N]], x: &mut [[f64; N]]) {
-        let Self { smoother, prolongator, galerkin, residual, coarse_residual, correction, next, .. } = self;
-        smoother.forward(a, b, x);
-        smoother.residual(a, x, residual);
+    fn cycle(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
+        let Self { smoother, prolongator, residual, coarse_residual, correction, next, .. } = self;
+        smoother.forward(b, x);
+        smoother.residual(x, residual);
         prolongator.restrict(residual, coarse_residual);
-        next.apply(&galerkin.coarse, coarse_residual, correction);
+        next.apply(coarse_residual, correction);
         prolongator.prolong(correction, x);
-        smoother.backward(a, b, x);
+        smoother.backward(b, x);
     }
 
     fn bytes(&self) -> usize {
         self.smoother.bytes()
             + self.prolongator.bytes()
-            + self.eigenvalue.bytes()
+            + size_of_val(&self.eigenvector[..])
             + self.galerkin.bytes()
-            + size_of_val(&self.frames[..])
             + size_of_val(&self.residual[..])
             + size_of_val(&self.coarse_residual[..])
             + size_of_val(&self.correction[..])
