@@ -36,7 +36,7 @@ impl Dense {
         let matrix = &mut self.factor;
         matrix.fill(0.0);
         for row in 0..a.pattern().rows() {
-            a.visit(row, |_, column, block| {
+            a.visit(row, |column, block| {
                 for (r, entries) in block.iter().enumerate() {
                     for (c, entry) in entries.iter().enumerate() {
                         matrix[(column * N + c) * order + row * N + r] = factor * entry;

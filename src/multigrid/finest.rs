@@ -145,14 +145,12 @@ impl<const D: usize> Rows<D> for FinestRows<'_, D> {
 
     /// The neighbours ascending, the diagonal block last.
     #[inline(always)]
-    fn visit(&self, node: usize, mut visit: impl FnMut(usize, usize, &Block<D, D>)) {
+    fn visit(&self, node: usize, mut visit: impl FnMut(usize, &Block<D, D>)) {
         let Self { finest, a } = self;
         let (all, free) = (Axes::first(D), finest.free[node]);
         let mass = a.mass_factor() * a.system().masses()[finest.particles[node] as usize];
         let mut diagonal: Block<D, D> =
             std::array::from_fn(|r| std::array::from_fn(|c| if r == c { mass } else { 0.0 }));
-        let columns = finest.pattern.columns(node);
-        let mut place = 0;
         let ends = &finest.ends[finest.starts[node]..finest.starts[node + 1]];
         for parallel in ends.chunk_by(|a, b| a.other == b.other) {
             let mut coupling = zero();
@@ -172,17 +170,12 @@ impl<const D: usize> Rows<D> for FinestRows<'_, D> {
             if free != all || finest.free[other] != all {
                 restrict(&mut coupling, free, finest.free[other], 0.0);
             }
-            while columns[place] as usize != other {
-                place += 1;
-            }
-            visit(place, other, &coupling);
+            visit(other, &coupling);
         }
         if free != all {
             restrict(&mut diagonal, free, free, 1.0);
         }
-        if let Ok(place) = columns.binary_search(&(node as u32)) {
-            visit(place, node, &diagonal);
-        }
+        visit(node, &diagonal);
     }
 }
 

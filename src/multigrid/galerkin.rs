@@ -36,7 +36,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
         let BlockMatrix { pattern, values } = &mut self.product;
         for_each_sparse_row(pattern, values, &mut vec![(); pattern.rows()], &|row, sums, ()| {
             sums.fill(zero());
-            a.visit(row, |_, node, a| {
+            a.visit(row, |node, a| {
                 let mut slots = Slots::new(pattern.columns(row), sums);
                 for (column, p) in p.row(node) {
                     if let Some(sum) = slots.find(column) {

@@ -7,12 +7,22 @@
 //! `M = D̃ + L`, positive definite because `diag(Σ |E|) − E` is diagonally dominant: smoothing converges whatever the domains are
 //! (Baker, Falgout, Kolev and Yang 2011, "Multigrid smoothers for ultraparallel computing", section 6).
 //!
-//! The matrix is kept in single precision, times a factor that brings its entries near one. Smoothing is bound by the time
-//! that reading it takes, and rounding it changes a correction by 1e-7 of itself, which conjugate gradients do not notice.
+//! Smoothing takes the time of reading the matrix, so little of it is kept, and in single precision, times a factor that brings
+//! its entries near one: rounding changes a correction by 1e-7 of itself, which conjugate gradients do not notice. Of the two
+//! triangles one is kept. A sweep reads each of its blocks once and uses it twice, for its row and, transposed, for its
+//! column: a forward sweep leaves the residual behind as it goes,
+//!
+//! ```text
+//! r = b − A x = (D̃ − D) x − Lᵀ x − E x,
+//! ```
+//!
+//! and a backward sweep takes L x of the old x from the rows that it has not reached yet and Lᵀ x of the new x from those that
+//! it has.
 
-use super::block::{BadPivot, Block, apply, inverse, single, subtract_apply, zero};
+use super::block::{BadPivot, Block, add_transposed_apply, apply, inverse, single, subtract_apply, zero};
 use super::parallel::{for_chunks, for_each_row, for_each_sparse_row};
 use super::sparse::{BlockMatrix, Pattern, Rows};
+use crate::error::Result;
 use std::sync::Arc;
 
 /// The least rows that a domain has, and the most domains: fewer domains smooth better, more keep more threads busy.
@@ -27,10 +37,13 @@ const LEAST_DIAGONAL: f64 = 1e-30;
 pub(super) struct GaussSeidel<const N: usize> {
     /// Rows of a domain; the last may have fewer.
     domain: usize,
-    matrix: BlockMatrix<N, N, f32>,
+    /// L.
+    lower: BlockMatrix<N, N, f32>,
+    /// E.
+    outside: BlockMatrix<N, N, f32>,
     diagonal: Vec<Diagonal<N>>,
-    /// The solution before a backward sweep, for the rows of other domains.
-    before: Vec<[f32; N]>,
+    /// b, the D̃ − D and E of a backward sweep, and then what is left of it.
+    rest: Vec<[f32; N]>,
 }
 
 /// D̃ of a row.
@@ -50,15 +63,28 @@ pub(super) struct BadBlock {
 }
 
 impl<const N: usize> GaussSeidel<N> {
-    pub fn new(pattern: Arc<Pattern>) -> Self {
+    /// For matrices of a pattern.
+    ///
+    /// # Errors
+    /// More blocks than 32-bit indices can count.
+    pub fn new(pattern: &Pattern) -> Result<Self> {
         let rows = pattern.rows();
         let domains = (rows / LEAST_ROWS).clamp(1, MOST_DOMAINS);
-        Self {
-            domain: rows.div_ceil(domains).max(1),
-            matrix: BlockMatrix::zeros(pattern),
+        let domain = rows.div_ceil(domains).max(1);
+        let part = |belongs: &dyn Fn(usize, usize) -> bool| {
+            Pattern::build(rows, |row, columns| {
+                columns.extend(pattern.columns(row).iter().filter(|&&column| belongs(row, column as usize)));
+            })
+        };
+        let lower = part(&|row, column| column < row && column / domain == row / domain)?;
+        let outside = part(&|row, column| column / domain != row / domain)?;
+        Ok(Self {
+            domain,
+            lower: BlockMatrix::zeros(Arc::new(lower)),
+            outside: BlockMatrix::zeros(Arc::new(outside)),
             diagonal: vec![Diagonal { inverse: zero(), outside: [0.0; N] }; rows],
-            before: vec![[0.0; N]; if domains > 1 { rows } else { 0 }],
-        }
+            rest: vec![[0.0; N]; rows],
+        })
     }
 
     /// Takes over `factor·A`.
@@ -66,62 +92,50 @@ impl<const N: usize> GaussSeidel<N> {
     /// # Errors
     /// The first diagonal block that is not positive definite.
     pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), BadBlock> {
-        let Self { domain, matrix, diagonal, .. } = self;
-        let damped = |row: usize, visit: &mut dyn FnMut(usize, &Block<N, N>)| {
-            let mut outside = [0.0; N];
+        let Self { domain, lower, outside, diagonal, .. } = self;
+        let domain_of = |row: usize| row / *domain;
+        for_each_sparse_row(&lower.pattern, &mut lower.values, diagonal, &|row, lower, diagonal| {
+            let mut lower = lower.iter_mut();
+            let mut magnitudes = [0.0; N];
             let mut block = zero();
-            a.visit(row, |place, column, entries| {
-                visit(place, entries);
+            a.visit(row, |column, entries| {
                 if column == row {
                     block = *entries;
-                } else if column / *domain != row / *domain {
-                    for (sum, entries) in outside.iter_mut().zip(entries) {
-                        *sum += 0.5 * entries.iter().map(|entry| entry.abs()).sum::<f64>();
+                } else if domain_of(column) != domain_of(row) {
+                    for (sum, entries) in magnitudes.iter_mut().zip(entries) {
+                        *sum += 0.5 * factor * entries.iter().map(|entry| entry.abs()).sum::<f64>();
                     }
+                } else if column < row
+                    && let Some(place) = lower.next()
+                {
+                    *place = single(factor, entries);
                 }
             });
-            for k in 0..N {
-                block[k][k] = factor * (block[k][k] + outside[k]) + LEAST_DIAGONAL;
-                for j in 0..k {
-                    block[k][j] *= factor;
-                }
-            }
-            (inverse(&block), outside)
-        };
-        for_each_sparse_row(&matrix.pattern, &mut matrix.values, diagonal, &|row, values, diagonal| {
-            let (inverse, outside) = damped(row, &mut |place, entries| values[place] = single(factor, entries));
-            let inverse = single(1.0, &inverse.unwrap_or(zero()));
-            *diagonal = Diagonal { inverse, outside: outside.map(|outside| (factor * outside) as f32) };
+            let inverse = damped(&block, factor, &magnitudes).unwrap_or(zero());
+            *diagonal = Diagonal { inverse: single(1.0, &inverse), outside: magnitudes.map(|sum| sum as f32) };
         });
-        let failed = diagonal.iter().position(|diagonal| diagonal.inverse.iter().flatten().all(|&entry| entry == 0.0));
-        match failed.map(|row| (row, damped(row, &mut |_, _| {}))) {
-            Some((row, (Err(bad), _))) => Err(BadBlock { row, bad }),
-            _ => Ok(()),
-        }
-    }
-
-    /// An estimate of `λ_max(D̃⁻¹A)`: the growth in some iterations of the power method, which `vector` starts and keeps.
-    pub fn largest_eigenvalue(&self, iterations: usize, vector: &mut [[f32; N]], product: &mut [[f32; N]]) -> f64 {
-        let mut growth = 1.0;
-        for _ in 0..iterations {
-            for_each_row(product, |row, y| {
-                let mut sum = [0.0; N];
-                for (column, a) in self.matrix.row(row) {
-                    subtract_apply(&mut sum, a, &vector[column]);
-                }
-                *y = apply(&self.diagonal[row].inverse, &sum);
-            });
-            growth = norm(product) / norm(vector);
-            let scale = (1.0 / norm(product)) as f32;
-            for_each_row(vector, |row, x| *x = product[row].map(|y| y * scale));
-        }
-        growth
-    }
-
-    /// Columns and blocks of a row of `factor·A`.
-    #[inline(always)]
-    pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, &Block<N, N, f32>)> {
-        self.matrix.row(row)
+        for_each_sparse_row(&outside.pattern, &mut outside.values, diagonal, &|row, outside, _| {
+            let mut outside = outside.iter_mut();
+            if outside.len() > 0 {
+                a.visit(row, |column, entries| {
+                    if domain_of(column) != domain_of(row)
+                        && let Some(place) = outside.next()
+                    {
+                        *place = single(factor, entries);
+                    }
+                });
+            }
+        });
+        let is_missing = |diagonal: &Diagonal<N>| diagonal.inverse.iter().flatten().all(|&entry| entry == 0.0);
+        let Some(row) = diagonal.iter().position(is_missing) else { return Ok(()) };
+        let mut block = zero();
+        a.visit(row, |column, entries| {
+            if column == row {
+                block = *entries;
+            }
+        });
+        let magnitudes = diagonal[row].outside.map(f64::from);
+        damped(&block, factor, &magnitudes).map(drop).map_err(|bad| BadBlock { row, bad })
     }
 
     /// `D̃⁻¹` of a row of `factor·A`.
@@ -130,66 +144,86 @@ impl<const N: usize> GaussSeidel<N> {
         &self.diagonal[row].inverse
     }
 
-    /// `x = M⁻¹ b`, a forward sweep from zero.
-    pub fn forward(&self, b: &[[f32; N]], x: &mut [[f32; N]]) {
-        for_chunks(x, self.domain, |start, x| {
+    /// `x = M⁻¹ b`, a forward sweep from zero, and `r = b − A x`.
+    pub fn forward(&self, b: &[[f32; N]], x: &mut [[f32; N]], r: &mut [[f32; N]]) {
+        for_chunks(x, r, self.domain, |start, x, r| {
             for i in 0..x.len() {
                 let row = start + i;
+                let Diagonal { inverse, outside } = &self.diagonal[row];
                 let mut sum = b[row];
-                for (column, a) in self.matrix.row(row) {
-                    if column >= row {
-                        break;
-                    }
-                    if column >= start {
-                        subtract_apply(&mut sum, a, &x[column - start]);
-                    }
+                for (column, a) in self.lower.row(row) {
+                    subtract_apply(&mut sum, a, &x[column - start]);
                 }
-                x[i] = apply(&self.diagonal[row].inverse, &sum);
+                x[i] = apply(inverse, &sum);
+                let mut opposite = [0.0; N];
+                for k in 0..N {
+                    r[i][k] = outside[k] * x[i][k];
+                    opposite[k] = -x[i][k];
+                }
+                for (column, a) in self.lower.row(row) {
+                    add_transposed_apply(&mut r[column - start], a, &opposite);
+                }
             }
         });
-    }
-
-    /// `r = b − A x` after a forward sweep from zero, from what the sweep left out: `b − (D̃ + L) x = 0`.
-    pub fn residual(&self, x: &[[f32; N]], r: &mut [[f32; N]]) {
+        if self.outside.values.is_empty() {
+            return;
+        }
         for_each_row(r, |row, r| {
-            let start = row / self.domain * self.domain;
-            let mut sum: [f32; N] = std::array::from_fn(|k| self.diagonal[row].outside[k] * x[row][k]);
-            for (column, a) in self.matrix.row(row) {
-                if column > row || column < start {
-                    subtract_apply(&mut sum, a, &x[column]);
-                }
+            for (column, a) in self.outside.row(row) {
+                subtract_apply(r, a, &x[column]);
             }
-            *r = sum;
         });
     }
 
     /// `x += M⁻ᵀ (b − A x)`, a backward sweep.
     pub fn backward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
-        let Self { domain, matrix, diagonal, before } = self;
-        before.iter_mut().zip(&*x).for_each(|(before, x)| *before = *x);
-        for_chunks(x, *domain, |start, x| {
-            let end = start + x.len();
-            for row in (start..end).rev() {
-                let Diagonal { inverse, outside } = &diagonal[row];
-                let mut sum: [f32; N] = std::array::from_fn(|k| b[row][k] + outside[k] * x[row - start][k]);
-                for (column, a) in matrix.row(row).rev() {
-                    if column == row {
-                        continue;
-                    }
-                    let x = if (start..end).contains(&column) { &x[column - start] } else { &before[column] };
-                    subtract_apply(&mut sum, a, x);
+        let Self { domain, lower, outside, diagonal, rest } = self;
+        for_each_row(rest, |row, rest| {
+            let mut sum: [f32; N] = std::array::from_fn(|k| b[row][k] + diagonal[row].outside[k] * x[row][k]);
+            for (column, a) in outside.row(row) {
+                subtract_apply(&mut sum, a, &x[column]);
+            }
+            *rest = sum;
+        });
+        for_chunks(x, rest, *domain, |start, x, rest| {
+            for i in (0..x.len()).rev() {
+                let row = start + i;
+                let mut sum = rest[i];
+                for (column, a) in lower.row(row) {
+                    subtract_apply(&mut sum, a, &x[column - start]);
                 }
-                x[row - start] = apply(inverse, &sum);
+                x[i] = apply(&diagonal[row].inverse, &sum);
+                let opposite = x[i].map(|x| -x);
+                for (column, a) in lower.row(row) {
+                    add_transposed_apply(&mut rest[column - start], a, &opposite);
+                }
             }
         });
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        self.matrix.pattern.bytes() + self.matrix.bytes() + size_of_val(&self.diagonal[..]) + size_of_val(&self.before[..])
+        let patterns = self.lower.pattern.bytes() + self.outside.pattern.bytes();
+        patterns
+            + self.lower.bytes()
+            + self.outside.bytes()
+            + size_of_val(&self.diagonal[..])
+            + size_of_val(&self.rest[..])
     }
 }
 
-fn norm<const N: usize>(x: &[[f32; N]]) -> f64 {
-    x.as_flattened().iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt()
+/// `D̃⁻¹` of a row of `factor·A`.
+fn damped<const N: usize>(
+    block: &Block<N, N>,
+    factor: f64,
+    magnitudes: &[f64; N],
+) -> std::result::Result<Block<N, N>, BadPivot> {
+    let mut damped = *block;
+    for k in 0..N {
+        for entry in &mut damped[k] {
+            *entry *= factor;
+        }
+        damped[k][k] += magnitudes[k] + LEAST_DIAGONAL;
+    }
+    inverse(&damped)
 }

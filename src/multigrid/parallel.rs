@@ -10,19 +10,26 @@ const GRAIN: usize = 2048;
 
 /// Calls `f(row, value)` for every entry of a vector.
 pub(super) fn for_each_row<T: Send>(values: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
-    for_chunks(values, GRAIN, |start, chunk| {
-        for (row, value) in (start..).zip(chunk) {
-            f(row, value);
-        }
-    });
+    let rows = |(start, values): (usize, &mut [T])| (start..).zip(values).for_each(|(row, value)| f(row, value));
+    if values.len() <= GRAIN {
+        rows((0, values));
+    } else {
+        values.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, values)| rows((chunk * GRAIN, values)));
+    }
 }
 
-/// Calls `f(start, chunk)` for chunks of a given length.
-pub(super) fn for_chunks<T: Send>(values: &mut [T], length: usize, f: impl Fn(usize, &mut [T]) + Sync) {
-    if values.len() <= length {
-        f(0, values);
+/// Calls `f(start, chunk, chunk)` for chunks of a given length of two vectors.
+pub(super) fn for_chunks<T: Send, U: Send>(
+    first: &mut [T],
+    second: &mut [U],
+    length: usize,
+    f: impl Fn(usize, &mut [T], &mut [U]) + Sync,
+) {
+    if first.len() <= length {
+        f(0, first, second);
     } else {
-        values.par_chunks_mut(length).enumerate().for_each(|(chunk, values)| f(chunk * length, values));
+        let chunks = first.par_chunks_mut(length).zip(second.par_chunks_mut(length)).enumerate();
+        chunks.for_each(|(chunk, (first, second))| f(chunk * length, first, second));
     }
 }
 

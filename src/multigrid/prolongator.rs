@@ -2,15 +2,23 @@
 //!
 //! `P = (I − ω D⁻¹A) T` with `ω = 4/(3 λ_max(D⁻¹A))` and D the diagonal blocks of A: one step of damped block Jacobi takes the
 //! jumps between aggregates out of T, so that a coarse motion costs little energy (Vaněk, Mandel, Brezina 1996, section 4).
+//!
+//! λ_max is not computed but bounded: a spring's block B is positive semidefinite where A is of use, and
+//! `(x_i − x_j)ᵀ B (x_i − x_j) ≤ 2 x_iᵀ B x_i + 2 x_jᵀ B x_j`; summed over the springs, `xᵀA x ≤ 2 xᵀD x`, so `λ_max ≤ 2`. Where the power
+//! method says 1.7 to 1.8, using 2 changes iteration counts by at most two, on coarse levels too, where 1.6 to 1.7 is usual. Any ω gives
+//! a preconditioner that is positive definite.
 
 use super::aggregate::Aggregates;
 use super::block::{Block, add_apply, add_product, add_transposed_apply, single, zero};
 use super::gauss_seidel::GaussSeidel;
 use super::modes::{AggregateModes, Frames};
 use super::parallel::{for_each_row, for_each_sparse_row};
-use super::sparse::{BlockMatrix, Pattern, Transpose};
+use super::sparse::{BlockMatrix, Pattern, Rows, Transpose};
 use crate::error::Result;
 use std::sync::Arc;
+
+/// ω, for `λ_max = 2`.
+const OMEGA: f32 = 2.0 / 3.0;
 
 /// The smoothed prolongator of a level, with the modes of its aggregates.
 #[derive(Debug, Clone)]
@@ -59,10 +67,16 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         Ok(Self { aggregates, starts, members, modes, tentative, matrix: BlockMatrix::zeros(Arc::new(pattern)), transpose })
     }
 
-    /// Recomputes the modes of the aggregates, and P with the A and D of the smoother.
+    /// Recomputes the modes of the aggregates, and P with the D of a smoother that has `factor·A`.
     ///
     /// In single precision: an error of 1e-7 in P costs energy by its square, and the coarse matrix is that of the P at hand.
-    pub fn update(&mut self, smoother: &GaussSeidel<N>, damping: f64, frames: &(impl Frames<N, M> + ?Sized)) {
+    pub fn update(
+        &mut self,
+        a: &impl Rows<N>,
+        factor: f64,
+        smoother: &GaussSeidel<N>,
+        frames: &(impl Frames<N, M> + ?Sized),
+    ) {
         let Self { aggregates, starts, members, modes, tentative, matrix, .. } = self;
         for_each_row(modes, |aggregate, modes| {
             let members = &members[starts[aggregate]..starts[aggregate + 1]];
@@ -77,13 +91,13 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             let columns = pattern.columns(row);
             let slot = |node| aggregates.of_node(node).and_then(|aggregate| columns.iter().position(|&c| c == aggregate));
             p.fill(zero());
-            for (node, a) in smoother.row(row) {
+            a.visit(row, |node, a| {
                 if let Some(slot) = slot(node) {
-                    add_product(&mut p[slot], a, &tentative[node]);
+                    add_product(&mut p[slot], &single(factor, a), &tentative[node]);
                 }
-            }
+            });
             let mut damped = *smoother.inverse(row);
-            damped.as_flattened_mut().iter_mut().for_each(|entry| *entry *= -damping as f32);
+            damped.as_flattened_mut().iter_mut().for_each(|entry| *entry *= -OMEGA);
             for (p, &aggregate) in p.iter_mut().zip(columns) {
                 let mut smoothed = if aggregates.of_node(row) == Some(aggregate) { tentative[row] } else { zero() };
                 add_product(&mut smoothed, &damped, p);

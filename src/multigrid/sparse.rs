@@ -110,8 +110,8 @@ pub(super) trait Rows<const N: usize>: Sync {
     /// Which blocks there are.
     fn pattern(&self) -> &Pattern;
 
-    /// Calls `visit(place, column, block)` for every block of a row, in a fixed order; `place` counts from the row's start.
-    fn visit(&self, row: usize, visit: impl FnMut(usize, usize, &Block<N, N>));
+    /// Calls `visit(column, block)` for every block of a row: the diagonal one at any time, the others by ascending columns.
+    fn visit(&self, row: usize, visit: impl FnMut(usize, &Block<N, N>));
 }
 
 /// A sparse matrix of R × C blocks.
@@ -130,7 +130,7 @@ impl<const R: usize, const C: usize, T: Real> BlockMatrix<R, C, T> {
 
     /// Columns and blocks of a row.
     #[inline(always)]
-    pub fn row(&self, row: usize) -> impl DoubleEndedIterator<Item = (usize, &Block<R, C, T>)> {
+    pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, &Block<R, C, T>)> {
         let range = self.pattern.row(row);
         let columns = &self.pattern.columns[range.clone()];
         columns.iter().map(|&column| column as usize).zip(&self.values[range])
@@ -148,9 +148,9 @@ impl<const N: usize> Rows<N> for BlockMatrix<N, N> {
     }
 
     #[inline(always)]
-    fn visit(&self, row: usize, mut visit: impl FnMut(usize, usize, &Block<N, N>)) {
-        for (place, (column, block)) in self.row(row).enumerate() {
-            visit(place, column, block);
+    fn visit(&self, row: usize, mut visit: impl FnMut(usize, &Block<N, N>)) {
+        for (column, block) in self.row(row) {
+            visit(column, block);
         }
     }
 }

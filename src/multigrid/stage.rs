@@ -16,13 +16,6 @@ use std::sync::Arc;
 /// Unknowns that are solved for directly: a dense factorization of this order takes a few milliseconds.
 const LARGEST_DENSE: usize = 400;
 
-/// ω λ_max: one step of Jacobi, `1 − ω λ`, is then at most 1/3 in the upper three quarters of the spectrum.
-const DAMPING: f64 = 4.0 / 3.0;
-
-/// Iterations of the power method for the first matrix, and for each later one, which starts from what is known.
-const FIRST_POWER_ITERATIONS: usize = 12;
-const LATER_POWER_ITERATIONS: usize = 2;
-
 /// A matrix and how it is solved, approximately.
 #[derive(Debug)]
 pub(super) enum Stage<const N: usize, const M: usize> {
@@ -31,7 +24,14 @@ pub(super) enum Stage<const N: usize, const M: usize> {
     /// Smoothing, and a correction from the next stage.
     Coarsen(Box<Level<N, M>>),
     /// Smoothing is exact: no two nodes are coupled.
-    Uncoupled(GaussSeidel<N>),
+    Uncoupled(Box<Uncoupled<N>>),
+}
+
+/// A level without couplings.
+#[derive(Debug)]
+pub(super) struct Uncoupled<const N: usize> {
+    smoother: GaussSeidel<N>,
+    residual: Vec<[f32; N]>,
 }
 
 /// A level with its coarse one.
@@ -39,9 +39,6 @@ pub(super) enum Stage<const N: usize, const M: usize> {
 pub(super) struct Level<const N: usize, const M: usize> {
     smoother: GaussSeidel<N>,
     prolongator: Prolongator<N, M>,
-    /// Approximates the eigenvector of `λ_max(D⁻¹A)`, and how often the power method improves it.
-    eigenvector: Vec<[f32; N]>,
-    power_iterations: usize,
     galerkin: Galerkin<N, M>,
     residual: Vec<[f32; N]>,
     coarse_residual: Vec<[f32; M]>,
@@ -70,22 +67,18 @@ impl<const N: usize, const M: usize> Stage<N, M> {
             return Ok(Self::Direct(Dense::new(rows * N)));
         }
         let aggregates = Aggregates::of(graph);
-        let smoother = GaussSeidel::new(a.clone());
+        let smoother = GaussSeidel::new(a)?;
         if aggregates.count() == 0 {
-            return Ok(Self::Uncoupled(smoother));
+            return Ok(Self::Uncoupled(Box::new(Uncoupled { smoother, residual: vec![[0.0; N]; rows] })));
         }
         let coarse_graph = graph.quotient(aggregates.count(), |node| aggregates.of_node(node));
         let prolongator = Prolongator::new(a, aggregates)?;
         let galerkin = Galerkin::new(a, &prolongator)?;
         let next = Stage::new(&galerkin.coarse.pattern, &coarse_graph)?;
         let coarse = prolongator.columns();
-        // The fractional parts of multiples of the golden ratio are spread evenly; centred, they favour no mode.
-        let scattered = |index: usize| ((index as f64 * 0.618_033_988_749_894_9).fract() - 0.5) as f32;
         Ok(Self::Coarsen(Box::new(Level {
             smoother,
             prolongator,
-            eigenvector: (0..rows).map(|row| std::array::from_fn(|k| scattered(row * N + k + 1))).collect(),
-            power_iterations: FIRST_POWER_ITERATIONS,
             galerkin,
             residual: vec![[0.0; N]; rows],
             coarse_residual: vec![[0.0; M]; coarse],
@@ -104,7 +97,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
                 let refused = |BadRow(node)| Refusal { level: 0, node, pivot: None };
                 return dense.update(a, factor).map_err(refused);
             }
-            Self::Uncoupled(smoother) => smoother,
+            Self::Uncoupled(level) => &mut level.smoother,
             Self::Coarsen(level) => &mut level.smoother,
         };
         smoother.update(a, factor).map_err(|BadBlock { row, bad }| Refusal { level: 0, node: row, pivot: Some(bad) })
@@ -121,10 +114,8 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         frames: &(impl Frames<N, M> + ?Sized),
     ) -> Result<(), Refusal> {
         let Self::Coarsen(level) = self else { return Ok(()) };
-        let Level { smoother, prolongator, eigenvector, power_iterations, galerkin, residual, next, .. } = &mut **level;
-        let eigenvalue = smoother.largest_eigenvalue(*power_iterations, eigenvector, residual);
-        *power_iterations = LATER_POWER_ITERATIONS;
-        prolongator.update(smoother, DAMPING / eigenvalue, frames);
+        let Level { smoother, prolongator, galerkin, next, .. } = &mut **level;
+        prolongator.update(a, factor, smoother, frames);
         galerkin.update(a, prolongator);
         next.update_smoother(&galerkin.coarse, factor)
             .and_then(|()| next.update_coarse(&galerkin.coarse, factor, &prolongator.modes[..]))
@@ -143,7 +134,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
     pub fn apply(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
         match self {
             Self::Direct(dense) => dense.solve(b, x),
-            Self::Uncoupled(smoother) => smoother.forward(b, x),
+            Self::Uncoupled(level) => level.smoother.forward(b, x, &mut level.residual),
             Self::Coarsen(level) => level.cycle(b, x),
         }
     }
@@ -161,7 +152,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
     pub fn bytes(&self) -> usize {
         match self {
             Self::Direct(dense) => dense.bytes(),
-            Self::Uncoupled(smoother) => smoother.bytes(),
+            Self::Uncoupled(level) => level.smoother.bytes() + size_of_val(&level.residual[..]),
             Self::Coarsen(level) => level.bytes(),
         }
     }
@@ -170,8 +161,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
 impl<const N: usize, const M: usize> Level<N, M> {
     fn cycle(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
         let Self { smoother, prolongator, residual, coarse_residual, correction, next, .. } = self;
-        smoother.forward(b, x);
-        smoother.residual(x, residual);
+        smoother.forward(b, x, residual);
         prolongator.restrict(residual, coarse_residual);
         next.apply(coarse_residual, correction);
         prolongator.prolong(correction, x);
@@ -181,7 +171,6 @@ impl<const N: usize, const M: usize> Level<N, M> {
     fn bytes(&self) -> usize {
         self.smoother.bytes()
             + self.prolongator.bytes()
-            + size_of_val(&self.eigenvector[..])
             + self.galerkin.bytes()
             + size_of_val(&self.residual[..])
             + size_of_val(&self.coarse_residual[..])
