@@ -21,8 +21,9 @@ pub(super) struct Aggregates {
 impl Aggregates {
     /// Aggregates a graph. A node without neighbours gets none: its equations stand alone, and smoothing solves them.
     pub fn of(graph: &Graph) -> Self {
-        let largest: Vec<f64> =
-            (0..graph.nodes()).map(|node| graph.edges(node).fold(0.0, |largest, (_, w)| f64::max(largest, w))).collect();
+        let largest: Vec<f64> = (0..graph.nodes())
+            .map(|node| graph.edges(node).fold(0.0, |largest, (_, w)| f64::max(largest, w)))
+            .collect();
         let is_strong = |i: usize, j: usize, w: f64| w * w >= STRENGTH * STRENGTH * largest[i] * largest[j];
         let strong = |i: usize| graph.edges(i).filter(move |&(j, w)| is_strong(i, j, w)).map(|(j, _)| j);
         let mut of_node = vec![NONE; graph.nodes()];

@@ -155,10 +155,11 @@ pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, Ba
             return Err(BadPivot { index: i, pivot });
         }
         l[i][i] = pivot.sqrt();
-        for j in 0..i {
+        let row: [f64; N] = std::array::from_fn(|j| {
             let sum: f64 = (j..i).map(|k| l[i][k] * l_inverse[k][j]).sum();
-            l_inverse[i][j] = -sum / l[i][i];
-        }
+            if j < i { -sum / l[i][i] } else { 0.0 }
+        });
+        l_inverse[i] = row;
         l_inverse[i][i] = 1.0 / l[i][i];
     }
     let mut inverse = zero();

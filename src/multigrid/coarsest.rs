@@ -51,7 +51,9 @@ impl Dense {
         let stack = MemStack::new(&mut self.memory);
         match llt::factor::cholesky_in_place(factor, Default::default(), Par::Seq, stack, Spec::default()) {
             Ok(_) => Ok(()),
-            Err(llt::factor::LltError::NonPositivePivot { index }) => Err(BadRow(index.min(order.saturating_sub(1)) / N)),
+            Err(llt::factor::LltError::NonPositivePivot { index }) => {
+                Err(BadRow(index.min(order.saturating_sub(1)) / N))
+            }
         }
     }
 

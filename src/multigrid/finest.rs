@@ -43,7 +43,8 @@ impl<const D: usize> Finest<D> {
     /// More blocks than 32-bit indices can count.
     pub fn new(system: &System) -> Result<(Self, Graph)> {
         let dofs = system.dofs();
-        let movable: Vec<u32> = (0..system.particles()).filter(|&p| dofs.free_axes(p) != Axes::NONE).map(|p| p as u32).collect();
+        let movable: Vec<u32> =
+            (0..system.particles()).filter(|&p| dofs.free_axes(p) != Axes::NONE).map(|p| p as u32).collect();
         let (given, ..) = springs(system, &movable);
         let order = order(&given);
         let particles: Vec<u32> = order.iter().map(|&node| movable[node as usize]).collect();
@@ -197,7 +198,8 @@ fn springs(system: &System, particles: &[u32]) -> (Graph, Vec<usize>, Vec<End>) 
     for (node, &particle) in (0..).zip(particles) {
         node_of[particle as usize] = node;
     }
-    let springs = || (0u32..).zip(system.active()).map(|(at, (_, [i, j], spring))| (at, [node_of[i], node_of[j]], spring));
+    let springs =
+        || (0u32..).zip(system.active()).map(|(at, (_, [i, j], spring))| (at, [node_of[i], node_of[j]], spring));
     let both_move = springs().filter(|(_, ends, _)| !ends.contains(&FIXED));
     let edges: Vec<_> = both_move.map(|(_, [i, j], spring)| (i, j, spring.stiffness / spring.rest_length)).collect();
     let graph = Graph::new(particles.len(), edges.iter().copied());

@@ -24,9 +24,15 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
     pub fn new(a: &Pattern, prolongator: &Prolongator<N, M>) -> Result<Self> {
         let p = &prolongator.matrix.pattern;
         let columns = prolongator.columns();
-        let product = Pattern::build(a.rows(), union(columns, |row| a.columns(row).iter().map(|&node| p.columns(node as usize))))?;
+        let product = Pattern::build(
+            a.rows(),
+            union(columns, |row| a.columns(row).iter().map(|&node| p.columns(node as usize))),
+        )?;
         let members = |row| prolongator.transpose.column(row).iter();
-        let coarse = Pattern::build(columns, union(columns, |row| members(row).map(|&(node, _)| product.columns(node as usize))))?;
+        let coarse = Pattern::build(
+            columns,
+            union(columns, |row| members(row).map(|&(node, _)| product.columns(node as usize))),
+        )?;
         Ok(Self { product: BlockMatrix::zeros(Arc::new(product)), coarse: BlockMatrix::zeros(Arc::new(coarse)) })
     }
 

@@ -58,7 +58,10 @@ impl Graph {
     /// Neighbours of a node with the weights of the edges to them.
     pub fn edges(&self, node: usize) -> impl Iterator<Item = (usize, f64)> + Clone {
         let range = self.starts[node]..self.starts[node + 1];
-        self.neighbours[range.clone()].iter().map(|&neighbour| neighbour as usize).zip(self.weights[range].iter().copied())
+        self.neighbours[range.clone()]
+            .iter()
+            .map(|&neighbour| neighbour as usize)
+            .zip(self.weights[range].iter().copied())
     }
 
     /// The graph of groups of nodes: two are coupled by all edges between their members. Nodes without a group are left

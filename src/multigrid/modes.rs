@@ -88,8 +88,7 @@ pub(super) struct AggregateModes<const M: usize> {
 
 impl<const M: usize> AggregateModes<M> {
     /// No motion at all.
-    pub const NOTHING: Self =
-        Self { frame: Frame { modes: [[0.0; M]; M], centre: [0.0; 3] }, inverse: [[0.0; M]; M] };
+    pub const NOTHING: Self = Self { frame: Frame { modes: [[0.0; M]; M], centre: [0.0; 3] }, inverse: [[0.0; M]; M] };
 
     /// From the members' frames.
     pub fn of<const N: usize>(members: impl Iterator<Item = Frame<N, M>> + Clone) -> Self {

@@ -52,7 +52,8 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             }
         })?;
         let mut starts = vec![0usize; count + 1];
-        let of_nodes = || (0..a.rows()).filter_map(|node| aggregates.of_node(node).map(|aggregate| (node, aggregate as usize)));
+        let of_nodes =
+            || (0..a.rows()).filter_map(|node| aggregates.of_node(node).map(|aggregate| (node, aggregate as usize)));
         of_nodes().for_each(|(_, aggregate)| starts[aggregate + 1] += 1);
         (0..count).for_each(|aggregate| starts[aggregate + 1] += starts[aggregate]);
         let mut members = vec![0; starts[count]];
@@ -64,7 +65,15 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         let transpose = pattern.transpose(count);
         let modes = vec![AggregateModes::NOTHING; count];
         let tentative = vec![zero(); a.rows()];
-        Ok(Self { aggregates, starts, members, modes, tentative, matrix: BlockMatrix::zeros(Arc::new(pattern)), transpose })
+        Ok(Self {
+            aggregates,
+            starts,
+            members,
+            modes,
+            tentative,
+            matrix: BlockMatrix::zeros(Arc::new(pattern)),
+            transpose,
+        })
     }
 
     /// Recomputes the modes of the aggregates, and P with the D of a smoother that has `factor·A`.
@@ -89,7 +98,8 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         let BlockMatrix { pattern, values } = matrix;
         for_each_sparse_row(pattern, values, &mut vec![(); pattern.rows()], &|row, p, ()| {
             let columns = pattern.columns(row);
-            let slot = |node| aggregates.of_node(node).and_then(|aggregate| columns.iter().position(|&c| c == aggregate));
+            let slot =
+                |node| aggregates.of_node(node).and_then(|aggregate| columns.iter().position(|&c| c == aggregate));
             p.fill(zero());
             a.visit(row, |node, a| {
                 if let Some(slot) = slot(node) {

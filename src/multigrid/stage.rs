@@ -11,10 +11,6 @@ use super::modes::Frames;
 use super::prolongator::Prolongator;
 use super::sparse::{Pattern, Rows};
 use crate::error::Result;
-use std::sync::Arc;
-
-/// Unknowns that are solved for directly: a dense factorization of this order takes a few milliseconds.
-const LARGEST_DENSE: usize = 400;
 
 /// A matrix and how it is solved, approximately.
 #[derive(Debug)]
@@ -57,13 +53,13 @@ pub(super) struct Refusal {
 }
 
 impl<const N: usize, const M: usize> Stage<N, M> {
-    /// Aggregates and patterns of this level and all below.
+    /// Aggregates and patterns of this level and all below, down to one of at most `largest_dense` unknowns.
     ///
     /// # Errors
     /// More blocks than 32-bit indices can count.
-    pub fn new(a: &Arc<Pattern>, graph: &Graph) -> Result<Self> {
+    pub fn new(a: &Pattern, graph: &Graph, largest_dense: usize) -> Result<Self> {
         let rows = a.rows();
-        if rows * N <= LARGEST_DENSE {
+        if rows * N <= largest_dense {
             return Ok(Self::Direct(Dense::new(rows * N)));
         }
         let aggregates = Aggregates::of(graph);
@@ -74,7 +70,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         let coarse_graph = graph.quotient(aggregates.count(), |node| aggregates.of_node(node));
         let prolongator = Prolongator::new(a, aggregates)?;
         let galerkin = Galerkin::new(a, &prolongator)?;
-        let next = Stage::new(&galerkin.coarse.pattern, &coarse_graph)?;
+        let next = Stage::new(&galerkin.coarse.pattern, &coarse_graph, largest_dense)?;
         let coarse = prolongator.columns();
         Ok(Self::Coarsen(Box::new(Level {
             smoother,
