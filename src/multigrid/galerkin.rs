@@ -28,10 +28,9 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
             a.rows(),
             union(columns, |row| a.columns(row).iter().map(|&node| p.columns(node as usize))),
         )?;
-        let members = |row| prolongator.transpose.column(row).iter();
         let coarse = Pattern::build(
             columns,
-            union(columns, |row| members(row).map(|&(node, _)| product.columns(node as usize))),
+            union(columns, |row| prolongator.column(row).map(|(node, _)| product.columns(node))),
         )?;
         Ok(Self { product: BlockMatrix::zeros(Arc::new(product)), coarse: BlockMatrix::zeros(Arc::new(coarse)) })
     }
@@ -55,10 +54,10 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
         let BlockMatrix { pattern, values } = &mut self.coarse;
         for_each_sparse_row(pattern, values, &mut vec![(); pattern.rows()], &|row, sums, ()| {
             sums.fill(zero());
-            for &(node, position) in prolongator.transpose.column(row) {
-                let p = double(&p.values[position as usize]);
+            for (node, p) in prolongator.column(row) {
+                let p = double(p);
                 let mut slots = Slots::new(pattern.columns(row), sums);
-                for (column, product) in product.row(node as usize) {
+                for (column, product) in product.row(node) {
                     if let Some(sum) = slots.find(column) {
                         add_transposed_product(sum, &p, product);
                     }

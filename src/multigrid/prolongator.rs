@@ -33,6 +33,8 @@ pub(super) struct Prolongator<const N: usize, const M: usize> {
     /// P.
     pub matrix: BlockMatrix<N, M, f32>,
     pub transpose: Transpose,
+    /// The blocks of P by columns: read in order they come twice as fast.
+    by_columns: Vec<Block<N, M, f32>>,
 }
 
 impl<const N: usize, const M: usize> Prolongator<N, M> {
@@ -63,6 +65,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             next[aggregate] += 1;
         }
         let transpose = pattern.transpose(count);
+        let by_columns = vec![zero(); pattern.blocks()];
         let modes = vec![AggregateModes::NOTHING; count];
         let tentative = vec![zero(); a.rows()];
         Ok(Self {
@@ -73,6 +76,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             tentative,
             matrix: BlockMatrix::zeros(Arc::new(pattern)),
             transpose,
+            by_columns,
         })
     }
 
@@ -86,7 +90,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         smoother: &GaussSeidel<N>,
         frames: &(impl Frames<N, M> + ?Sized),
     ) {
-        let Self { aggregates, starts, members, modes, tentative, matrix, .. } = self;
+        let Self { aggregates, starts, members, modes, tentative, matrix, transpose, by_columns } = self;
         for_each_row(modes, |aggregate, modes| {
             let members = &members[starts[aggregate]..starts[aggregate + 1]];
             *modes = AggregateModes::of(members.iter().map(|&node| frames.frame(node as usize)));
@@ -114,6 +118,16 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
                 *p = smoothed;
             }
         });
+        let values = &matrix.values;
+        for_each_row(by_columns, |place, p| *p = values[transpose.entry(place).1 as usize]);
+    }
+
+    /// Nodes and blocks of a column of P.
+    #[inline(always)]
+    pub fn column(&self, aggregate: usize) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
+        let range = self.transpose.column(aggregate);
+        let nodes = self.transpose.entries(range.clone()).iter().map(|&(node, _)| node as usize);
+        nodes.zip(&self.by_columns[range])
     }
 
     /// Number of aggregates.
@@ -130,8 +144,8 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
     pub fn restrict(&self, r: &[[f32; N]], coarse: &mut [[f32; M]]) {
         for_each_row(coarse, |aggregate, sum| {
             *sum = [0.0; M];
-            for &(node, position) in self.transpose.column(aggregate) {
-                add_transposed_apply(sum, &self.matrix.values[position as usize], &r[node as usize]);
+            for (node, p) in self.column(aggregate) {
+                add_transposed_apply(sum, p, &r[node]);
             }
         });
     }
@@ -155,5 +169,6 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             + self.matrix.pattern.bytes()
             + self.matrix.bytes()
             + self.transpose.bytes()
+            + size_of_val(&self.by_columns[..])
     }
 }

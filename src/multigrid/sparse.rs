@@ -93,10 +93,22 @@ pub(super) struct Transpose {
 }
 
 impl Transpose {
-    /// The blocks of a column.
-    #[inline]
-    pub fn column(&self, column: usize) -> &[(u32, u32)] {
-        &self.entries[self.starts[column]..self.starts[column + 1]]
+    /// Places of a column's blocks.
+    #[inline(always)]
+    pub fn column(&self, column: usize) -> Range<usize> {
+        self.starts[column]..self.starts[column + 1]
+    }
+
+    /// Rows and positions of the blocks at some places.
+    #[inline(always)]
+    pub fn entries(&self, places: Range<usize>) -> &[(u32, u32)] {
+        &self.entries[places]
+    }
+
+    /// Row and position of the block at a place.
+    #[inline(always)]
+    pub fn entry(&self, place: usize) -> (u32, u32) {
+        self.entries[place]
     }
 
     /// Bytes held.
