@@ -149,7 +149,7 @@ proptest! {
     /// One to three dimensions, prescribed axes, isolated particles, disconnected parts; coarsened as far as can be.
     #[test]
     fn the_preconditioner_is_symmetric_and_positive_definite(
-        scene in systems(), dt in common::log_uniform(1e-3, 1.0), largest_dense in 0usize..20, placed in any::<bool>(),
+        scene in systems(), dt in common::log_uniform(1e-3, 0.1), largest_dense in 0usize..20, placed in any::<bool>(),
     ) {
         let a = operator(&scene, Stiffness::Tension, dt);
         let mut multigrid = Multigrid::down_to(&scene.0, largest_dense).unwrap();
@@ -160,13 +160,18 @@ proptest! {
         multigrid.rebuild(&a).unwrap();
         let order = scene.0.dofs().len();
         let b = dense(&mut multigrid, order);
-        // Scaled by A to order one, where single precision leaves about 1e-7 a step.
-        let cholesky = dense_matrix(&scene, &a).cholesky().unwrap();
+        // Scaled by A to order one, where rounding B to single precision makes errors of about 6e-8 ‖A‖‖A⁻¹‖.
+        let matrix = dense_matrix(&scene, &a);
+        let values = eigenvalues(&matrix);
+        let condition = values.last().unwrap_or(&1.0) / values.first().unwrap_or(&1.0);
+        prop_assume!(condition < 1e5);
+        let rounding = 10.0 * 0.5 * f64::from(f32::EPSILON) * condition;
+        let cholesky = matrix.cholesky().unwrap();
         let scaled = cholesky.l().transpose() * &b * cholesky.l();
-        let asymmetry = if order == 0 { 0.0 } else { (&scaled - scaled.transpose()).amax() };
-        prop_assert!(asymmetry <= 1e-3 * scaled.norm(), "asymmetry {asymmetry:e} of {:e}", scaled.norm());
+        let asymmetry = (&scaled - scaled.transpose()).norm();
+        prop_assert!(asymmetry <= rounding, "asymmetry {asymmetry:e} > {rounding:e}");
         let values = eigenvalues(&((&scaled + scaled.transpose()) * 0.5));
-        prop_assert!(values.iter().all(|&value| value > 0.0 && value < 1.01), "{values:?}");
+        prop_assert!(values.iter().all(|&value| value > 0.0 && value < 1.0 + rounding), "{values:?}");
     }
 
     #[test]
@@ -278,10 +283,17 @@ fn run(scene: &(System, State), preconditioner: Option<PreconditionerKind>, dt: 
 }
 
 #[test]
+fn a_smooth_motion_gives_good_first_guesses() {
+    let scene = builtin::lattice(10).unwrap().build().unwrap();
+    let (_, work) = run(&scene, Some(PreconditionerKind::Multigrid), 0.002, 20);
+    assert_eq!((work.solves, work.warm_starts, work.cg_iterations), (20, 19, 0));
+}
+
+#[test]
 fn coarse_levels_are_kept_as_long_as_they_serve() {
     let scene = cloth(40, 1.0);
     let (_, work) = run(&scene, Some(PreconditionerKind::Multigrid), DT, 30);
-    assert_eq!((work.solves, work.multigrid_setups, work.cg_iterations), (30, 11, 689));
+    assert_eq!((work.solves, work.multigrid_setups, work.cg_iterations), (30, 11, 673));
 }
 
 #[test]

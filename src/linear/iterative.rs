@@ -4,6 +4,7 @@ use super::LinearSolver;
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
 use super::preconditioner::{Preconditioner, PreconditionerKind};
+use super::warm_start::WarmStart;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::operator::SystemOperator;
@@ -33,6 +34,7 @@ pub struct CgSolver {
     application: Application,
     /// While block Jacobi is on trial: where the particles are, for multigrid.
     trial: Option<Vec<Vector3<f64>>>,
+    warm_start: WarmStart,
 }
 
 impl CgSolver {
@@ -64,6 +66,7 @@ impl CgSolver {
             method: ConjugateGradient::new(system.dofs().len(), tolerance),
             preconditioner: Preconditioner::new(kind.unwrap_or(PreconditionerKind::BlockJacobi), system)?,
             application,
+            warm_start: WarmStart::new(system.dofs().len()),
             trial: kind.is_none().then(|| vec![Vector3::zeros(); system.particles()]),
         })
     }
@@ -135,6 +138,14 @@ impl LinearSolver for CgSolver {
         work: &mut Work,
     ) -> Result<Solution, SolveFailure> {
         work.solves += 1;
+        if x.iter().all(|&x| x == 0.0) {
+            let warm_start = &mut self.warm_start;
+            let guessed = match &self.application {
+                Application::MatrixFree => warm_start.guess(a, b, x),
+                Application::Assembled(matrix) => warm_start.guess(matrix.matrix(), b, x),
+            };
+            work.warm_starts += u64::from(guessed);
+        }
         let digits = -self.method.tolerance.log10();
         let patience = match &self.preconditioner {
             Preconditioner::Multigrid(multigrid) => multigrid.patience(digits),
@@ -143,22 +154,24 @@ impl LinearSolver for CgSolver {
         let limit = self.method.iteration_limit;
         self.method.iteration_limit = patience.map_or(limit, |patience| limit.min(patience));
         let mut report = self.run(a, b, x, work);
+        let digits = digits.min((report.first_residual / self.method.tolerance).log10());
         self.method.iteration_limit = limit;
         if patience.is_some() && report.outcome == CgOutcome::IterationLimit {
             self.improve(a, work)?;
             report = self.run(a, b, x, work);
         }
-        if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner
-            && report.outcome == CgOutcome::Converged
-        {
-            multigrid.record(report.iterations, digits);
+        if report.outcome == CgOutcome::Converged {
+            self.warm_start.record(x);
+            if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
+                multigrid.record(report.iterations, digits);
+            }
         }
         accept(&report)
     }
 }
 
 fn accept(report: &CgReport) -> Result<Solution, SolveFailure> {
-    let CgReport { outcome, iterations, relative_residual } = *report;
+    let CgReport { outcome, iterations, relative_residual, .. } = *report;
     let not_converged = |reason| Err(SolveFailure::NotConverged { iterations, relative_residual, reason });
     match outcome {
         CgOutcome::Converged => Ok(Solution { relative_residual }),

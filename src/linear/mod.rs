@@ -14,6 +14,7 @@ mod outcome;
 mod preconditioner;
 mod reuse;
 mod select;
+mod warm_start;
 
 pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
@@ -25,6 +26,7 @@ pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
 pub use preconditioner::{Preconditioner, PreconditionerKind};
 pub use reuse::ReusedMultigrid;
 pub use select::{SolverChoice, SolverOptions, select};
+pub use warm_start::WarmStart;
 
 use crate::operator::SystemOperator;
 use crate::work::Work;
@@ -51,7 +53,7 @@ pub trait LinearSolver {
     fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure>;
 
     /// Solves with the matrix of the last `prepare`, which must be given again. `b` and `x` are reduced; on entry `x`
-    /// is the first guess of an iterative solver.
+    /// is the first guess of an iterative solver, or zero where it shall find its own.
     ///
     /// # Errors
     /// When no solution can be vouched for; `x` is then unspecified.

@@ -86,6 +86,10 @@ impl ReusedMultigrid {
 
     /// Takes note of what a solve has cost that gained this many decimal digits.
     pub fn record(&mut self, iterations: u64, digits: f64) {
+        // A good first guess leaves too little to judge by.
+        if digits.is_nan() || digits < 1.0 {
+            return;
+        }
         match &mut self.coarse {
             Coarse::New => self.coarse = Coarse::Used { per_digit: iterations as f64 / digits, lost: 0.0 },
             Coarse::Used { per_digit, lost } => *lost += (iterations as f64 - *per_digit * digits).max(0.0),

@@ -71,7 +71,7 @@ use crate::operator::SystemOperator;
 use crate::system::{Dof, System};
 use finest::{Finest, near_one};
 use nalgebra::Vector3;
-use stage::{Refusal, Stage};
+use stage::{Cycle, Refusal, Stage};
 
 /// Unknowns that are solved for directly: a dense factorization of this order takes a few milliseconds.
 const LARGEST_DENSE: usize = 400;
@@ -201,7 +201,7 @@ struct Hierarchy<const D: usize, const M: usize> {
 impl<const D: usize, const M: usize> Hierarchy<D, M> {
     fn new(system: &System, largest_dense: usize) -> Result<Self> {
         let (finest, graph) = Finest::new(system)?;
-        let stage = Stage::new(&finest.pattern, &graph, largest_dense)?;
+        let stage = Stage::new(&finest.pattern, &graph, Cycle::V, largest_dense)?;
         let zeros = || vec![[0.0; D]; finest.pattern.rows()];
         let (right_hand_side, solution) = (zeros(), zeros());
         Ok(Self { finest, stage, factor: 1.0, right_hand_side, solution })

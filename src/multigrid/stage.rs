@@ -2,15 +2,25 @@
 
 use super::LevelSize;
 use super::aggregate::Aggregates;
-use super::block::BadPivot;
+use super::block::{BadPivot, add_apply};
 use super::coarsest::{BadRow, Dense};
 use super::galerkin::Galerkin;
 use super::gauss_seidel::{BadBlock, GaussSeidel};
 use super::graph::Graph;
 use super::modes::Frames;
+use super::parallel::for_each_row;
 use super::prolongator::Prolongator;
 use super::sparse::{Pattern, Rows};
 use crate::error::Result;
+
+/// How often a level asks the next one for a correction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Cycle {
+    /// Once.
+    V,
+    /// Twice, the second time for what the first one left, unless the first one was exact.
+    W,
+}
 
 /// A matrix and how it is solved, approximately.
 #[derive(Debug)]
@@ -39,6 +49,9 @@ pub(super) struct Level<const N: usize, const M: usize> {
     residual: Vec<[f32; N]>,
     coarse_residual: Vec<[f32; M]>,
     correction: Vec<[f32; M]>,
+    /// A second correction, where there is one.
+    second: Vec<[f32; M]>,
+    factor: f64,
     next: Stage<M, M>,
 }
 
@@ -57,7 +70,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
     ///
     /// # Errors
     /// More blocks than 32-bit indices can count.
-    pub fn new(a: &Pattern, graph: &Graph, largest_dense: usize) -> Result<Self> {
+    pub fn new(a: &Pattern, graph: &Graph, cycle: Cycle, largest_dense: usize) -> Result<Self> {
         let rows = a.rows();
         if rows * N <= largest_dense {
             return Ok(Self::Direct(Dense::new(rows * N)));
@@ -70,8 +83,9 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         let coarse_graph = graph.quotient(aggregates.count(), |node| aggregates.of_node(node));
         let prolongator = Prolongator::new(a, aggregates)?;
         let galerkin = Galerkin::new(a, &prolongator)?;
-        let next = Stage::new(&galerkin.coarse.pattern, &coarse_graph, largest_dense)?;
+        let next = Stage::new(&galerkin.coarse.pattern, &coarse_graph, Cycle::W, largest_dense)?;
         let coarse = prolongator.columns();
+        let second = if cycle == Cycle::W && matches!(next, Stage::Coarsen(_)) { coarse } else { 0 };
         Ok(Self::Coarsen(Box::new(Level {
             smoother,
             prolongator,
@@ -79,6 +93,8 @@ impl<const N: usize, const M: usize> Stage<N, M> {
             residual: vec![[0.0; N]; rows],
             coarse_residual: vec![[0.0; M]; coarse],
             correction: vec![[0.0; M]; coarse],
+            second: vec![[0.0; M]; second],
+            factor: 1.0,
             next,
         })))
     }
@@ -110,6 +126,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         frames: &(impl Frames<N, M> + ?Sized),
     ) -> Result<(), Refusal> {
         let Self::Coarsen(level) = self else { return Ok(()) };
+        level.factor = factor;
         let Level { smoother, prolongator, galerkin, next, .. } = &mut **level;
         prolongator.update(a, factor, smoother, frames);
         galerkin.update(a, prolongator);
@@ -156,10 +173,23 @@ impl<const N: usize, const M: usize> Stage<N, M> {
 
 impl<const N: usize, const M: usize> Level<N, M> {
     fn cycle(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
-        let Self { smoother, prolongator, residual, coarse_residual, correction, next, .. } = self;
+        let Self { smoother, prolongator, galerkin, residual, coarse_residual, correction, second, factor, next } =
+            self;
         smoother.forward(b, x, residual);
         prolongator.restrict(residual, coarse_residual);
         next.apply(coarse_residual, correction);
+        if !second.is_empty() {
+            let a = &galerkin.coarse;
+            for_each_row(coarse_residual, |row, r| {
+                let mut product = [0.0; M];
+                a.visit(row, |column, a| add_apply(&mut product, a, &correction[column].map(f64::from)));
+                *r = std::array::from_fn(|k| (f64::from(r[k]) - *factor * product[k]) as f32);
+            });
+            next.apply(coarse_residual, second);
+            for (correction, second) in correction.iter_mut().flatten().zip(second.as_flattened()) {
+                *correction += second;
+            }
+        }
         prolongator.prolong(correction, x);
         smoother.backward(b, x);
     }
@@ -171,6 +201,7 @@ impl<const N: usize, const M: usize> Level<N, M> {
             + size_of_val(&self.residual[..])
             + size_of_val(&self.coarse_residual[..])
             + size_of_val(&self.correction[..])
+            + size_of_val(&self.second[..])
             + self.next.bytes()
     }
 }
