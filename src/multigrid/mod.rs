@@ -13,9 +13,10 @@
 //! rotations, restricted to the axes that are free. Their orthonormal bases on the aggregates are the columns of the
 //! tentative prolongator T; a step of block Jacobi makes it `P = (I − ω D⁻¹A) T`, and the next level's matrix is `Pᵀ A P`.
 //!
-//! **Once an iteration**, a V-cycle from zero: a forward sweep of block Gauss–Seidel, the coarse correction
-//! `x += P A_c⁻¹ Pᵀ (b − A x)` by the next level, a backward sweep. On the coarsest level a dense Cholesky factorization. With M the
-//! matrix of the forward sweep and B_c the coarse levels' approximation of A_c⁻¹ this is
+//! **Once an iteration**, a cycle from zero: a forward sweep of block Gauss–Seidel, the coarse correction
+//! `x += P A_c⁻¹ Pᵀ (b − A x)` by the next level, a backward sweep. On the coarsest level a dense Cholesky factorization. Coarse levels
+//! ask their next one twice (a W-cycle), which costs next to nothing there. With M the matrix of the forward sweep and B_c the
+//! coarse levels' approximation of A_c⁻¹ a cycle is
 //!
 //! ```text
 //! B = M̄⁻¹ + (I − M⁻ᵀ A) P B_c Pᵀ (I − A M⁻¹),   M̄ = M (M + Mᵀ − A)⁻¹ Mᵀ,
@@ -40,14 +41,16 @@
 //! Iterations to 1e-10, random right-hand side, 3 % position noise, (k/l0) dt²/m = 5000 (cloth), 4000 (lattice), in brackets
 //! 100 times as stiff:
 //!
-//! | scene | particles | levels | entries of all / of A | tension | axial | block Jacobi |
+//! | scene | particles | nodes of the levels | entries of all / of A | tension | axial | block Jacobi |
 //! |---|---|---|---|---|---|---|
-//! | cloth 32 | 1024 | 3 | 1.40 | 20 | | 412 |
-//! | cloth 100 | 10 000 | 4 | 1.46 | 24 (26) | 25 (48) | 1018 |
-//! | cloth 316 | 99 856 | 5 | 1.48 | 26 (30) | | 1633 |
-//! | lattice 10 | 1000 | 2 | 1.19 | 13 | | |
-//! | lattice 22 | 10 648 | 3 | 1.21 | 13 (13) | | 479 |
-//! | lattice 46 | 97 336 | 4 | 1.22 | 14 | | 922 |
+//! | cloth 100 | 10 000 | 9998, 686, 82, 12 | 1.46 | 24 (25) | 24 (44) | 1018 |
+//! | cloth 316 | 99 856 | 99 854, 6720, 768, 93, 13 | 1.48 | 26 (28) | | 1633 |
+//! | lattice 10 | 1000 | 900, 48 | 1.19 | 12 | | |
+//! | lattice 22 | 10 648 | 10 164, 448, 27 | 1.21 | 12 (13) | | 479 |
+//! | lattice 46 | 97 336 | 95 220, 3840, 180, 12 | 1.22 | 13 | | 922 |
+//!
+//! One cycle costs as much as three to five products with A, recomputing the coarse levels as much as ten to fifteen cycles.
+//! `cargo bench --bench multigrid` measures them.
 //!
 //! Under `axial` A has soft motions that are not rigid: all those that stretch no spring. The stiffer, the more iterations
 //! they cost.
