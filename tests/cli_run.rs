@@ -74,7 +74,7 @@ fn the_summary_says_what_was_done() {
     }
     let work = json!({
         "force_evaluations": 10, "assemblies": 10, "symbolic_factorizations": 1, "factorizations": 10, "solves": 10,
-        "cg_iterations": 0, "multigrid_setups": 0, "newton_iterations": 0,
+        "cg_iterations": 0, "warm_starts": 0, "multigrid_setups": 0, "newton_iterations": 0,
     });
     assert_eq!(summary["work"], work);
     // Two particles of three axes: one dense triangle.
@@ -164,7 +164,7 @@ fn every_method_stiffness_solver_and_preconditioner_runs_and_is_named() {
         assert_eq!(summary["preconditioner"], if solver.starts_with("cg") { "block-jacobi" } else { "none" });
         assert_eq!(summary["work"]["cg_iterations"] != 0, solver.starts_with("cg"));
     }
-    for preconditioner in ["none", "jacobi", "block-jacobi"] {
+    for preconditioner in ["none", "jacobi", "block-jacobi", "multigrid"] {
         let summary = summary(&["--solver", "cg", "--preconditioner", preconditioner]);
         assert_eq!(summary["preconditioner"], preconditioner);
     }

@@ -92,7 +92,7 @@ impl Measurement<'_> {
     }
 
     fn conjugate_gradients(&self, kind: PreconditionerKind, operator: &SystemOperator, b: &[f64]) {
-        let mut solver = CgSolver::matrix_free(self.system, kind, 1e-10).expect("a matrix that fits");
+        let mut solver = CgSolver::matrix_free(self.system, Some(kind), 1e-10).expect("a matrix that fits");
         solver.place(&self.state.positions);
         let mut x = vec![0.0; b.len()];
         let mut work = Work::default();

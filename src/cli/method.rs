@@ -87,16 +87,17 @@ fn describe_solver(solver: SolverChoice) -> &'static str {
     }
 }
 
-const PRECONDITIONERS: [PreconditionerChoice; 4] = [
+const PRECONDITIONERS: [PreconditionerChoice; 5] = [
     PreconditionerChoice::Auto,
     PreconditionerChoice::Kind(PreconditionerKind::None),
     PreconditionerChoice::Kind(PreconditionerKind::Jacobi),
     PreconditionerChoice::Kind(PreconditionerKind::BlockJacobi),
+    PreconditionerChoice::Kind(PreconditionerKind::Multigrid),
 ];
 
 fn describe_preconditioner(choice: PreconditionerChoice) -> &'static str {
     match choice {
-        PreconditionerChoice::Auto => "the one that suits the system",
+        PreconditionerChoice::Auto => "block-jacobi as long as it is quick, then multigrid",
         PreconditionerChoice::Kind(PreconditionerKind::None) => "no preconditioner",
         PreconditionerChoice::Kind(PreconditionerKind::Jacobi) => "the diagonal of A",
         PreconditionerChoice::Kind(PreconditionerKind::BlockJacobi) => "the 3×3 diagonal block of every particle",

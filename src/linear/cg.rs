@@ -38,6 +38,8 @@ pub struct CgReport {
     pub outcome: CgOutcome,
     /// Products with A made for search directions; the iteration in which an outcome was met.
     pub iterations: u64,
+    /// `‖b − A x‖/‖b‖` of the first guess.
+    pub first_residual: f64,
     /// `‖b − A x‖/‖b‖`, recomputed from x at the end; zero for b = 0 and x = 0.
     pub relative_residual: f64,
 }
@@ -86,6 +88,8 @@ impl ConjugateGradient {
         let target = self.tolerance * scale;
         let mut iterations = 0;
         let mut residual = self.set_true_residual(a, b, x);
+        let relative = |residual: f64| if residual == 0.0 { 0.0 } else { residual / scale };
+        let first_residual = relative(residual);
         let mut last = f64::INFINITY;
         let outcome = loop {
             if !residual.is_finite() {
@@ -107,8 +111,7 @@ impl ConjugateGradient {
                 None => {}
             }
         };
-        let relative_residual = if residual == 0.0 { 0.0 } else { residual / scale };
-        CgReport { outcome, iterations, relative_residual }
+        CgReport { outcome, iterations, first_residual, relative_residual: relative(residual) }
     }
 
     /// Iterates from the residual until its recurrence reaches the target (`None`) or something stops it.

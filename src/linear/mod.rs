@@ -17,6 +17,7 @@ mod preconditioner;
 mod reuse;
 mod select;
 mod vector;
+mod warm_start;
 
 pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
@@ -30,6 +31,7 @@ pub use pivoted::{PivotSigns, PivotedLdlt};
 pub use preconditioner::{Preconditioner, PreconditionerKind};
 pub use reuse::ReusedMultigrid;
 pub use select::{SolverChoice, SolverOptions, select};
+pub use warm_start::WarmStart;
 
 use crate::operator::SystemOperator;
 use crate::work::Work;
@@ -64,7 +66,7 @@ pub trait LinearSolver {
     fn set_tolerance(&mut self, _tolerance: f64) {}
 
     /// Solves with the matrix of the last `prepare`, which must be given again. `b` and `x` are reduced; on entry `x`
-    /// is the first guess of an iterative solver.
+    /// is the first guess of an iterative solver, or zero where it shall find its own.
     ///
     /// # Errors
     /// When no solution can be vouched for; `x` is then unspecified.

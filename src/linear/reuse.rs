@@ -59,7 +59,7 @@ impl ReusedMultigrid {
         self.multigrid.refill(a).map_err(failure)?;
         match self.coarse {
             Coarse::Used { lost, .. } if lost < REBUILD => Ok(()),
-            _ => self.rebuild(work),
+            _ => self.rebuild(a, work),
         }
     }
 
@@ -67,10 +67,10 @@ impl ReusedMultigrid {
     ///
     /// # Errors
     /// What shows that the matrix is not positive definite, or not finite.
-    pub fn rebuild(&mut self, work: &mut Work) -> Result<(), SolveFailure> {
+    pub fn rebuild(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
         work.multigrid_setups += 1;
         self.coarse = Coarse::Missing;
-        self.multigrid.rebuild().map_err(failure)?;
+        self.multigrid.rebuild(a).map_err(failure)?;
         self.coarse = Coarse::New;
         Ok(())
     }
@@ -86,6 +86,10 @@ impl ReusedMultigrid {
 
     /// Takes note of what a solve has cost that gained this many decimal digits.
     pub fn record(&mut self, iterations: u64, digits: f64) {
+        // A good first guess leaves too little to judge by.
+        if digits.is_nan() || digits < 1.0 {
+            return;
+        }
         match &mut self.coarse {
             Coarse::New => self.coarse = Coarse::Used { per_digit: iterations as f64 / digits, lost: 0.0 },
             Coarse::Used { per_digit, lost } => *lost += (iterations as f64 - *per_digit * digits).max(0.0),

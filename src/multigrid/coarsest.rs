@@ -1,6 +1,6 @@
 //! The coarsest level: a dense Cholesky factorization by faer.
 
-use super::sparse::BlockMatrix;
+use super::sparse::Rows;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::mat::{MatMut, MatRef};
@@ -11,7 +11,7 @@ pub(super) struct Dense {
     order: usize,
     /// By columns.
     factor: Vec<f64>,
-    right_hand_side: Vec<f64>,
+    solution: Vec<f64>,
     memory: MemBuffer,
 }
 
@@ -24,49 +24,56 @@ impl Dense {
         let scratch = llt::factor::cholesky_in_place_scratch::<f64>(order, Par::Seq, Spec::default())
             .or(llt::solve::solve_in_place_scratch::<f64>(order, 1, Par::Seq));
         let memory = MemBuffer::new(scratch);
-        Self { order, factor: vec![0.0; order * order], right_hand_side: vec![0.0; order], memory }
+        Self { order, factor: vec![0.0; order * order], solution: vec![0.0; order], memory }
     }
 
-    /// Factors a matrix.
+    /// Factors `factor·A`.
     ///
     /// # Errors
-    /// The block row of the first pivot that is not positive, or a matrix that is not finite.
-    pub fn update<const N: usize>(&mut self, a: &BlockMatrix<N, N>) -> Result<(), BadRow> {
+    /// The block row of the first pivot that is not positive, or of an entry that is not finite.
+    pub fn update<const N: usize>(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), BadRow> {
         let order = self.order;
-        self.factor.fill(0.0);
-        for row in 0..a.rows() {
-            for (column, block) in a.row(row) {
+        let matrix = &mut self.factor;
+        matrix.fill(0.0);
+        for row in 0..a.pattern().rows() {
+            a.visit(row, |column, block| {
                 for (r, entries) in block.iter().enumerate() {
                     for (c, entry) in entries.iter().enumerate() {
-                        self.factor[(column * N + c) * order + row * N + r] = *entry;
+                        matrix[(column * N + c) * order + row * N + r] = factor * entry;
                     }
                 }
-            }
+            });
         }
-        if let Some(at) = self.factor.iter().position(|entry| !entry.is_finite()) {
+        if let Some(at) = matrix.iter().position(|entry| !entry.is_finite()) {
             return Err(BadRow(at % order / N));
         }
         let factor = MatMut::from_column_major_slice_mut(&mut self.factor, order, order);
         let stack = MemStack::new(&mut self.memory);
         match llt::factor::cholesky_in_place(factor, Default::default(), Par::Seq, stack, Spec::default()) {
             Ok(_) => Ok(()),
-            Err(llt::factor::LltError::NonPositivePivot { index }) => Err(BadRow(index / N)),
+            Err(llt::factor::LltError::NonPositivePivot { index }) => {
+                Err(BadRow(index.min(order.saturating_sub(1)) / N))
+            }
         }
     }
 
-    /// `x = A⁻¹ b`.
-    pub fn solve<const N: usize>(&mut self, b: &[[f64; N]], x: &mut [[f64; N]]) {
+    /// `x = (factor·A)⁻¹ b`.
+    pub fn solve<const N: usize>(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
         let order = self.order;
-        self.right_hand_side.copy_from_slice(b.as_flattened());
+        for (double, &b) in self.solution.iter_mut().zip(b.as_flattened()) {
+            *double = f64::from(b);
+        }
         let factor = MatRef::from_column_major_slice(&self.factor, order, order);
-        let solution = MatMut::from_column_major_slice_mut(&mut self.right_hand_side, order, 1);
+        let solution = MatMut::from_column_major_slice_mut(&mut self.solution, order, 1);
         llt::solve::solve_in_place_with_conj(factor, Conj::No, solution, Par::Seq, MemStack::new(&mut self.memory));
-        x.as_flattened_mut().copy_from_slice(&self.right_hand_side);
+        for (x, &double) in x.as_flattened_mut().iter_mut().zip(&self.solution) {
+            *x = double as f32;
+        }
     }
 
     /// Bytes held, without faer's scratch.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.factor[..]) + size_of_val(&self.right_hand_side[..])
+        size_of_val(&self.factor[..]) + size_of_val(&self.solution[..])
     }
 }
 

@@ -1,10 +1,11 @@
 //! The coarse matrix `A_c = Pᵀ A P`: sparsity once, numbers many times.
 
-use super::block::{add_product, add_transposed_product, zero};
+use super::block::{Block, add_product, add_transposed_product, double, zero};
 use super::parallel::for_each_sparse_row;
 use super::prolongator::Prolongator;
-use super::sparse::{BlockMatrix, Pattern};
+use super::sparse::{BlockMatrix, Pattern, Rows};
 use crate::error::Result;
+use std::sync::Arc;
 
 /// The triple product with its intermediate A P.
 #[derive(Debug, Clone)]
@@ -27,45 +28,42 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
             a.rows(),
             union(columns, |row| a.columns(row).iter().map(|&node| p.columns(node as usize))),
         )?;
-        let members = |row| prolongator.transpose.column(row).iter();
         let coarse = Pattern::build(
             columns,
-            union(columns, |row| members(row).map(|&(node, _)| product.columns(node as usize))),
+            union(columns, |row| prolongator.column(row).map(|(node, _)| product.columns(node))),
         )?;
-        Ok(Self { product: BlockMatrix::zeros(product), coarse: BlockMatrix::zeros(coarse) })
+        Ok(Self { product: BlockMatrix::zeros(Arc::new(product)), coarse: BlockMatrix::zeros(Arc::new(coarse)) })
     }
 
     /// Recomputes A P and A_c. A motion that an aggregate does not have gets the equation x = 0.
-    pub fn update(&mut self, a: &BlockMatrix<N, N>, prolongator: &Prolongator<N, M>) {
+    pub fn update(&mut self, a: &impl Rows<N>, prolongator: &Prolongator<N, M>) {
         let p = &prolongator.matrix;
         let BlockMatrix { pattern, values } = &mut self.product;
-        for_each_sparse_row(pattern, values, &|row, sums| {
+        for_each_sparse_row(pattern, values, &mut vec![(); pattern.rows()], &|row, sums, ()| {
             sums.fill(zero());
-            for (node, a) in a.row(row) {
-                let mut slots = pattern.columns(row).iter().zip(&mut *sums);
+            a.visit(row, |node, a| {
+                let mut slots = Slots::new(pattern.columns(row), sums);
                 for (column, p) in p.row(node) {
-                    // Both lists of columns ascend, and the row's holds all of the node's.
-                    if let Some((_, sum)) = slots.find(|&(&c, _)| c as usize == column) {
-                        add_product(sum, a, p);
+                    if let Some(sum) = slots.find(column) {
+                        add_product(sum, a, &double(p));
                     }
                 }
-            }
+            });
         });
         let product = &self.product;
         let BlockMatrix { pattern, values } = &mut self.coarse;
-        for_each_sparse_row(pattern, values, &|row, sums| {
+        for_each_sparse_row(pattern, values, &mut vec![(); pattern.rows()], &|row, sums, ()| {
             sums.fill(zero());
-            for &(node, position) in prolongator.transpose.column(row) {
-                let p = &p.values[position as usize];
-                let mut slots = pattern.columns(row).iter().zip(&mut *sums);
-                for (column, product) in product.row(node as usize) {
-                    if let Some((_, sum)) = slots.find(|&(&c, _)| c as usize == column) {
-                        add_transposed_product(sum, p, product);
+            for (node, p) in prolongator.column(row) {
+                let p = double(p);
+                let mut slots = Slots::new(pattern.columns(row), sums);
+                for (column, product) in product.row(node) {
+                    if let Some(sum) = slots.find(column) {
+                        add_transposed_product(sum, &p, product);
                     }
                 }
             }
-            let diagonal = pattern.columns(row).iter().zip(sums).find(|&(&column, _)| column as usize == row);
-            if let Some((_, block)) = diagonal {
+            if let Some(block) = Slots::new(pattern.columns(row), sums).find(row) {
                 for motion in (0..M).filter(|&motion| !prolongator.modes[row].has(motion)) {
                     block[motion][motion] = 1.0;
                 }
@@ -75,7 +73,29 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        self.product.bytes() + self.coarse.bytes()
+        let patterns = self.product.pattern.bytes() + self.coarse.pattern.bytes();
+        patterns + self.product.bytes() + self.coarse.bytes()
+    }
+}
+
+/// The blocks of a row, to be found by columns that ascend.
+struct Slots<'r, const R: usize, const C: usize> {
+    columns: &'r [u32],
+    blocks: &'r mut [Block<R, C>],
+    next: usize,
+}
+
+impl<'r, const R: usize, const C: usize> Slots<'r, R, C> {
+    fn new(columns: &'r [u32], blocks: &'r mut [Block<R, C>]) -> Self {
+        Self { columns, blocks, next: 0 }
+    }
+
+    #[inline(always)]
+    fn find(&mut self, column: usize) -> Option<&mut Block<R, C>> {
+        while *self.columns.get(self.next)? as usize != column {
+            self.next += 1;
+        }
+        self.blocks.get_mut(self.next)
     }
 }
 

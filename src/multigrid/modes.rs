@@ -63,6 +63,20 @@ impl<const N: usize, const M: usize> Frame<N, M> {
     }
 }
 
+/// The frames of a level's nodes.
+pub(super) trait Frames<const N: usize, const M: usize>: Sync {
+    /// Of one node.
+    fn frame(&self, node: usize) -> Frame<N, M>;
+}
+
+/// As the nodes of the next level, aggregates have their own modes.
+impl<const M: usize> Frames<M, M> for [AggregateModes<M>] {
+    #[inline(always)]
+    fn frame(&self, node: usize) -> Frame<M, M> {
+        self[node].frame
+    }
+}
+
 /// An aggregate's own frame and what makes its members' blocks of T.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AggregateModes<const M: usize> {
@@ -73,10 +87,11 @@ pub(super) struct AggregateModes<const M: usize> {
 }
 
 impl<const M: usize> AggregateModes<M> {
-    pub const NOTHING: Self = Self { frame: Frame { modes: zero(), centre: [0.0; 3] }, inverse: zero() };
+    /// No motion at all.
+    pub const NOTHING: Self = Self { frame: Frame { modes: [[0.0; M]; M], centre: [0.0; 3] }, inverse: [[0.0; M]; M] };
 
     /// From the members' frames.
-    pub fn of<'f, const N: usize>(members: impl Iterator<Item = &'f Frame<N, M>> + Clone) -> Self {
+    pub fn of<const N: usize>(members: impl Iterator<Item = Frame<N, M>> + Clone) -> Self {
         let mut centre = [0.0; 3];
         let count = members.clone().count().max(1) as f64;
         for member in members.clone() {
@@ -84,7 +99,7 @@ impl<const M: usize> AggregateModes<M> {
                 *c += x / count;
             }
         }
-        let mut gram = zero();
+        let mut gram: Block<M, M> = zero();
         for member in members {
             let b = member.about(centre);
             add_transposed_product(&mut gram, &b, &b);
@@ -109,8 +124,8 @@ impl<const M: usize> AggregateModes<M> {
 
 /// R and R⁻¹ of `G = RᵀR`, R upper triangular, with zero rows of R and zero columns of R⁻¹ where G has no pivot.
 fn factor<const M: usize>(gram: &Block<M, M>) -> (Block<M, M>, Block<M, M>) {
-    let mut r = zero::<M, M>();
-    let mut inverse = zero::<M, M>();
+    let mut r: Block<M, M> = zero();
+    let mut inverse: Block<M, M> = zero();
     for j in 0..M {
         // Column j of R above the diagonal: the part of motion j that the motions before it span.
         let mut above = [0.0; M];

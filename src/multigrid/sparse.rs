@@ -1,8 +1,9 @@
 //! Sparse matrices of equal blocks, by rows.
 
-use super::block::{Block, zero};
+use super::block::{Block, Real, zero};
 use crate::error::{Invalid, Result};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Which blocks of a sparse matrix are there: columns ascending within each row.
 #[derive(Debug, Clone)]
@@ -57,11 +58,6 @@ impl Pattern {
         &self.columns[self.row(row)]
     }
 
-    /// Position of block (row, column).
-    pub fn position(&self, row: usize, column: u32) -> Option<usize> {
-        self.columns(row).binary_search(&column).ok().map(|at| self.starts[row] + at)
-    }
-
     /// Rows and positions of the blocks of every column: the transpose, by reference.
     pub fn transpose(&self, columns: usize) -> Transpose {
         let mut starts = vec![0usize; columns + 1];
@@ -97,10 +93,22 @@ pub(super) struct Transpose {
 }
 
 impl Transpose {
-    /// The blocks of a column.
-    #[inline]
-    pub fn column(&self, column: usize) -> &[(u32, u32)] {
-        &self.entries[self.starts[column]..self.starts[column + 1]]
+    /// Places of a column's blocks.
+    #[inline(always)]
+    pub fn column(&self, column: usize) -> Range<usize> {
+        self.starts[column]..self.starts[column + 1]
+    }
+
+    /// Rows and positions of the blocks at some places.
+    #[inline(always)]
+    pub fn entries(&self, places: Range<usize>) -> &[(u32, u32)] {
+        &self.entries[places]
+    }
+
+    /// Row and position of the block at a place.
+    #[inline(always)]
+    pub fn entry(&self, place: usize) -> (u32, u32) {
+        self.entries[place]
     }
 
     /// Bytes held.
@@ -109,35 +117,52 @@ impl Transpose {
     }
 }
 
-/// A sparse matrix of R × C blocks.
-#[derive(Debug, Clone)]
-pub(super) struct BlockMatrix<const R: usize, const C: usize> {
-    pub pattern: Pattern,
-    pub values: Vec<Block<R, C>>,
+/// A symmetric matrix that tells its blocks row by row, in double precision.
+pub(super) trait Rows<const N: usize>: Sync {
+    /// Which blocks there are.
+    fn pattern(&self) -> &Pattern;
+
+    /// Calls `visit(column, block)` for every block of a row: the diagonal one at any time, the others by ascending columns.
+    fn visit(&self, row: usize, visit: impl FnMut(usize, &Block<N, N>));
 }
 
-impl<const R: usize, const C: usize> BlockMatrix<R, C> {
+/// A sparse matrix of R × C blocks.
+#[derive(Debug, Clone)]
+pub(super) struct BlockMatrix<const R: usize, const C: usize, T = f64> {
+    pub pattern: Arc<Pattern>,
+    pub values: Vec<Block<R, C, T>>,
+}
+
+impl<const R: usize, const C: usize, T: Real> BlockMatrix<R, C, T> {
     /// The zero matrix on a pattern.
-    pub fn zeros(pattern: Pattern) -> Self {
+    pub fn zeros(pattern: Arc<Pattern>) -> Self {
         let values = vec![zero(); pattern.blocks()];
         Self { pattern, values }
     }
 
-    /// Number of block rows.
-    pub fn rows(&self) -> usize {
-        self.pattern.rows()
-    }
-
     /// Columns and blocks of a row.
     #[inline(always)]
-    pub fn row(&self, row: usize) -> impl DoubleEndedIterator<Item = (usize, &Block<R, C>)> {
+    pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, &Block<R, C, T>)> {
         let range = self.pattern.row(row);
         let columns = &self.pattern.columns[range.clone()];
         columns.iter().map(|&column| column as usize).zip(&self.values[range])
     }
 
-    /// Bytes held.
+    /// Bytes held, without the pattern.
     pub fn bytes(&self) -> usize {
-        self.pattern.bytes() + size_of_val(&self.values[..])
+        size_of_val(&self.values[..])
+    }
+}
+
+impl<const N: usize> Rows<N> for BlockMatrix<N, N> {
+    fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+
+    #[inline(always)]
+    fn visit(&self, row: usize, mut visit: impl FnMut(usize, &Block<N, N>)) {
+        for (column, block) in self.row(row) {
+            visit(column, block);
+        }
     }
 }

@@ -2,21 +2,25 @@
 
 use super::LevelSize;
 use super::aggregate::Aggregates;
-use super::block::BadPivot;
+use super::block::{BadPivot, add_apply};
 use super::coarsest::{BadRow, Dense};
 use super::galerkin::Galerkin;
 use super::gauss_seidel::{BadBlock, GaussSeidel};
 use super::graph::Graph;
-use super::modes::Frame;
-use super::prolongator::{LargestEigenvalue, Prolongator};
-use super::sparse::{BlockMatrix, Pattern};
+use super::modes::Frames;
+use super::parallel::for_each_row;
+use super::prolongator::Prolongator;
+use super::sparse::{Pattern, Rows};
 use crate::error::Result;
 
-/// Unknowns that are solved for directly: a dense factorization of this order takes a few milliseconds.
-const LARGEST_DENSE: usize = 400;
-
-/// ω λ_max: one step of Jacobi, `1 − ω λ`, is then at most 1/3 in the upper three quarters of the spectrum.
-const DAMPING: f64 = 4.0 / 3.0;
+/// How often a level asks the next one for a correction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Cycle {
+    /// Once.
+    V,
+    /// Twice, the second time for what the first one left, unless the first one was exact.
+    W,
+}
 
 /// A matrix and how it is solved, approximately.
 #[derive(Debug)]
@@ -26,7 +30,14 @@ pub(super) enum Stage<const N: usize, const M: usize> {
     /// Smoothing, and a correction from the next stage.
     Coarsen(Box<Level<N, M>>),
     /// Smoothing is exact: no two nodes are coupled.
-    Uncoupled(GaussSeidel<N>),
+    Uncoupled(Box<Uncoupled<N>>),
+}
+
+/// A level without couplings.
+#[derive(Debug)]
+pub(super) struct Uncoupled<const N: usize> {
+    smoother: GaussSeidel<N>,
+    residual: Vec<[f32; N]>,
 }
 
 /// A level with its coarse one.
@@ -34,12 +45,13 @@ pub(super) enum Stage<const N: usize, const M: usize> {
 pub(super) struct Level<const N: usize, const M: usize> {
     smoother: GaussSeidel<N>,
     prolongator: Prolongator<N, M>,
-    eigenvalue: LargestEigenvalue<N>,
     galerkin: Galerkin<N, M>,
-    frames: Vec<Frame<M, M>>,
-    residual: Vec<[f64; N]>,
-    coarse_residual: Vec<[f64; M]>,
-    correction: Vec<[f64; M]>,
+    residual: Vec<[f32; N]>,
+    coarse_residual: Vec<[f32; M]>,
+    correction: Vec<[f32; M]>,
+    /// A second correction, where there is one.
+    second: Vec<[f32; M]>,
+    factor: f64,
     next: Stage<M, M>,
 }
 
@@ -54,69 +66,72 @@ pub(super) struct Refusal {
 }
 
 impl<const N: usize, const M: usize> Stage<N, M> {
-    /// Aggregates and patterns of this level and all below.
+    /// Aggregates and patterns of this level and all below, down to one of at most `largest_dense` unknowns.
     ///
     /// # Errors
     /// More blocks than 32-bit indices can count.
-    pub fn new(a: &Pattern, graph: &Graph) -> Result<Self> {
-        if a.rows() * N <= LARGEST_DENSE {
-            return Ok(Self::Direct(Dense::new(a.rows() * N)));
+    pub fn new(a: &Pattern, graph: &Graph, cycle: Cycle, largest_dense: usize) -> Result<Self> {
+        let rows = a.rows();
+        if rows * N <= largest_dense {
+            return Ok(Self::Direct(Dense::new(rows * N)));
         }
         let aggregates = Aggregates::of(graph);
-        let smoother = GaussSeidel::new(a.rows());
+        let smoother = GaussSeidel::new(a)?;
         if aggregates.count() == 0 {
-            return Ok(Self::Uncoupled(smoother));
+            return Ok(Self::Uncoupled(Box::new(Uncoupled { smoother, residual: vec![[0.0; N]; rows] })));
         }
         let coarse_graph = graph.quotient(aggregates.count(), |node| aggregates.of_node(node));
         let prolongator = Prolongator::new(a, aggregates)?;
         let galerkin = Galerkin::new(a, &prolongator)?;
-        let next = Stage::new(&galerkin.coarse.pattern, &coarse_graph)?;
+        let next = Stage::new(&galerkin.coarse.pattern, &coarse_graph, Cycle::W, largest_dense)?;
         let coarse = prolongator.columns();
+        let second = if cycle == Cycle::W && matches!(next, Stage::Coarsen(_)) { coarse } else { 0 };
         Ok(Self::Coarsen(Box::new(Level {
             smoother,
-            eigenvalue: LargestEigenvalue::new(a.rows()),
-            frames: prolongator.modes.iter().map(|modes| modes.frame).collect(),
-            residual: vec![[0.0; N]; a.rows()],
-            coarse_residual: vec![[0.0; M]; coarse],
-            correction: vec![[0.0; M]; coarse],
             prolongator,
             galerkin,
+            residual: vec![[0.0; N]; rows],
+            coarse_residual: vec![[0.0; M]; coarse],
+            correction: vec![[0.0; M]; coarse],
+            second: vec![[0.0; M]; second],
+            factor: 1.0,
             next,
         })))
     }
 
-    /// Recomputes what depends on the numbers of A on this level alone: all but the coarse levels.
+    /// Takes over `factor·A` on this level alone.
     ///
     /// # Errors
     /// A node whose diagonal block is not positive definite; for a factorization, whose pivot is not positive.
-    pub fn update_smoother(&mut self, a: &BlockMatrix<N, N>) -> Result<(), Refusal> {
+    pub fn update_smoother(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), Refusal> {
         let smoother = match self {
             Self::Direct(dense) => {
                 let refused = |BadRow(node)| Refusal { level: 0, node, pivot: None };
-                return dense.update(a).map_err(refused);
+                return dense.update(a, factor).map_err(refused);
             }
-            Self::Uncoupled(smoother) => smoother,
+            Self::Uncoupled(level) => &mut level.smoother,
             Self::Coarsen(level) => &mut level.smoother,
         };
-        smoother.update(a).map_err(|BadBlock { row, bad }| Refusal { level: 0, node: row, pivot: Some(bad) })
+        smoother.update(a, factor).map_err(|BadBlock { row, bad }| Refusal { level: 0, node: row, pivot: Some(bad) })
     }
 
     /// Recomputes the coarse levels. Call after [`update_smoother`](Self::update_smoother).
     ///
     /// # Errors
     /// A node of a coarse level at which its matrix is not positive definite: then A is not.
-    pub fn update_coarse(&mut self, a: &BlockMatrix<N, N>, frames: &[Frame<N, M>]) -> Result<(), Refusal> {
+    pub fn update_coarse(
+        &mut self,
+        a: &impl Rows<N>,
+        factor: f64,
+        frames: &(impl Frames<N, M> + ?Sized),
+    ) -> Result<(), Refusal> {
         let Self::Coarsen(level) = self else { return Ok(()) };
-        let Level { smoother, prolongator, eigenvalue, galerkin, frames: coarse_frames, next, .. } = &mut **level;
-        let damping = DAMPING / eigenvalue.update(a, &smoother.inverses);
-        // The product is computed after the prolongator and lends it its memory.
-        prolongator.update(a, &smoother.inverses, damping, frames, &mut galerkin.product.values);
+        level.factor = factor;
+        let Level { smoother, prolongator, galerkin, next, .. } = &mut **level;
+        prolongator.update(a, factor, smoother, frames);
         galerkin.update(a, prolongator);
-        for (frame, modes) in coarse_frames.iter_mut().zip(&prolongator.modes) {
-            *frame = modes.frame;
-        }
-        next.update_smoother(&galerkin.coarse)
-            .and_then(|()| next.update_coarse(&galerkin.coarse, coarse_frames))
+        next.update_smoother(&galerkin.coarse, factor)
+            .and_then(|()| next.update_coarse(&galerkin.coarse, factor, &prolongator.modes[..]))
             .map_err(|refusal| Refusal { level: refusal.level + 1, ..refusal })
     }
 
@@ -128,12 +143,12 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         }
     }
 
-    /// `x ≈ A⁻¹ b`: one V-cycle from zero.
-    pub fn apply(&mut self, a: &BlockMatrix<N, N>, b: &[[f64; N]], x: &mut [[f64; N]]) {
+    /// `x ≈ (factor·A)⁻¹ b`: one V-cycle from zero.
+    pub fn apply(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
         match self {
             Self::Direct(dense) => dense.solve(b, x),
-            Self::Uncoupled(smoother) => smoother.forward(a, b, x),
-            Self::Coarsen(level) => level.cycle(a, b, x),
+            Self::Uncoupled(level) => level.smoother.forward(b, x, &mut level.residual),
+            Self::Coarsen(level) => level.cycle(b, x),
         }
     }
 
@@ -150,32 +165,43 @@ impl<const N: usize, const M: usize> Stage<N, M> {
     pub fn bytes(&self) -> usize {
         match self {
             Self::Direct(dense) => dense.bytes(),
-            Self::Uncoupled(smoother) => smoother.bytes(),
+            Self::Uncoupled(level) => level.smoother.bytes() + size_of_val(&level.residual[..]),
             Self::Coarsen(level) => level.bytes(),
         }
     }
 }
 
 impl<const N: usize, const M: usize> Level<N, M> {
-    fn cycle(&mut self, a: &BlockMatrix<N, N>, b: &[[f64; N]], x: &mut [[f64; N]]) {
-        let Self { smoother, prolongator, galerkin, residual, coarse_residual, correction, next, .. } = self;
-        smoother.forward(a, b, x);
-        smoother.residual(a, x, residual);
+    fn cycle(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
+        let Self { smoother, prolongator, galerkin, residual, coarse_residual, correction, second, factor, next } =
+            self;
+        smoother.forward(b, x, residual);
         prolongator.restrict(residual, coarse_residual);
-        next.apply(&galerkin.coarse, coarse_residual, correction);
+        next.apply(coarse_residual, correction);
+        if !second.is_empty() {
+            let a = &galerkin.coarse;
+            for_each_row(coarse_residual, |row, r| {
+                let mut product = [0.0; M];
+                a.visit(row, |column, a| add_apply(&mut product, a, &correction[column].map(f64::from)));
+                *r = std::array::from_fn(|k| (f64::from(r[k]) - *factor * product[k]) as f32);
+            });
+            next.apply(coarse_residual, second);
+            for (correction, second) in correction.iter_mut().flatten().zip(second.as_flattened()) {
+                *correction += second;
+            }
+        }
         prolongator.prolong(correction, x);
-        smoother.backward(a, b, x);
+        smoother.backward(b, x);
     }
 
     fn bytes(&self) -> usize {
         self.smoother.bytes()
             + self.prolongator.bytes()
-            + self.eigenvalue.bytes()
             + self.galerkin.bytes()
-            + size_of_val(&self.frames[..])
             + size_of_val(&self.residual[..])
             + size_of_val(&self.coarse_residual[..])
             + size_of_val(&self.correction[..])
+            + size_of_val(&self.second[..])
             + self.next.bytes()
     }
 }
