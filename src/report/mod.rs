@@ -6,6 +6,7 @@
 mod canvas;
 mod check_html;
 pub mod drawing;
+mod faults;
 mod html;
 pub mod inspection;
 mod json;

@@ -51,7 +51,7 @@ fn rounding(subject: &Subject) -> f64 {
 pub(super) fn measure(subject: &Subject) -> Outcome {
     let h = coarsest(subject);
     let mut curves = Vec::new();
-    for way in Way::all() {
+    for way in Way::of(subject) {
         let mut ends = Vec::new();
         for halving in 0..=HALVINGS {
             let parts = 1 << halving;

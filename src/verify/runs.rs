@@ -20,18 +20,21 @@ impl Way {
     }
 
     /// Every method; those that solve one linear system after the other under every option, as the option is in the
-    /// result.
-    pub fn all() -> impl Iterator<Item = Self> {
-        Method::ALL.into_iter().flat_map(|method| {
-            let options =
-                if matches!(method, Method::LinearBackwardEuler | Method::W2) { &Stiffness::ALL[..] } else { &[] };
+    /// result. On large subjects one implicit way and one explicit one.
+    pub fn of(subject: &Subject) -> impl Iterator<Item = Self> {
+        let affordable = subject.system.dofs().len() <= AFFORDABLE;
+        let all = Method::ALL.into_iter().flat_map(|method| {
+            let options = if has_option(method) { &Stiffness::ALL[..] } else { &[] };
             let always = options.iter().map(move |&option| Self { method, stiffness: StiffnessPolicy::Always(option) });
             always.chain([Self { method, stiffness: StiffnessPolicy::OnDemand }])
+        });
+        all.filter(move |way| {
+            affordable || *way == Self::notes(Stiffness::Tension) || way.method == Method::SymplecticEuler
         })
     }
 
     pub fn name(self) -> String {
-        if matches!(self.method, Method::LinearBackwardEuler | Method::W2) {
+        if has_option(self.method) {
             format!("{}, {}", self.method.name(), self.stiffness.name())
         } else {
             self.method.name().into()
@@ -74,6 +77,14 @@ impl Way {
         }
         Ok(Some(states))
     }
+}
+
+/// Degrees of freedom up to which every method is run.
+const AFFORDABLE: usize = 20_000;
+
+/// Whether the stiffness option is in the result, not only on the way to it.
+fn has_option(method: Method) -> bool {
+    matches!(method, Method::LinearBackwardEuler | Method::W2)
 }
 
 fn is_refusal(failure: &StepFailure) -> bool {

@@ -21,7 +21,7 @@ pub(super) fn is_flat(subject: &Subject) -> bool {
 pub(super) fn in_space(subject: &Subject) -> Outcome {
     let twin = subject.in_space()?;
     let mut checks = Vec::new();
-    for way in Way::all() {
+    for way in Way::of(subject) {
         let dt = way.step(subject);
         let flat = way.run(subject, direct(), dt, STEPS)?;
         let spatial = way.run(&twin, direct(), dt, STEPS)?;
@@ -36,7 +36,7 @@ pub(super) fn in_space(subject: &Subject) -> Outcome {
 pub(super) fn repeated(subject: &Subject) -> Outcome {
     let mut checks = Vec::new();
     let why = "nothing but the scene and the options decides a result: not one bit may differ";
-    for way in Way::all() {
+    for way in Way::of(subject) {
         let dt = way.step(subject);
         let run = || way.run(subject, SolverOptions::default(), dt, STEPS);
         let name = format!("same run twice, {}", way.name());

@@ -76,7 +76,7 @@ pub(super) fn linear(subject: &Subject) -> Outcome {
 /// All other methods, and that positions follow velocities.
 pub(super) fn others(subject: &Subject) -> Outcome {
     let mut checks = Vec::new();
-    for way in Way::all() {
+    for way in Way::of(subject) {
         let dt = way.step(subject);
         let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
         let moved = states.windows(2).map(|pair| displacement_error(subject, way.method, dt, &pair[0], &pair[1]));
