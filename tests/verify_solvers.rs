@@ -174,7 +174,7 @@ fn an_iteration_that_stops_early_is_caught() {
     let solve = |tolerance: f64| {
         let extensions = Extensions::at(&step.system, &step.state.positions).unwrap();
         let operator = step.operator(&extensions, Stiffness::Full, DT);
-        let mut cg = CgSolver::matrix_free(&step.system, PreconditionerKind::Jacobi, tolerance);
+        let mut cg = CgSolver::matrix_free(&step.system, Some(PreconditionerKind::Jacobi), tolerance).unwrap();
         let mut work = Work::default();
         let mut x = vec![0.0; step.b.len()];
         cg.prepare(&operator, &mut work).unwrap();
