@@ -94,7 +94,7 @@ fn cg_iterations<const ITERATIONS: u64>(bencher: Bencher, scene: (&str, usize)) 
     let (system, state) = system(scene);
     let operator = operator(&system, &state);
     let mut solver =
-        CgSolver::matrix_free(&system, PreconditionerKind::BlockJacobi, 1e-10).expect("a system that fits");
+        CgSolver::matrix_free(&system, Some(PreconditionerKind::BlockJacobi), 1e-10).expect("a system that fits");
     let mut work = Work::default();
     solver.prepare(&operator, &mut work).expect("a definite matrix");
     solver.method().iteration_limit = ITERATIONS;
