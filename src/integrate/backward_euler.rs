@@ -163,7 +163,7 @@ impl TimeStepper for BackwardEuler<'_> {
         self.linear.statistics.work.force_evaluations += 1;
         set_right_hand_side(&self.linear, state, dt, &mut self.force);
         system.prescribed().displacement(state.time + dt, &state.positions, &mut self.displacement);
-        self.linear.solve(Combination::step(dt), &self.force, &mut self.displacement)?;
+        self.linear.prepare_and_solve(Combination::step(dt), &self.force, &mut self.displacement)?;
 
         self.correction.fill(Vector3::zeros());
         let mut merit = self.evaluate(state, dt, 0.0)?;
@@ -182,7 +182,7 @@ impl TimeStepper for BackwardEuler<'_> {
             }
             self.linear.statistics.work.newton_iterations += 1;
             self.correction.fill(Vector3::zeros());
-            self.linear.solve(Combination::step(dt), &self.force, &mut self.correction)?;
+            self.linear.prepare_and_solve(Combination::step(dt), &self.force, &mut self.correction)?;
             // dΦ/dstep = rᵀΔ = −forceᵀΔ.
             let slope = -self.force.iter().zip(&self.correction).map(|(f, c)| f.dot(c)).sum::<f64>();
             match self.line_search(state, dt, merit, slope)? {

@@ -58,24 +58,36 @@ impl Default for ImplicitOptions {
 /// The linear systems of a stepper: extensions, operator, solver and reduced vectors, all allocated once.
 pub(super) struct LinearSystem<'s> {
     pub system: &'s System,
+    /// Those of the matrix: nothing else may be written here between `prepare` and the last solve with it.
     pub extensions: Extensions,
     pub statistics: Statistics,
     operator: SystemOperator<'s>,
     solver: Box<dyn LinearSolver>,
     policy: StiffnessPolicy,
+    prepared: Prepared,
     rhs: Vec<f64>,
     solution: Vec<f64>,
+}
+
+/// The matrix that the solver holds.
+struct Prepared {
+    combination: Combination,
+    option: Stiffness,
+    definiteness: Definiteness,
 }
 
 impl<'s> LinearSystem<'s> {
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
         let extensions = Extensions::at(system, &state.positions)?;
-        let operator = SystemOperator::new(system, &extensions, Stiffness::Full, Combination::STIFFNESS);
+        let (option, combination) = (Stiffness::Full, Combination::STIFFNESS);
+        let operator = SystemOperator::new(system, &extensions, option, combination);
         let policy = options.stiffness;
         let mut statistics = Statistics::default();
         let solver = select(system, &options.linear, policy.promises_definite(), &mut statistics.work)?;
+        let prepared = Prepared { combination, option, definiteness: Definiteness::Unknown };
         let zeros = || vec![0.0; system.dofs().len()];
-        Ok(Self { system, extensions, statistics, operator, solver, policy, rhs: zeros(), solution: zeros() })
+        let (rhs, solution) = (zeros(), zeros());
+        Ok(Self { system, extensions, statistics, operator, solver, policy, prepared, rhs, solution })
     }
 
     pub fn solver(&self) -> &'static str {
@@ -90,53 +102,79 @@ impl<'s> LinearSystem<'s> {
         self.extensions.update(self.system, positions)
     }
 
-    /// Solves `A_ff δx_f = force_f − A_fc δx_c` for the matrix at the current extensions and the given combination.
-    ///
-    /// `force` is full-length. `displacement` is full-length too: its prescribed entries hold δx_c on entry, and on
-    /// success its free entries hold δx_f.
-    pub fn solve(
+    /// Prepares the matrix at the current extensions and solves one system with it, see [`solve`](Self::solve).
+    pub fn prepare_and_solve(
         &mut self,
         combination: Combination,
         force: &[Vector3<f64>],
         displacement: &mut [Vector3<f64>],
     ) -> Result<(), SolveFailure> {
-        let on_demand = self.policy == StiffnessPolicy::OnDemand;
+        self.prepare(combination)?;
+        self.solve(force, displacement)
+    }
+
+    /// Takes over the matrix of the given combination at the current extensions.
+    pub fn prepare(&mut self, combination: Combination) -> Result<(), SolveFailure> {
+        self.prepared.combination = combination;
         let first = if let StiffnessPolicy::Always(option) = self.policy { option } else { Stiffness::Full };
-        match self.attempt(first, combination, force, displacement) {
-            Err(SolveFailure::Indefinite(_)) if on_demand => {
-                self.statistics.tension_solves += 1;
-                self.attempt(Stiffness::Tension, combination, force, displacement)?;
+        match self.take_over(first) {
+            Err(SolveFailure::Indefinite(_)) if self.may_soften() => self.take_over(Stiffness::Tension),
+            other => other,
+        }
+    }
+
+    /// Solves `A_ff δx_f = force_f − A_fc δx_c` with the prepared matrix.
+    ///
+    /// `force` is full-length. `displacement` is full-length too: its prescribed entries hold δx_c on entry, and on
+    /// success its free entries hold δx_f. When conjugate gradients find the matrix indefinite and the policy allows, the
+    /// softened one takes its place, for later solves too.
+    pub fn solve(&mut self, force: &[Vector3<f64>], displacement: &mut [Vector3<f64>]) -> Result<(), SolveFailure> {
+        // Free entries of the last step must not count as a prescribed displacement.
+        self.solution.fill(0.0);
+        self.system.dofs().scatter(&self.solution, displacement);
+        match self.attempt(force, displacement) {
+            Err(SolveFailure::Indefinite(_)) if self.may_soften() => {
+                self.take_over(Stiffness::Tension)?;
+                self.attempt(force, displacement)?;
             }
             other => other?,
+        }
+        if self.policy == StiffnessPolicy::OnDemand && self.prepared.option != Stiffness::Full {
+            self.statistics.tension_solves += 1;
+        }
+        if let Definiteness::Indefinite { .. } = self.prepared.definiteness {
+            self.statistics.indefinite_solves += 1;
         }
         self.system.dofs().scatter(&self.solution, displacement);
         Ok(())
     }
 
-    fn attempt(
-        &mut self,
-        option: Stiffness,
-        combination: Combination,
-        force: &[Vector3<f64>],
-        displacement: &[Vector3<f64>],
-    ) -> Result<(), SolveFailure> {
+    /// Whether a matrix that turns out to be indefinite is to be replaced.
+    fn may_soften(&self) -> bool {
+        self.policy == StiffnessPolicy::OnDemand && self.prepared.option == Stiffness::Full
+    }
+
+    fn take_over(&mut self, option: Stiffness) -> Result<(), SolveFailure> {
         let work = &mut self.statistics.work;
         work.assemblies += 1;
-        self.operator.update(&self.extensions, option, combination);
-        let definiteness = self.solver.prepare(&self.operator, work)?;
-        if let Definiteness::Indefinite { dof, .. } = definiteness
-            && self.policy == StiffnessPolicy::OnDemand
-        {
-            return Err(SolveFailure::Indefinite(Evidence::Pivot(dof)));
+        self.prepared.option = option;
+        self.operator.update(&self.extensions, option, self.prepared.combination);
+        self.prepared.definiteness = self.solver.prepare(&self.operator, work)?;
+        match self.prepared.definiteness {
+            Definiteness::Indefinite { dof, .. } if self.policy == StiffnessPolicy::OnDemand => {
+                Err(SolveFailure::Indefinite(Evidence::Pivot(dof)))
+            }
+            _ => Ok(()),
         }
+    }
+
+    fn attempt(&mut self, force: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Result<(), SolveFailure> {
         self.system.dofs().gather(force, &mut self.rhs);
         self.operator.subtract_coupling(displacement, &mut self.rhs);
         self.solution.fill(0.0);
+        let work = &mut self.statistics.work;
         let solution = self.solver.solve(&self.operator, &self.rhs, &mut self.solution, work)?;
         self.statistics.record(&solution);
-        if let Definiteness::Indefinite { .. } = definiteness {
-            self.statistics.indefinite_solves += 1;
-        }
         Ok(())
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{
     BackwardEuler, ForwardEuler, ImplicitOptions, LinearBackwardEuler, NewtonOptions, SymplecticEuler, TimeStepper,
+    WMethod,
 };
 use crate::error::Result;
 use crate::system::{State, System};
@@ -13,6 +14,8 @@ pub enum Method {
     LinearBackwardEuler,
     /// [`BackwardEuler`].
     BackwardEuler,
+    /// [`WMethod`].
+    W2,
     /// [`ForwardEuler`].
     ForwardEuler,
     /// [`SymplecticEuler`].
@@ -21,14 +24,15 @@ pub enum Method {
 
 impl Method {
     /// Every method.
-    pub const ALL: [Self; 4] =
-        [Self::LinearBackwardEuler, Self::BackwardEuler, Self::ForwardEuler, Self::SymplecticEuler];
+    pub const ALL: [Self; 5] =
+        [Self::LinearBackwardEuler, Self::BackwardEuler, Self::W2, Self::ForwardEuler, Self::SymplecticEuler];
 
     /// The name used on the command line and in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::LinearBackwardEuler => "linear-backward-euler",
             Self::BackwardEuler => "backward-euler",
+            Self::W2 => "w2",
             Self::ForwardEuler => "forward-euler",
             Self::SymplecticEuler => "symplectic-euler",
         }
@@ -36,7 +40,15 @@ impl Method {
 
     /// Whether steps solve linear systems, so that [`ImplicitOptions`] matter.
     pub fn is_implicit(self) -> bool {
-        matches!(self, Self::LinearBackwardEuler | Self::BackwardEuler)
+        !matches!(self, Self::ForwardEuler | Self::SymplecticEuler)
+    }
+
+    /// The power of dt with which the error at a fixed time falls on smooth motions.
+    pub fn order(self) -> u32 {
+        match self {
+            Self::W2 => 2,
+            Self::LinearBackwardEuler | Self::BackwardEuler | Self::ForwardEuler | Self::SymplecticEuler => 1,
+        }
     }
 
     /// A stepper that starts from `state`, with default options for what `options` does not hold.
@@ -52,6 +64,7 @@ impl Method {
         Ok(match self {
             Self::LinearBackwardEuler => Box::new(LinearBackwardEuler::new(system, state, options)?),
             Self::BackwardEuler => Box::new(BackwardEuler::new(system, state, options, NewtonOptions::default())?),
+            Self::W2 => Box::new(WMethod::new(system, state, options)?),
             Self::ForwardEuler => Box::new(ForwardEuler::new(system, state)?),
             Self::SymplecticEuler => Box::new(SymplecticEuler::new(system, state)?),
         })

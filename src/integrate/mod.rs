@@ -10,6 +10,7 @@ mod method;
 mod run;
 mod schedule;
 mod statistics;
+mod w_method;
 
 pub use backward_euler::{BackwardEuler, NewtonOptions};
 pub use explicit::{ForwardEuler, SymplecticEuler};
@@ -21,6 +22,7 @@ pub use method::Method;
 pub use run::{Outcome, RunFailure, run};
 pub use schedule::Schedule;
 pub use statistics::Statistics;
+pub use w_method::{ErrorEstimate, WMethod};
 
 use crate::system::State;
 
