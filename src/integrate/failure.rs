@@ -33,6 +33,8 @@ pub enum StepFailure {
 pub enum NotSolved {
     /// No step length along the Newton direction makes progress.
     LineSearch,
+    /// The direction does not descend: the full stiffness is indefinite here.
+    Ascent,
     /// The iteration limit.
     IterationLimit,
 }
@@ -41,6 +43,7 @@ impl std::fmt::Display for NotSolved {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::LineSearch => "found no step length that makes progress",
+            Self::Ascent => "met an indefinite matrix whose direction does not descend",
             Self::IterationLimit => "reached its iteration limit",
         })
     }

@@ -3,7 +3,7 @@
 use super::Statistics;
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Extensions};
-use crate::linear::{Definiteness, Evidence, LinearSolver, SolveFailure, SolverOptions, select};
+use crate::linear::{Definiteness, Evidence, LinearSolver, Solution, SolveFailure, SolverOptions, select};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -63,7 +63,9 @@ pub(super) struct LinearSystem<'s> {
     pub statistics: Statistics,
     operator: SystemOperator<'s>,
     solver: Box<dyn LinearSolver>,
-    policy: StiffnessPolicy,
+    pub policy: StiffnessPolicy,
+    /// The relative residual asked of iterative solvers.
+    pub tolerance: f64,
     prepared: Prepared,
     rhs: Vec<f64>,
     solution: Vec<f64>,
@@ -71,6 +73,7 @@ pub(super) struct LinearSystem<'s> {
 
 /// The matrix that the solver holds.
 struct Prepared {
+    policy: StiffnessPolicy,
     combination: Combination,
     option: Stiffness,
     definiteness: Definiteness,
@@ -81,13 +84,13 @@ impl<'s> LinearSystem<'s> {
         let extensions = Extensions::at(system, &state.positions)?;
         let (option, combination) = (Stiffness::Full, Combination::STIFFNESS);
         let operator = SystemOperator::new(system, &extensions, option, combination);
-        let policy = options.stiffness;
+        let (policy, tolerance) = (options.stiffness, options.linear.tolerance);
         let mut statistics = Statistics::default();
         let solver = select(system, &options.linear, policy.promises_definite(), &mut statistics.work)?;
-        let prepared = Prepared { combination, option, definiteness: Definiteness::Unknown };
+        let prepared = Prepared { policy, combination, option, definiteness: Definiteness::Unknown };
         let zeros = || vec![0.0; system.dofs().len()];
         let (rhs, solution) = (zeros(), zeros());
-        Ok(Self { system, extensions, statistics, operator, solver, policy, prepared, rhs, solution })
+        Ok(Self { system, extensions, statistics, operator, solver, policy, tolerance, prepared, rhs, solution })
     }
 
     pub fn solver(&self) -> &'static str {
@@ -109,14 +112,23 @@ impl<'s> LinearSystem<'s> {
         force: &[Vector3<f64>],
         displacement: &mut [Vector3<f64>],
     ) -> Result<(), SolveFailure> {
-        self.prepare(combination)?;
-        self.solve(force, displacement)
+        self.prepare(self.policy, combination)?;
+        let solution = self.solve(force, displacement)?;
+        self.statistics.record(solution.relative_residual);
+        Ok(())
     }
 
-    /// Takes over the matrix of the given combination at the current extensions.
-    pub fn prepare(&mut self, combination: Combination) -> Result<(), SolveFailure> {
+    /// How exactly iterative solvers are to solve from now on.
+    pub fn set_tolerance(&mut self, tolerance: f64) {
+        self.solver.set_tolerance(tolerance);
+    }
+
+    /// Takes over the matrix of the given combination at the current extensions under a policy, as a rule
+    /// [`policy`](Self::policy).
+    pub fn prepare(&mut self, policy: StiffnessPolicy, combination: Combination) -> Result<(), SolveFailure> {
+        self.prepared.policy = policy;
         self.prepared.combination = combination;
-        let first = if let StiffnessPolicy::Always(option) = self.policy { option } else { Stiffness::Full };
+        let first = if let StiffnessPolicy::Always(option) = policy { option } else { Stiffness::Full };
         match self.take_over(first) {
             Err(SolveFailure::Indefinite(_)) if self.may_soften() => self.take_over(Stiffness::Tension),
             other => other,
@@ -125,33 +137,34 @@ impl<'s> LinearSystem<'s> {
 
     /// Solves `A_ff δx_f = force_f − A_fc δx_c` with the prepared matrix.
     ///
-    /// `force` is full-length. `displacement` is full-length too: its prescribed entries hold δx_c on entry, and on
-    /// success its free entries hold δx_f. When conjugate gradients find the matrix indefinite and the policy allows, the
+    /// `force` is full-length. `displacement` is full-length too: its prescribed entries hold δx_c on entry and its free
+    /// ones zero; on success these hold δx_f. When conjugate gradients find the matrix indefinite and the policy allows, the
     /// softened one takes its place, for later solves too.
-    pub fn solve(&mut self, force: &[Vector3<f64>], displacement: &mut [Vector3<f64>]) -> Result<(), SolveFailure> {
-        // Free entries of the last step must not count as a prescribed displacement.
-        self.solution.fill(0.0);
-        self.system.dofs().scatter(&self.solution, displacement);
-        match self.attempt(force, displacement) {
+    pub fn solve(
+        &mut self,
+        force: &[Vector3<f64>],
+        displacement: &mut [Vector3<f64>],
+    ) -> Result<Solution, SolveFailure> {
+        let solution = match self.attempt(force, displacement) {
             Err(SolveFailure::Indefinite(_)) if self.may_soften() => {
                 self.take_over(Stiffness::Tension)?;
-                self.attempt(force, displacement)?;
+                self.attempt(force, displacement)?
             }
             other => other?,
-        }
-        if self.policy == StiffnessPolicy::OnDemand && self.prepared.option != Stiffness::Full {
+        };
+        if self.prepared.policy == StiffnessPolicy::OnDemand && self.prepared.option != Stiffness::Full {
             self.statistics.tension_solves += 1;
         }
         if let Definiteness::Indefinite { .. } = self.prepared.definiteness {
             self.statistics.indefinite_solves += 1;
         }
         self.system.dofs().scatter(&self.solution, displacement);
-        Ok(())
+        Ok(solution)
     }
 
     /// Whether a matrix that turns out to be indefinite is to be replaced.
     fn may_soften(&self) -> bool {
-        self.policy == StiffnessPolicy::OnDemand && self.prepared.option == Stiffness::Full
+        self.prepared.policy == StiffnessPolicy::OnDemand && self.prepared.option == Stiffness::Full
     }
 
     fn take_over(&mut self, option: Stiffness) -> Result<(), SolveFailure> {
@@ -161,20 +174,18 @@ impl<'s> LinearSystem<'s> {
         self.operator.update(&self.extensions, option, self.prepared.combination);
         self.prepared.definiteness = self.solver.prepare(&self.operator, work)?;
         match self.prepared.definiteness {
-            Definiteness::Indefinite { dof, .. } if self.policy == StiffnessPolicy::OnDemand => {
+            Definiteness::Indefinite { dof, .. } if self.prepared.policy == StiffnessPolicy::OnDemand => {
                 Err(SolveFailure::Indefinite(Evidence::Pivot(dof)))
             }
             _ => Ok(()),
         }
     }
 
-    fn attempt(&mut self, force: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Result<(), SolveFailure> {
+    fn attempt(&mut self, force: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Result<Solution, SolveFailure> {
         self.system.dofs().gather(force, &mut self.rhs);
         self.operator.subtract_coupling(displacement, &mut self.rhs);
         self.solution.fill(0.0);
         let work = &mut self.statistics.work;
-        let solution = self.solver.solve(&self.operator, &self.rhs, &mut self.solution, work)?;
-        self.statistics.record(&solution);
-        Ok(())
+        self.solver.solve(&self.operator, &self.rhs, &mut self.solution, work)
     }
 }

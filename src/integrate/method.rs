@@ -1,8 +1,8 @@
 //! The methods by name.
 
 use super::{
-    BackwardEuler, ForwardEuler, ImplicitOptions, LinearBackwardEuler, NewtonOptions, SymplecticEuler, TimeStepper,
-    WMethod,
+    BackwardEuler, ForwardEuler, ImplicitMidpoint, ImplicitOptions, LinearBackwardEuler, NewtonOptions,
+    SymplecticEuler, TimeStepper, WMethod,
 };
 use crate::error::Result;
 use crate::system::{State, System};
@@ -16,6 +16,8 @@ pub enum Method {
     BackwardEuler,
     /// [`WMethod`].
     W2,
+    /// [`ImplicitMidpoint`].
+    ImplicitMidpoint,
     /// [`ForwardEuler`].
     ForwardEuler,
     /// [`SymplecticEuler`].
@@ -24,8 +26,14 @@ pub enum Method {
 
 impl Method {
     /// Every method.
-    pub const ALL: [Self; 5] =
-        [Self::LinearBackwardEuler, Self::BackwardEuler, Self::W2, Self::ForwardEuler, Self::SymplecticEuler];
+    pub const ALL: [Self; 6] = [
+        Self::LinearBackwardEuler,
+        Self::BackwardEuler,
+        Self::W2,
+        Self::ImplicitMidpoint,
+        Self::ForwardEuler,
+        Self::SymplecticEuler,
+    ];
 
     /// The name used on the command line and in files.
     pub fn name(self) -> &'static str {
@@ -33,6 +41,7 @@ impl Method {
             Self::LinearBackwardEuler => "linear-backward-euler",
             Self::BackwardEuler => "backward-euler",
             Self::W2 => "w2",
+            Self::ImplicitMidpoint => "implicit-midpoint",
             Self::ForwardEuler => "forward-euler",
             Self::SymplecticEuler => "symplectic-euler",
         }
@@ -46,7 +55,7 @@ impl Method {
     /// The power of dt with which the error at a fixed time falls on smooth motions.
     pub fn order(self) -> u32 {
         match self {
-            Self::W2 => 2,
+            Self::W2 | Self::ImplicitMidpoint => 2,
             Self::LinearBackwardEuler | Self::BackwardEuler | Self::ForwardEuler | Self::SymplecticEuler => 1,
         }
     }
@@ -65,6 +74,9 @@ impl Method {
             Self::LinearBackwardEuler => Box::new(LinearBackwardEuler::new(system, state, options)?),
             Self::BackwardEuler => Box::new(BackwardEuler::new(system, state, options, NewtonOptions::default())?),
             Self::W2 => Box::new(WMethod::new(system, state, options)?),
+            Self::ImplicitMidpoint => {
+                Box::new(ImplicitMidpoint::new(system, state, options, NewtonOptions::default())?)
+            }
             Self::ForwardEuler => Box::new(ForwardEuler::new(system, state)?),
             Self::SymplecticEuler => Box::new(SymplecticEuler::new(system, state)?),
         })

@@ -1,6 +1,5 @@
 //! What a time stepper has done so far.
 
-use crate::linear::Solution;
 use crate::work::Work;
 use serde::Serialize;
 
@@ -9,7 +8,8 @@ use serde::Serialize;
 pub struct Statistics {
     /// Counters of work.
     pub work: Work,
-    /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions.
+    /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions. Of nonlinear methods the
+    /// residual force of the equations over the forces that balance in it, after their last iteration.
     pub max_relative_residual: f64,
     /// Solves of the on-demand policy in which A was indefinite and the transverse terms of compressed springs were
     /// dropped.
@@ -19,7 +19,7 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    pub(super) fn record(&mut self, solution: &Solution) {
-        self.max_relative_residual = self.max_relative_residual.max(solution.relative_residual);
+    pub(super) fn record(&mut self, relative_residual: f64) {
+        self.max_relative_residual = self.max_relative_residual.max(relative_residual);
     }
 }

@@ -112,7 +112,7 @@ impl<'s> WMethod<'s> {
     /// Coincident ends of a spring; a matrix that the linear solver refuses.
     pub fn prepare(&mut self, state: &State, h: f64) -> Result<(), StepFailure> {
         self.linear.set_extensions(&state.positions)?;
-        Ok(self.linear.prepare(Combination::step(GAMMA * h))?)
+        Ok(self.linear.prepare(self.linear.policy, Combination::step(GAMMA * h))?)
     }
 
     /// Computes `next` from a state with the matrix last prepared, which must be one for the same h.
@@ -127,8 +127,9 @@ impl<'s> WMethod<'s> {
 
         self.set_force(Point::Start(state))?;
         self.forces.copy_from_slice(&self.s);
+        system.prescribed().displacement(state.time + h, &state.positions, &mut self.first);
         for ((k, minus_r), v) in self.first.iter_mut().zip(&mut self.minus_r).zip(&self.velocities) {
-            *k = v * tau;
+            *k *= GAMMA;
             *minus_r = -v;
         }
         solve_stage(&mut self.linear, tau, &self.minus_r, &mut self.s, &mut self.first)?;
@@ -163,7 +164,7 @@ impl<'s> WMethod<'s> {
     ///
     /// # Errors
     /// When the forces at the new state do not exist or the solve fails.
-    pub fn estimate(&mut self, state: &State, h: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
+    pub fn estimate(&mut self, h: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
         const E: f64 = 6.0 + SQRT_2;
         let tau = GAMMA * h;
         self.set_force(Point::Next)?;
@@ -227,7 +228,8 @@ fn solve_stage(
         *s -= minus_r * (mass / tau);
     }
     add_damping_force(system, &linear.extensions, minus_r, s);
-    linear.solve(s, u)?;
+    let solution = linear.solve(s, u)?;
+    linear.statistics.record(solution.relative_residual);
     for u in u {
         *u /= tau;
     }
@@ -241,6 +243,10 @@ impl TimeStepper for WMethod<'_> {
 
     fn solver(&self) -> Option<&'static str> {
         Some(self.linear.solver())
+    }
+
+    fn preconditioner(&self) -> Option<&'static str> {
+        self.linear.preconditioner()
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {

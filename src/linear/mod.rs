@@ -41,6 +41,9 @@ pub trait LinearSolver {
     /// When the matrix is found not to be positive definite by a solver that needs it, or not finite.
     fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure>;
 
+    /// How exactly an iterative solver is to solve from now on, `‖b − A x‖ ≤ tolerance·‖b‖`; others have no use for it.
+    fn set_tolerance(&mut self, _tolerance: f64) {}
+
     /// Solves with the matrix of the last `prepare`, which must be given again. `b` and `x` are reduced; on entry `x`
     /// is the first guess of an iterative solver.
     ///
