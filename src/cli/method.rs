@@ -115,7 +115,7 @@ const LARGE: usize = 30_000;
 
 /// How a factorization is split. Splitting changes how numbers are rounded, so it depends on the system alone, never on
 /// the number of threads; any number of threads then gives the same bits.
-fn parallelism(system: &System) -> Par {
+pub fn parallelism(system: &System) -> Par {
     if system.dofs().len() < LARGE { Par::Seq } else { Par::rayon(2) }
 }
 

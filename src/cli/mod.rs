@@ -1,5 +1,6 @@
 //! The command line: arguments, progress and exit statuses. One file per command.
 
+mod chart;
 mod common;
 mod console;
 mod interrupt;
@@ -34,6 +35,7 @@ struct Arguments {
 enum Command {
     Run(run::Run),
     Matrix(matrix::Matrix),
+    Chart(chart::Chart),
     New(new::New),
 }
 
@@ -67,6 +69,7 @@ pub fn main() -> ExitCode {
     let outcome = match command {
         Command::Run(run) => run.execute(&console),
         Command::Matrix(matrix) => matrix.execute(&console),
+        Command::Chart(chart) => chart.execute(&console),
         Command::New(new) => new.execute(&console),
     };
     match outcome {

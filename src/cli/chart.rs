@@ -1,0 +1,120 @@
+//! `sprung chart`: speed against accuracy, and the limits of stability.
+
+use super::common::{SceneFile, Threads, check_writable};
+use super::console::{Console, error};
+use super::method::parallelism;
+use super::values::positive;
+use super::{Outcome, Stop};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+use sprung::chart::{Reference, Run, SizeRun, SweepOptions, WorkPrecision};
+use sprung::output::AtomicFile;
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Chart speed against accuracy
+///
+/// Runs the scene with every method, stiffness option and solver at many step sizes, as long as the budget lasts, and measures
+/// the error at the end against an independent reference. Writes chart.json.
+#[derive(Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
+pub struct Chart {
+    #[command(flatten)]
+    scene: SceneFile,
+
+    /// Time for all runs, in seconds
+    #[arg(long, value_name = "S", default_value = "60", value_parser = positive)]
+    budget: f64,
+
+    /// Length of the motion, in seconds [default: the scene's time.duration]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    duration: Option<f64>,
+
+    /// Time step around which to sweep, in seconds [default: the scene's time.dt]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    dt: Option<f64>,
+
+    #[command(flatten)]
+    threads: Threads,
+
+    /// Folder for the files, made where it does not exist [default: out/<scene name>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+const FILES: [&str; 1] = ["chart.json"];
+
+/// The result as JSON.
+#[derive(Serialize)]
+struct Report<'a> {
+    scene: &'a str,
+    duration: f64,
+    reference: &'a Reference,
+    runs: &'a [Run],
+    tolerances: &'a [Run],
+    sizes: &'a [SizeRun],
+}
+
+impl Chart {
+    pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
+        let scene = self.scene.load()?;
+        let dt = scene.or_given(self.dt, scene.time.dt, "dt")?;
+        let duration = scene.or_given(self.duration, scene.time.duration, "duration")?;
+        let folder = scene.folder(&self.out);
+        check_writable(&folder, &FILES)?;
+        let budget = Duration::try_from_secs_f64(self.budget).unwrap_or(Duration::MAX / 16);
+        let options = SweepOptions { duration, dt, budget, par: parallelism(&scene.system) };
+        let bar = progress_bar(console, budget);
+        let measured = self.threads.install(|| {
+            let mut progress = |elapsed: Duration, what: &str| {
+                bar.set_position(elapsed.as_secs());
+                bar.set_message(what.to_owned());
+            };
+            WorkPrecision::measure(&scene.name, &scene.system, &scene.state, &options, &mut progress)
+                .map_err(|error| error.in_file(&scene.file).into())
+        })?;
+        bar.finish_and_clear();
+        let Some(chart) = measured else {
+            error(
+                "no reference solution was found within a third of the budget: give it more, or a shorter --duration",
+            );
+            return Ok(Outcome::Failed);
+        };
+        let report = Report {
+            scene: &chart.scene,
+            duration,
+            reference: &chart.reference,
+            runs: &chart.runs,
+            tolerances: &chart.tolerances,
+            sizes: &chart.sizes,
+        };
+        AtomicFile::write(folder.join("chart.json"), |file| {
+            serde_json::to_writer_pretty(&mut *file, &report).map_err(io::Error::from)?;
+            file.write_all(b"\n")
+        })
+        .map_err(Stop::Broken)?;
+        let failed = chart.runs.iter().filter(|run| run.error.is_none()).count();
+        let text = format!(
+            "{}: {} runs, {failed} of them failed; reference {} with an estimated error of {:.1e}\n{} in {}",
+            chart.scene,
+            chart.runs.len(),
+            chart.reference.method,
+            chart.reference.error_estimate,
+            FILES.join(", "),
+            folder.display(),
+        );
+        console.result(&report, text)?;
+        Ok(Outcome::Done)
+    }
+}
+
+/// A bar on stderr that fills with time; indicatif shows it only on a terminal.
+fn progress_bar(console: &Console, budget: Duration) -> ProgressBar {
+    let target = if console.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+    let bar = ProgressBar::with_draw_target(Some(budget.as_secs().max(1)), target);
+    match ProgressStyle::with_template("{wide_bar} {pos} of {len} s, {msg}") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
