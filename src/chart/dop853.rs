@@ -62,6 +62,22 @@ fn set_state(system: &System, t: f64, x: &[f64], v: &[f64], state: &mut State) {
     system.dofs().scatter(v, &mut state.velocities);
 }
 
+/// Elapsed time against simulated time.
+struct Clock {
+    span: [f64; 2],
+    begin: Instant,
+    deadline: Instant,
+}
+
+impl Clock {
+    /// Whether the deadline has passed, or will by far at the present pace.
+    fn is_hopeless(&self, reached: f64) -> bool {
+        let (elapsed, allowed) = (self.begin.elapsed(), self.deadline.saturating_duration_since(self.begin));
+        let share = (reached - self.span[0]) / (self.span[1] - self.span[0]);
+        elapsed > allowed || (10 * elapsed > allowed && elapsed.as_secs_f64() > 2.0 * share * allowed.as_secs_f64())
+    }
+}
+
 /// Steps that the library keeps in memory before it is restarted from the last one.
 const CHUNK: usize = 256;
 
@@ -88,9 +104,10 @@ pub(super) fn integrate(
     let absolute = tolerance * extent(&start.positions, &start.positions);
     let end = start.time + duration;
     if n > 0 {
+        let clock = Clock { span: [start.time, end], begin: Instant::now(), deadline };
         let mut from = start.time;
         for to in kinks(system, start.time, end) {
-            y = interval(system, &state, y, [from, to], tolerance, absolute, deadline)?;
+            y = interval(system, &state, y, [from, to], tolerance, absolute, &clock)?;
             from = to;
         }
     }
@@ -106,7 +123,7 @@ fn interval(
     [start, to]: [f64; 2],
     relative: f64,
     absolute: f64,
-    deadline: Instant,
+    clock: &Clock,
 ) -> Option<DVector<f64>> {
     let chunk = (KEPT / y.len().max(1)).clamp(4, CHUNK) as u32;
     let (mut from, mut h) = (start, 0.0);
@@ -144,9 +161,9 @@ fn interval(
         let last = states.last()?.clone();
         match outcome {
             Ok(_) => return Some(last),
-            Err(IntegrationError::MaxNumStepReached { .. }) if Instant::now() < deadline => {
+            Err(IntegrationError::MaxNumStepReached { .. }) => {
                 let reached = *times.last()?;
-                if reached <= from {
+                if reached <= from || clock.is_hopeless(reached) {
                     return None;
                 }
                 let before = times.len().checked_sub(2).and_then(|i| times.get(i)).copied().unwrap_or(from);

@@ -28,21 +28,21 @@ const TOLERANCES: [f64; 2] = [1e-10, 1e-12];
 const ROUNDING: f64 = 1e-15;
 
 impl Reference {
-    /// Computes the state `duration` seconds after `start` within about `limit`.
+    /// Computes the state `duration` seconds after `start` within about `limit`; dt is a step that methods may begin with.
     ///
     /// DOP853 of the crate `ode_solvers`, an explicit method of order 8, at two tolerances a hundredfold apart. The error of the
     /// tighter run is estimated by the difference of both, which is the error of the looser one: an overestimate on purpose. Where
-    /// it would take longer than half the limit (stiff scenes), Richardson extrapolation of two of this crate's methods
-    /// that share no formula for the step, implicit midpoint and the W-method, over as many halvings of dt as fit; their
-    /// difference is the estimate. `None` when neither gives an answer.
+    /// it would take longer than half the limit (stiff scenes), Richardson extrapolation of the W-method over as many halvings of
+    /// dt as fit. Its error is estimated by the difference from the same extrapolation of implicit midpoint, which shares no
+    /// formula for the step, or, where that does not converge, from its own at doubled steps. `None` without any answer.
     ///
     /// # Errors
     /// Coincident ends of a spring in `start`; a matrix that is too large.
-    pub fn compute(system: &System, start: &State, duration: f64, limit: Duration) -> Result<Option<Self>> {
+    pub fn compute(system: &System, start: &State, [dt, duration]: [f64; 2], limit: Duration) -> Result<Option<Self>> {
         let now = Instant::now();
         match Self::by_library(system, start, duration, now + limit / 2) {
             Some(reference) => Ok(Some(reference)),
-            None => Self::by_extrapolation(system, start, duration, now + limit),
+            None => Self::by_extrapolation(system, start, [dt, duration], now + limit),
         }
     }
 
@@ -55,24 +55,30 @@ impl Reference {
         Some(Self { method, error_estimate: difference.max(ROUNDING), state })
     }
 
-    fn by_extrapolation(system: &System, start: &State, duration: f64, deadline: Instant) -> Result<Option<Self>> {
+    fn by_extrapolation(system: &System, start: &State, length: [f64; 2], deadline: Instant) -> Result<Option<Self>> {
+        let [dt, duration] = length;
         let mut ladders = [Method::ImplicitMidpoint, Method::W2].map(Ladder::new);
         let mut best: Option<Self> = None;
-        let mut steps = 16;
-        while Instant::now() < deadline {
-            for ladder in &mut ladders {
-                ladder.climb(system, start, &Schedule::duration(duration / steps as f64, duration), deadline)?;
+        let mut steps = (duration / dt).ceil().max(4.0);
+        let difference = |a: &State, b: &State| relative_position_error(&a.positions, &b.positions, &start.positions);
+        while ladders.iter().any(|ladder| ladder.open) && Instant::now() < deadline {
+            for ladder in ladders.iter_mut().filter(|ladder| ladder.open) {
+                ladder.climb(system, start, &Schedule::duration(duration / steps, duration), deadline)?;
             }
-            if let [Some(a), Some(b)] = ladders.each_ref().map(|ladder| ladder.extrapolated.as_ref()) {
-                let difference = relative_position_error(&b.positions, &a.positions, &start.positions);
-                if best.as_ref().is_none_or(|best| difference < best.error_estimate) {
-                    let method = format!(
-                        "Richardson extrapolation of implicit midpoint, held to that of w2, up to {steps} steps"
-                    );
-                    best = Some(Self { method, error_estimate: difference.max(ROUNDING), state: a.clone() });
+            let candidate = match ladders.each_ref().map(|ladder| ladder.extrapolated.as_ref()) {
+                [Some(a), Some(b)] => Some((b, difference(a, b), "held to that of implicit midpoint")),
+                _ => {
+                    let candidate = |(a, b)| (a, difference(a, b), "held to that of doubled steps");
+                    ladders.iter().rev().find_map(Ladder::two).map(candidate)
                 }
+            };
+            if let Some((state, difference, held_to)) = candidate
+                && best.as_ref().is_none_or(|best| difference < best.error_estimate)
+            {
+                let method = format!("Richardson extrapolation of w2 with {steps} steps, {held_to}");
+                best = Some(Self { method, error_estimate: difference.max(ROUNDING), state: state.clone() });
             }
-            steps *= 2;
+            steps *= 2.0;
         }
         Ok(best)
     }
@@ -84,20 +90,29 @@ struct Ladder {
     last: Option<State>,
     /// `x(dt/2) + (x(dt/2) − x(dt))/3`, third order or better.
     extrapolated: Option<State>,
+    /// The extrapolation before.
+    before: Option<State>,
+    /// Whether there was time for the last run.
+    open: bool,
 }
 
 impl Ladder {
     fn new(method: Method) -> Self {
         let configuration = Configuration { method, options: ImplicitOptions::default() };
-        Self { configuration, last: None, extrapolated: None }
+        Self { configuration, last: None, extrapolated: None, before: None, open: true }
+    }
+
+    /// The last two extrapolations.
+    fn two(&self) -> Option<(&State, &State)> {
+        self.extrapolated.as_ref().zip(self.before.as_ref())
     }
 
     fn climb(&mut self, system: &System, start: &State, schedule: &Schedule, deadline: Instant) -> Result<()> {
         let run = trial(system, start, &self.configuration, schedule, Some(deadline))?;
-        if run.status == Status::Interrupted {
-            return Ok(());
-        }
+        // The next run takes twice as long.
+        self.open = run.status != Status::Interrupted && Instant::now() + 2 * run.wall < deadline;
         let state = (run.status == Status::Completed).then_some(run.state);
+        self.before = self.extrapolated.take();
         self.extrapolated = self.last.as_ref().zip(state.as_ref()).map(|(coarse, fine)| {
             let mut state = fine.clone();
             let extrapolate = |to: &mut Vec<_>, from: &[_]| {

@@ -164,7 +164,8 @@ pub(super) fn sweep(
                 continue;
             };
             lane.last = Some(Duration::from_secs_f64(run.wall_seconds.max(0.0)));
-            lane.open = run.error.is_none_or(|error| !(error <= ABOVE_THE_FLOOR * bench.reference.error_estimate));
+            let is_at_floor = |error: f64| error <= ABOVE_THE_FLOOR * bench.reference.error_estimate;
+            lane.open = !run.error.is_some_and(is_at_floor);
             runs.push(run);
         }
         dt *= 0.5;

@@ -56,7 +56,7 @@ impl WorkPrecision {
         let SweepOptions { duration, dt, budget, par } = *options;
         let begin = Instant::now();
         progress.at(begin.elapsed(), "reference");
-        let Some(reference) = Reference::compute(system, start, duration, budget / 3)? else { return Ok(None) };
+        let Some(reference) = Reference::compute(system, start, [dt, duration], budget / 3)? else { return Ok(None) };
         let costs = CostModel::of(system)?;
         let bench = Bench { system, start, duration, reference: &reference, costs };
 
