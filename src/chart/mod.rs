@@ -7,6 +7,7 @@ mod dop853;
 mod quality;
 mod reference;
 mod sizes;
+pub mod stability;
 mod sweep;
 mod tolerance;
 mod work_precision;
@@ -14,6 +15,7 @@ mod work_precision;
 pub use quality::Quality;
 pub use reference::Reference;
 pub use sizes::SizeRun;
+pub use stability::StabilityMap;
 pub use sweep::{Run, configurations};
 pub use work_precision::{SweepOptions, WorkPrecision};
 

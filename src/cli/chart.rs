@@ -7,7 +7,7 @@ use super::values::positive;
 use super::{Outcome, Stop};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
-use sprung::chart::{Reference, Run, SizeRun, SweepOptions, WorkPrecision};
+use sprung::chart::{Reference, Run, SizeRun, StabilityMap, SweepOptions, WorkPrecision};
 use sprung::output::AtomicFile;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -35,6 +35,10 @@ pub struct Chart {
     #[arg(long, value_name = "S", value_parser = positive)]
     dt: Option<f64>,
 
+    /// Map the limits of stability too: every method on a model of one particle between two springs
+    #[arg(long)]
+    stability: bool,
+
     #[command(flatten)]
     threads: Threads,
 
@@ -42,6 +46,9 @@ pub struct Chart {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
+
+/// Columns of a tile of the stability map.
+const RESOLUTION: usize = 36;
 
 const FILES: [&str; 1] = ["chart.json"];
 
@@ -54,6 +61,7 @@ struct Report<'a> {
     runs: &'a [Run],
     tolerances: &'a [Run],
     sizes: &'a [SizeRun],
+    stability: &'a StabilityMap,
 }
 
 impl Chart {
@@ -74,6 +82,13 @@ impl Chart {
             WorkPrecision::measure(&scene.name, &scene.system, &scene.state, &options, &mut progress)
                 .map_err(|error| error.in_file(&scene.file).into())
         })?;
+        let map = self.threads.install(|| {
+            if !self.stability {
+                return Ok(StabilityMap { tiles: Vec::new() });
+            }
+            let mut progress = |_: Duration, what: &str| bar.set_message(format!("stability of {what}"));
+            Ok(StabilityMap::measure(RESOLUTION, &mut progress)?)
+        })?;
         bar.finish_and_clear();
         let Some(chart) = measured else {
             error(
@@ -88,9 +103,10 @@ impl Chart {
             runs: &chart.runs,
             tolerances: &chart.tolerances,
             sizes: &chart.sizes,
+            stability: &map,
         };
         AtomicFile::write(folder.join("chart.json"), |file| {
-            serde_json::to_writer_pretty(&mut *file, &report).map_err(io::Error::from)?;
+            serde_json::to_writer(&mut *file, &report).map_err(io::Error::from)?;
             file.write_all(b"\n")
         })
         .map_err(Stop::Broken)?;
@@ -105,7 +121,12 @@ impl Chart {
             folder.display(),
         );
         console.result(&report, text)?;
-        Ok(Outcome::Done)
+        let mut outcome = Outcome::Done;
+        for check in map.checks().iter().filter(|check| !check.passed()) {
+            error(format_args!("{}, {}: {}", check.name, check.scene, check.why));
+            outcome = Outcome::Failed;
+        }
+        Ok(outcome)
     }
 }
 
