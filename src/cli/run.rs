@@ -7,7 +7,7 @@ use super::recorder::Recorder;
 use super::values::{count, positive, positive_count};
 use super::{Outcome, Stop, interrupt};
 use sprung::Result;
-use sprung::integrate::{Schedule, Status, run};
+use sprung::integrate::{Schedule, Status};
 use sprung::output::{FailureReport, Summary, write_final_state};
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
@@ -92,7 +92,7 @@ impl Run {
         let mut recorder = Recorder::start(console, &folder, self.frames, schedule, &system, &state)?;
 
         let mut unwritten = None;
-        let outcome = run(stepper.as_mut(), &mut state, schedule, |step, state| {
+        let outcome = stepper.run(&system, &mut state, schedule, |step, state| {
             unwritten = recorder.record(&system, state, step).err();
             if unwritten.is_some() || interrupted.load(Ordering::Relaxed) {
                 return ControlFlow::Break(());
@@ -103,6 +103,7 @@ impl Run {
             return Err(Stop::Broken(error));
         }
 
+        let stepper = stepper.get();
         let summary = Summary {
             scene: name,
             status: outcome.status(),
@@ -152,6 +153,9 @@ fn text(summary: &Summary, folder: &Path, frames: bool) -> String {
             work.solves, work.factorizations, work.cg_iterations, work.newton_iterations,
         ));
         lines.push(format!("  residual  at most {:.1e} of the right-hand side", statistics.max_relative_residual));
+    }
+    if statistics.rejected_steps > 0 {
+        lines.push(format!("  rejected  {} steps with too large an error", statistics.rejected_steps));
     }
     if statistics.tension_solves > 0 {
         lines.push(format!(

@@ -23,6 +23,9 @@ pub enum StepFailure {
         /// What stopped it.
         reason: NotSolved,
     },
+    /// The error estimate stays above the tolerance.
+    #[error("the error estimate stays above the tolerance however short the step")]
+    Tolerance,
     /// The new state would not be finite.
     #[error("the new positions or velocities are not finite")]
     NonFinite,
@@ -89,7 +92,7 @@ impl StepFailure {
             Self::Solve(SolveFailure::NotConverged { .. } | SolveFailure::Untrusted { .. }) => Status::NotConverged,
             Self::Solve(SolveFailure::NonFinite) | Self::NonFinite => Status::NonFinite,
             Self::DegenerateSpring(_) => Status::DegenerateSpring,
-            Self::Newton { .. } => Status::NotConverged,
+            Self::Newton { .. } | Self::Tolerance => Status::NotConverged,
         }
     }
 }

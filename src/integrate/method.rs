@@ -1,8 +1,8 @@
 //! The methods by name.
 
 use super::{
-    BackwardEuler, ForwardEuler, ImplicitMidpoint, ImplicitOptions, LinearBackwardEuler, NewtonOptions,
-    SymplecticEuler, TimeStepper, WMethod,
+    AdaptiveStepper, BackwardEuler, ForwardEuler, ImplicitMidpoint, ImplicitOptions, LinearBackwardEuler,
+    NewtonOptions, SymplecticEuler, TimeStepper, WMethod,
 };
 use crate::error::Result;
 use crate::system::{State, System};
@@ -58,6 +58,22 @@ impl Method {
             Self::W2 | Self::ImplicitMidpoint => 2,
             Self::LinearBackwardEuler | Self::BackwardEuler | Self::ForwardEuler | Self::SymplecticEuler => 1,
         }
+    }
+
+    /// A stepper for runs with error control; `None` for a method without an error estimate.
+    ///
+    /// # Errors
+    /// As for [`stepper`](Self::stepper).
+    pub fn adaptive_stepper<'s>(
+        self,
+        system: &'s System,
+        state: &State,
+        options: &ImplicitOptions,
+    ) -> Result<Option<Box<dyn AdaptiveStepper + 's>>> {
+        Ok(match self {
+            Self::W2 => Some(Box::new(WMethod::new(system, state, options)?)),
+            _ => None,
+        })
     }
 
     /// A stepper that starts from `state`, with default options for what `options` does not hold.

@@ -1,5 +1,6 @@
 //! Time stepping: one method a file behind [`TimeStepper`], and the run loop that drives them.
 
+mod adaptive;
 mod backward_euler;
 mod explicit;
 mod failure;
@@ -14,6 +15,7 @@ mod schedule;
 mod statistics;
 mod w_method;
 
+pub use adaptive::{AdaptiveStepper, Adaptivity, Sampling, run_adaptive};
 pub use backward_euler::BackwardEuler;
 pub use explicit::{ForwardEuler, SymplecticEuler};
 pub use failure::{NotSolved, Status, StepFailure};

@@ -14,6 +14,8 @@ pub struct Statistics {
     /// Solves of the on-demand policy in which A was indefinite and the transverse terms of compressed springs were
     /// dropped.
     pub tension_solves: u64,
+    /// Steps of runs with error control that were tried and not taken.
+    pub rejected_steps: u64,
     /// Accepted solves with an indefinite A (LDLᵀ under the full stiffness): such a step need not be meaningful.
     pub indefinite_solves: u64,
 }

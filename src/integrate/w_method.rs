@@ -40,7 +40,7 @@
 //! is exact.
 
 use super::implicit::{ImplicitOptions, LinearSystem};
-use super::{Statistics, StepFailure, TimeStepper};
+use super::{AdaptiveStepper, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
 use crate::linear::SolveFailure;
@@ -56,6 +56,7 @@ const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
 #[doc(alias = "Rosenbrock")]
 pub struct WMethod<'s> {
     linear: LinearSystem<'s>,
+    held: Option<Held>,
     /// Those at which forces are evaluated; the linear system keeps the matrix's own.
     extensions: Extensions,
     /// v, prescribed components at their mean velocity over the step.
@@ -72,6 +73,17 @@ pub struct WMethod<'s> {
     /// `f(x, v) + (4 + √2) f(x_mid, v_mid)`, what the error estimate needs of the stages' forces.
     forces: Vec<Vector3<f64>>,
 }
+
+/// The matrix at hand: for which steps, and in how many it has been used.
+#[derive(Debug, Clone, Copy)]
+struct Held {
+    h: f64,
+    uses: u32,
+}
+
+/// How many steps with error control use one matrix. Its age costs no order, but in time damping and stability: directions
+/// of springs go stale.
+const USES: u32 = 5;
 
 /// An estimate of the local error of a step, full-length.
 #[derive(Debug, Clone, Copy)]
@@ -93,6 +105,7 @@ impl<'s> WMethod<'s> {
         let extensions = linear.extensions.clone();
         Ok(Self {
             linear,
+            held: None,
             extensions,
             velocities: zeros(),
             first: zeros(),
@@ -107,19 +120,16 @@ impl<'s> WMethod<'s> {
     }
 
     /// Takes A at the state's positions for steps of length h.
-    ///
-    /// # Errors
-    /// Coincident ends of a spring; a matrix that the linear solver refuses.
-    pub fn prepare(&mut self, state: &State, h: f64) -> Result<(), StepFailure> {
+    fn prepare(&mut self, state: &State, h: f64) -> Result<(), StepFailure> {
+        self.held = None;
         self.linear.set_extensions(&state.positions)?;
-        Ok(self.linear.prepare(self.linear.policy, Combination::step(GAMMA * h))?)
+        self.linear.prepare(self.linear.policy, Combination::step(GAMMA * h))?;
+        self.held = Some(Held { h, uses: 0 });
+        Ok(())
     }
 
     /// Computes `next` from a state with the matrix last prepared, which must be one for the same h.
-    ///
-    /// # Errors
-    /// When a stage cannot be solved or leads to a state that is not finite.
-    pub fn advance(&mut self, state: &State, h: f64) -> Result<(), StepFailure> {
+    fn advance(&mut self, state: &State, h: f64) -> Result<(), StepFailure> {
         let tau = GAMMA * h;
         let system = self.linear.system;
         self.velocities.copy_from_slice(&state.velocities);
@@ -161,10 +171,7 @@ impl<'s> WMethod<'s> {
     }
 
     /// Estimates the error of the step just computed, with one more force evaluation and one more solve.
-    ///
-    /// # Errors
-    /// When the forces at the new state do not exist or the solve fails.
-    pub fn estimate(&mut self, h: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
+    fn estimate(&mut self, h: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
         const E: f64 = 6.0 + SQRT_2;
         let tau = GAMMA * h;
         self.set_force(Point::Next)?;
@@ -184,7 +191,7 @@ impl<'s> WMethod<'s> {
     }
 
     /// Makes the computed state the current one.
-    pub fn accept(&mut self, state: &mut State) {
+    fn commit(&mut self, state: &mut State) {
         self.next.prescribe(self.linear.system);
         state.copy_from(&self.next);
     }
@@ -252,11 +259,31 @@ impl TimeStepper for WMethod<'_> {
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         self.prepare(state, dt)?;
         self.advance(state, dt)?;
-        self.accept(state);
+        self.commit(state);
         Ok(())
     }
 
     fn statistics(&self) -> &Statistics {
         &self.linear.statistics
+    }
+}
+
+impl AdaptiveStepper for WMethod<'_> {
+    fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
+        match &mut self.held {
+            Some(held) if held.h == dt && held.uses < USES => held.uses += 1,
+            _ => self.prepare(state, dt)?,
+        }
+        self.advance(state, dt)?;
+        self.estimate(dt)
+    }
+
+    fn accept(&mut self, state: &mut State) {
+        self.commit(state);
+    }
+
+    fn reject(&mut self) {
+        self.held = None;
+        self.linear.statistics.rejected_steps += 1;
     }
 }
