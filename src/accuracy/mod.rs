@@ -1,9 +1,12 @@
-//! How accurate a run is and what it costs.
+//! How accurate a run is, what it costs, and which run is the cheapest that is accurate enough.
 
+mod choose;
 mod cost;
+mod ladder;
 mod norm;
 mod trial;
 
+pub use choose::{Choice, Requirement, choose};
 pub use cost::CostModel;
 pub use norm::{extent, relative_position_error};
-pub use trial::{Configuration, Trial, trial};
+pub use trial::{Configuration, Pace, Trial, trial};

@@ -1,8 +1,12 @@
 //! One run of one configuration, measured.
 
 use crate::error::Result;
-use crate::integrate::{ImplicitOptions, Method, RunFailure, Schedule, Statistics, Status, run};
+use crate::integrate::{
+    Adaptivity, ImplicitOptions, Method, RunFailure, Sampling, Schedule, Statistics, Status, TimeStepper, run,
+    run_adaptive,
+};
 use crate::system::{State, System};
+use serde::Serialize;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -20,6 +24,21 @@ impl Configuration {
     pub fn stiffness(&self) -> &'static str {
         if self.method.is_implicit() { self.options.stiffness.name() } else { "none" }
     }
+}
+
+/// What decides about the length of steps.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pace {
+    /// All steps but the last are of this length, in s.
+    Step(f64),
+    /// Steps adapt to an error estimate; for methods that have one.
+    Adaptive {
+        /// The relative tolerance.
+        rtol: f64,
+        /// The first step to try, in s.
+        first_step: f64,
+    },
 }
 
 /// What a run did and where it led.
@@ -41,24 +60,37 @@ pub struct Trial {
     pub wall: Duration,
 }
 
-/// Runs a configuration from a state along a schedule; gives up at the deadline, with [`Status::Interrupted`].
+/// Runs a configuration for `duration` seconds from a state, as long as `go_on` says so; after that the status is
+/// [`Interrupted`](Status::Interrupted).
 ///
 /// # Errors
-/// Coincident ends of a spring in `start`; a matrix that is too large.
+/// Coincident ends of a spring in `start`; a matrix that is too large; adaptive steps of a method without error estimate.
 pub fn trial(
     system: &System,
     start: &State,
     configuration: &Configuration,
-    schedule: &Schedule,
-    deadline: Option<Instant>,
+    pace: Pace,
+    duration: f64,
+    go_on: &dyn Fn() -> bool,
 ) -> Result<Trial> {
     let clock = Instant::now();
+    let Configuration { method, options } = configuration;
     let mut state = start.clone();
-    let mut stepper = configuration.method.stepper(system, start, &configuration.options)?;
-    let outcome = run(stepper.as_mut(), &mut state, schedule, |_, _| match deadline {
-        Some(deadline) if Instant::now() > deadline => ControlFlow::Break(()),
-        _ => ControlFlow::Continue(()),
-    });
+    let observe = |_: u64, _: &State| if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+    let (outcome, stepper): (_, Box<dyn TimeStepper>) = match pace {
+        Pace::Step(dt) => {
+            let mut stepper = method.stepper(system, start, options)?;
+            let outcome = run(stepper.as_mut(), &mut state, &Schedule::duration(dt, duration), observe);
+            (outcome, stepper)
+        }
+        Pace::Adaptive { rtol, first_step } => {
+            let mut stepper = method.adaptive_stepper(system, start, options)?.ok_or_else(|| {
+                crate::Error::Usage(format!("{} has no error estimate for adaptive steps", method.name()))
+            })?;
+            let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Steps };
+            (run_adaptive(stepper.as_mut(), system, &mut state, &how, observe), stepper)
+        }
+    };
     Ok(Trial {
         status: outcome.status(),
         failure: outcome.end.err(),

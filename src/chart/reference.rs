@@ -1,9 +1,9 @@
 //! The answer that runs are measured against, with an estimate of its own error.
 
 use super::dop853;
-use crate::accuracy::{Configuration, relative_position_error, trial};
+use crate::accuracy::{Configuration, Pace, relative_position_error, trial};
 use crate::error::Result;
-use crate::integrate::{ImplicitOptions, Method, Schedule, Status};
+use crate::integrate::{ImplicitOptions, Method, Status};
 use crate::system::{State, System};
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -63,7 +63,7 @@ impl Reference {
         let difference = |a: &State, b: &State| relative_position_error(&a.positions, &b.positions, &start.positions);
         while ladders.iter().any(|ladder| ladder.open) && Instant::now() < deadline {
             for ladder in ladders.iter_mut().filter(|ladder| ladder.open) {
-                ladder.climb(system, start, &Schedule::duration(duration / steps, duration), deadline)?;
+                ladder.climb(system, start, [duration / steps, duration], deadline)?;
             }
             let candidate = match ladders.each_ref().map(|ladder| ladder.extrapolated.as_ref()) {
                 [Some(a), Some(b)] => Some((b, difference(a, b), "held to that of implicit midpoint")),
@@ -107,8 +107,9 @@ impl Ladder {
         self.extrapolated.as_ref().zip(self.before.as_ref())
     }
 
-    fn climb(&mut self, system: &System, start: &State, schedule: &Schedule, deadline: Instant) -> Result<()> {
-        let run = trial(system, start, &self.configuration, schedule, Some(deadline))?;
+    fn climb(&mut self, system: &System, start: &State, [dt, duration]: [f64; 2], deadline: Instant) -> Result<()> {
+        let in_time = || Instant::now() < deadline;
+        let run = trial(system, start, &self.configuration, Pace::Step(dt), duration, &in_time)?;
         // The next run takes twice as long.
         self.open = run.status != Status::Interrupted && Instant::now() + 2 * run.wall < deadline;
         let state = (run.status == Status::Completed).then_some(run.state);

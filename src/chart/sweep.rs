@@ -1,9 +1,9 @@
 //! The sweep: every configuration at every step size that fits into the time, measured against the reference.
 
 use super::{Progress, Quality, Reference};
-use crate::accuracy::{Configuration, CostModel, Trial, trial};
+use crate::accuracy::{Configuration, CostModel, Pace, Trial, trial};
 use crate::error::Result;
-use crate::integrate::{ImplicitOptions, Method, Schedule, Status, StiffnessPolicy};
+use crate::integrate::{ImplicitOptions, Method, Status, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -23,7 +23,9 @@ pub struct Run {
     pub solver: &'static str,
     /// Tolerance of conjugate gradients; `None` for other solvers.
     pub tolerance: Option<f64>,
-    /// Time step, in s.
+    /// Relative tolerance of adaptive steps; `None` for steps of one length.
+    pub rtol: Option<f64>,
+    /// Time step, in s; of adaptive steps the mean.
     pub dt: f64,
     /// How the run ended.
     pub status: Status,
@@ -61,9 +63,9 @@ const LONG: Duration = Duration::from_millis(100);
 
 impl Bench<'_> {
     /// Runs and measures; `None` when the deadline came first.
-    pub fn measure(&self, configuration: &Configuration, dt: f64, deadline: Instant) -> Result<Option<Run>> {
-        let schedule = Schedule::duration(dt, self.duration);
-        let once = || trial(self.system, self.start, configuration, &schedule, Some(deadline));
+    pub fn measure(&self, configuration: &Configuration, pace: Pace, deadline: Instant) -> Result<Option<Run>> {
+        let in_time = || Instant::now() < deadline;
+        let once = || trial(self.system, self.start, configuration, pace, self.duration, &in_time);
         let first = once()?;
         if first.status == Status::Interrupted {
             return Ok(None);
@@ -77,19 +79,24 @@ impl Bench<'_> {
             }
             wall = if repeats > 0 { best } else { wall };
         }
-        Ok(Some(self.run(configuration, dt, first, repeats, wall)))
+        Ok(Some(self.run(configuration, pace, first, repeats, wall)))
     }
 
-    fn run(&self, configuration: &Configuration, dt: f64, trial: Trial, repeats: u32, wall: Duration) -> Run {
+    fn run(&self, configuration: &Configuration, pace: Pace, trial: Trial, repeats: u32, wall: Duration) -> Run {
         let completed = trial.status == Status::Completed;
         let quality = completed.then(|| Quality::of(self.system, &trial.state, &self.reference.state, self.start));
         let work = trial.statistics.work;
+        let (dt, rtol) = match pace {
+            Pace::Step(dt) => (dt, None),
+            Pace::Adaptive { rtol, .. } => (self.duration / trial.steps.max(1) as f64, Some(rtol)),
+        };
         let iterates = configuration.method.is_implicit() && work.factorizations == 0;
         Run {
             method: configuration.method.name(),
             stiffness: configuration.stiffness(),
             solver: trial.solver,
             tolerance: iterates.then_some(configuration.options.linear.tolerance),
+            rtol,
             dt,
             status: trial.status,
             failure: trial.failure.map(|failed| failed.failure.to_string()),
@@ -128,9 +135,13 @@ const FEWEST_STEPS: f64 = 4.0;
 /// Nearer to the reference than this many times its own error nothing is measured.
 const ABOVE_THE_FLOOR: f64 = 3.0;
 
+/// The tolerance of the first adaptive run; a quarter of it, and so on, follow: half the steps of a second-order method.
+const COARSEST_TOLERANCE: f64 = 0.1;
+
 /// A configuration on its way to smaller steps.
 struct Lane {
     configuration: Configuration,
+    pace: Pace,
     last: Option<Duration>,
     open: bool,
 }
@@ -145,10 +156,18 @@ pub(super) fn sweep(
     progress: &mut dyn Progress,
 ) -> Result<Vec<Run>> {
     let begin = Instant::now();
-    let mut lanes: Vec<Lane> =
-        configurations(par).into_iter().map(|configuration| Lane { configuration, last: None, open: true }).collect();
+    let dt = coarsest(dt, bench.duration);
+    let lane = |configuration, pace| Lane { configuration, pace, last: None, open: true };
+    let all = configurations(par);
+    let on_demand = |c: &&Configuration| {
+        c.method == Method::W2
+            && c.options.stiffness == StiffnessPolicy::OnDemand
+            && c.options.linear.solver == SolverChoice::Llt
+    };
+    let adaptive = Pace::Adaptive { rtol: COARSEST_TOLERANCE, first_step: dt };
+    let mut lanes: Vec<Lane> = all.iter().map(|&configuration| lane(configuration, Pace::Step(dt))).collect();
+    lanes.extend(all.iter().filter(on_demand).map(|&configuration| lane(configuration, adaptive)));
     let mut runs = Vec::new();
-    let mut dt = coarsest(dt, bench.duration);
     while lanes.iter().any(|lane| lane.open) && Instant::now() < deadline {
         for lane in lanes.iter_mut().filter(|lane| lane.open) {
             let left = deadline.saturating_duration_since(Instant::now());
@@ -157,7 +176,7 @@ pub(super) fn sweep(
                 lane.open = false;
                 continue;
             }
-            let measured = bench.measure(&lane.configuration, dt, deadline)?;
+            let measured = bench.measure(&lane.configuration, lane.pace, deadline)?;
             progress.at(begin.elapsed(), lane.configuration.method.name());
             let Some(run) = measured else {
                 lane.open = false;
@@ -167,8 +186,13 @@ pub(super) fn sweep(
             let is_at_floor = |error: f64| error <= ABOVE_THE_FLOOR * bench.reference.error_estimate;
             lane.open = !run.error.is_some_and(is_at_floor);
             runs.push(run);
+            lane.pace = match lane.pace {
+                Pace::Step(dt) => Pace::Step(0.5 * dt),
+                Pace::Adaptive { rtol, first_step } => {
+                    Pace::Adaptive { rtol: 0.25 * rtol, first_step: 0.5 * first_step }
+                }
+            };
         }
-        dt *= 0.5;
     }
     Ok(runs)
 }

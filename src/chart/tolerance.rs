@@ -1,7 +1,7 @@
 //! How exactly should conjugate gradients solve? Tolerance against error and time.
 
 use super::sweep::{Bench, Run};
-use crate::accuracy::Configuration;
+use crate::accuracy::{Configuration, Pace};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions};
@@ -14,7 +14,7 @@ pub(super) fn study(bench: &Bench<'_>, method: Method, dt: f64, deadline: Instan
         let tolerance = 10f64.powi(-2 * exponent);
         let linear = SolverOptions { solver: SolverChoice::Cg, tolerance, ..SolverOptions::default() };
         let options = ImplicitOptions { stiffness: StiffnessPolicy::OnDemand, linear };
-        match bench.measure(&Configuration { method, options }, dt, deadline)? {
+        match bench.measure(&Configuration { method, options }, Pace::Step(dt), deadline)? {
             Some(run) => runs.push(run),
             None => break,
         }
