@@ -55,6 +55,8 @@ pub enum Stop {
     Unusable(Error),
     /// A result could not be written.
     Broken(Error),
+    /// The computation failed before there was a result to write.
+    Computation(String),
 }
 
 impl From<Error> for Stop {
@@ -75,6 +77,10 @@ pub fn main() -> ExitCode {
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Failed) => ExitCode::from(1),
+        Err(Stop::Computation(message)) => {
+            console::error(message);
+            ExitCode::from(1)
+        }
         Err(Stop::Broken(error)) => {
             console::error(error);
             ExitCode::from(1)
