@@ -5,8 +5,8 @@
 //! by the power law of its errors is given up. The race ends when
 //!
 //! - the best limit of all ladders is known to a third of the required accuracy,
-//! - another candidate's last rung is as far from that limit as its own estimate says: two methods that share no
-//!   formula agree, and a method that converges to something else cannot win,
+//! - methods of other kinds are as near to that limit as their own estimates say, among them one that cannot damp: a method that
+//!   converges to something else cannot win,
 //! - some rung is accurate enough, and no next rung costs less than it.
 //!
 //! A rung before the last was half as expensive as the last one, so what wins costs at most about twice what the best
@@ -68,6 +68,12 @@ const LIMIT_SHARE: f64 = 1.0 / 3.0;
 /// A ladder that needs this many times the work of another is given up.
 const HOPELESS: f64 = 4.0;
 
+/// A run that confirms another may have this many times the error allowed, by its own estimate.
+const CONFIRMATION: f64 = 2.0;
+
+/// Pilots that cost this many times the cheapest run have tried enough for a confirmation by a conservative method.
+const EXPENSIVE: f64 = 100.0;
+
 /// Degrees of freedom from which conjugate gradients can be cheaper than a factorization.
 const ITERATIVE: usize = 300;
 
@@ -115,6 +121,25 @@ struct Finalist {
     ladder: usize,
     pace: Pace,
     cost: f64,
+}
+
+/// What methods do to vibrations that their steps do not resolve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// Damp them, as backward Euler does.
+    Euler,
+    /// Damp them in the way of the W-method.
+    Rosenbrock,
+    /// Keep their energy, or blow up.
+    Conservative,
+}
+
+fn kind(method: Method) -> Kind {
+    match method {
+        Method::LinearBackwardEuler | Method::BackwardEuler => Kind::Euler,
+        Method::W2 => Kind::Rosenbrock,
+        Method::ImplicitMidpoint | Method::SymplecticEuler | Method::ForwardEuler => Kind::Conservative,
+    }
 }
 
 struct Race {
@@ -180,35 +205,55 @@ impl Race {
         Ok(())
     }
 
-    /// The ladder to climb next: the one with the cheapest rung, among those that may still win against `cheapest`.
+    /// The ladder to climb next: the one with the cheapest rung, among those that may still win against `cheapest`. As long as
+    /// there is no winner a ladder is measured against its own kind only: what the methods of one kind agree on may be wrong.
     fn next(&self, cheapest: f64, accuracy: f64) -> Option<usize> {
         let predicted = |ladder: &Ladder| ladder.predicted_cost(SAFETY * accuracy);
-        let least = self.ladders.iter().filter_map(predicted).fold(cheapest, f64::min);
+        let least = |of: Kind| {
+            let rivals =
+                self.ladders.iter().filter(|rival| cheapest.is_finite() || kind(rival.configuration.method) == of);
+            rivals.filter_map(predicted).fold(cheapest, f64::min)
+        };
         let promising = |ladder: &Ladder| {
             ladder.open
                 && ladder.next_cost() < cheapest
-                && predicted(ladder).is_none_or(|cost| cost <= HOPELESS * least)
+                && predicted(ladder).is_none_or(|cost| cost <= HOPELESS * least(kind(ladder.configuration.method)))
         };
         let open = self.ladders.iter().enumerate().filter(|(_, ladder)| promising(ladder));
         open.min_by(|(_, a), (_, b)| a.next_cost().total_cmp(&b.next_cost())).map(|(index, _)| index)
     }
 
-    /// The best-known end positions, if they are known well enough and a second method confirms them.
+    /// The best-known end positions, if they are known well enough and confirmed.
+    ///
+    /// A method that damps may converge, at steps much longer than a vibration, to the motion without that vibration; so do
+    /// its relatives. So the limit must agree with a method of another kind, and with one that cannot damp, each of about the
+    /// accuracy required by its own estimate. Only when that has become far too expensive any other method will do.
     fn limit(&self, task: &Task<'_>, accuracy: f64) -> Option<Limit> {
-        let limits = self.ladders.iter().enumerate();
-        let limits =
-            limits.filter_map(|(index, ladder)| ladder.limit().map(|(positions, error)| (index, positions, error)));
-        let (index, positions, error) = limits.min_by(|a, b| a.2.total_cmp(&b.2))?;
-        let method = self.ladders.get(index)?.configuration.method;
-        let alone = self.ladders.iter().all(|ladder| ladder.configuration.method == method);
-        let confirms = |ladder: &Ladder| {
-            let (Some(last), Some(own)) = (ladder.rungs.last(), ladder.estimate()) else { return false };
-            ladder.configuration.method != method
-                && own < 30.0 * accuracy
-                && task.distance(&last.positions, &positions) <= 2.0 * (own + error)
+        let mut limits: Vec<_> = self
+            .ladders
+            .iter()
+            .filter_map(|ladder| {
+                let (positions, error) = ladder.limit()?;
+                (error <= LIMIT_SHARE * accuracy).then_some((ladder.configuration.method, positions, error))
+            })
+            .collect();
+        limits.sort_by(|a, b| a.2.total_cmp(&b.2));
+        let is_asked_alone = |method: Method| self.ladders.iter().all(|ladder| ladder.configuration.method == method);
+        let confirmed = |(method, positions, error): &(Method, Vec<Vector3<f64>>, f64)| {
+            let confirms = |ladder: &&Ladder| {
+                let (Some(last), Some(own)) = (ladder.rungs.last(), ladder.estimate()) else { return false };
+                own < CONFIRMATION * accuracy && task.distance(&last.positions, positions) <= 2.0 * (own + error)
+            };
+            let confirming = || self.ladders.iter().filter(confirms).map(|ladder| ladder.configuration.method);
+            let cheapest =
+                self.ladders.iter().filter_map(|ladder| ladder.predicted_cost(accuracy)).fold(f64::MAX, f64::min);
+            let is_expensive = self.pilot_cost > EXPENSIVE * cheapest;
+            is_asked_alone(*method)
+                || (confirming().any(|other| kind(other) != kind(*method))
+                    && (is_expensive || confirming().any(|other| kind(other) == Kind::Conservative)))
         };
-        let known = error <= LIMIT_SHARE * accuracy && (alone || self.ladders.iter().any(confirms));
-        known.then_some(Limit { positions, error })
+        let (_, positions, error) = limits.into_iter().find(confirmed)?;
+        Some(Limit { positions, error })
     }
 
     fn finalists(&self, task: &Task<'_>, limit: &Limit, accuracy: f64) -> Vec<Finalist> {

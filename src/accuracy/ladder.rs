@@ -104,14 +104,17 @@ impl Ladder {
         order.is_finite().then_some(order)
     }
 
-    /// Estimated relative error of the last rung; `None` as long as the rungs do not converge.
+    /// Estimated relative error of the last rung; `None` as long as the rungs do not converge. A change that is small by
+    /// chance, as when an error passes through zero, is taken for what the change before makes of it at the method's order.
     pub fn estimate(&self) -> Option<f64> {
-        let change = self.rungs.last()?.change?;
-        if change == 0.0 {
+        let [.., before, last] = self.rungs.as_slice() else { return None };
+        let (before, change) = (before.change?, last.change?);
+        if change.max(before) == 0.0 {
             return Some(0.0);
         }
-        let order = self.observed_order().filter(|order| *order > LOWEST_ORDER)?.min(self.order);
-        Some(change / (order.exp2() - 1.0))
+        let order = (before / change).log2().min(self.order);
+        let expected = 0.7 * before / self.order.exp2();
+        (order > LOWEST_ORDER).then(|| change.max(expected) / (order.exp2() - 1.0))
     }
 
     /// The limit that the last rungs point to, and an estimate of its relative error.
