@@ -166,6 +166,11 @@ impl std::ops::Add for SpringBlock {
 }
 
 impl SpringBlock {
+    /// The smaller eigenvalue, `min(α, β)`.
+    pub fn lowest(&self) -> f64 {
+        self.transverse.min(self.axial)
+    }
+
     /// The 3×3 matrix; symmetric to the bit.
     ///
     /// `1 − n_r²` on the diagonal is written as the sum of the other two squares: near collapse α is large against β, and

@@ -9,7 +9,7 @@ use crate::system::DofMap;
 use faer::sparse::{SymbolicSparseColMat, SymbolicSparseColMatRef};
 use std::ops::Range;
 
-/// Where the block of a pair of particles lies in the values of a [`SymmetricMatrix`].
+/// Where the block of a pair of particles lies in the values of a [`SymmetricMatrix`](super::SymmetricMatrix).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BlockSlot {
     pub(super) row: u32,

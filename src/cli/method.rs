@@ -16,7 +16,8 @@ use std::ops::ControlFlow;
 #[derive(Debug, clap::Args)]
 pub struct MethodArguments {
     /// Time integration method [default: linear-backward-euler; with --rtol: w2; with --accuracy: auto]
-    #[arg(long, value_parser = choice(&METHODS, MethodChoice::name, describe_choice))]
+    #[arg(long)]
+    #[arg(value_parser = choice(&METHODS, MethodChoice::name, describe_choice))]
     method: Option<MethodChoice>,
 
     /// Choose method, option, solver and step: the cheapest that keeps the relative position error at the end below R. Found by
@@ -30,7 +31,8 @@ pub struct MethodArguments {
     rtol: Option<f64>,
 
     /// Which part of every spring's stiffness enters the matrix A; forces are never changed [default: on-demand]
-    #[arg(long, value_name = "OPTION", value_parser = choice(&STIFFNESSES, StiffnessPolicy::name, describe_stiffness))]
+    #[arg(long, value_name = "OPTION")]
+    #[arg(value_parser = choice(&STIFFNESSES, StiffnessPolicy::name, describe_stiffness))]
     stiffness: Option<StiffnessPolicy>,
 
     /// Linear solver [default: auto]
@@ -38,7 +40,8 @@ pub struct MethodArguments {
     solver: Option<SolverChoice>,
 
     /// Preconditioner of conjugate gradients [default: auto]
-    #[arg(long, value_name = "KIND", value_parser = choice(&PRECONDITIONERS, PreconditionerChoice::name, describe_preconditioner))]
+    #[arg(long, value_name = "KIND")]
+    #[arg(value_parser = choice(&PRECONDITIONERS, PreconditionerChoice::name, describe_preconditioner))]
     preconditioner: Option<PreconditionerChoice>,
 
     /// Conjugate gradients stop at ‖b − A·δx‖ ≤ R·‖b‖ [default: 1e-10]

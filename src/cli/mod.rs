@@ -10,6 +10,7 @@ mod new;
 mod recorder;
 mod run;
 mod values;
+mod verify;
 
 use clap::{Parser, Subcommand};
 use console::Console;
@@ -36,6 +37,7 @@ enum Command {
     Run(run::Run),
     Matrix(matrix::Matrix),
     Chart(chart::Chart),
+    Verify(verify::Verify),
     New(new::New),
 }
 
@@ -72,6 +74,7 @@ pub fn main() -> ExitCode {
         Command::Run(run) => run.execute(&console),
         Command::Matrix(matrix) => matrix.execute(&console),
         Command::Chart(chart) => chart.execute(&console),
+        Command::Verify(verify) => verify.execute(&console),
         Command::New(new) => new.execute(&console),
     };
     match outcome {

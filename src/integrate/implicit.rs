@@ -1,6 +1,6 @@
 //! What implicit methods share: the linear system of a step under a stiffness policy.
 
-use super::Statistics;
+use super::{Softening, Statistics};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Extensions};
 use crate::linear::{Definiteness, Evidence, LinearSolver, Solution, SolveFailure, SolverOptions, select};
@@ -14,8 +14,9 @@ use nalgebra::Vector3;
 pub enum StiffnessPolicy {
     /// The same option in every solve.
     Always(Stiffness),
-    /// `Full` while A is positive definite, `Tension` in the solves where it is not. With a factorization "is not" is
-    /// proven; with conjugate gradients it means that negative curvature was met.
+    /// `Full` while A is positive definite; in the solves where it is not, transverse terms are dropped, as few as a
+    /// condition without factorizations can promise to be enough, see [`Softening`]. With a factorization "is not" is proven;
+    /// with conjugate gradients it means that negative curvature was met.
     OnDemand,
 }
 
@@ -62,6 +63,7 @@ pub(super) struct LinearSystem<'s> {
     pub extensions: Extensions,
     pub statistics: Statistics,
     operator: SystemOperator<'s>,
+    softening: Softening,
     solver: Box<dyn LinearSolver>,
     pub policy: StiffnessPolicy,
     /// The relative residual asked of iterative solvers.
@@ -75,8 +77,19 @@ pub(super) struct LinearSystem<'s> {
 struct Prepared {
     policy: StiffnessPolicy,
     combination: Combination,
-    option: Stiffness,
+    terms: Terms,
+    /// Transverse terms that the on-demand policy has dropped from it.
+    dropped: usize,
     definiteness: Definiteness,
+}
+
+/// Which transverse terms a matrix has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Terms {
+    /// Those of an option.
+    Of(Stiffness),
+    /// All but those that a [`Softening`] drops.
+    Softened,
 }
 
 impl<'s> LinearSystem<'s> {
@@ -87,10 +100,24 @@ impl<'s> LinearSystem<'s> {
         let (policy, tolerance) = (options.stiffness, options.linear.tolerance);
         let mut statistics = Statistics::default();
         let solver = select(system, &options.linear, policy.promises_definite(), &mut statistics.work)?;
-        let prepared = Prepared { policy, combination, option, definiteness: Definiteness::Unknown };
+        let prepared =
+            Prepared { policy, combination, terms: Terms::Of(option), dropped: 0, definiteness: Definiteness::Unknown };
+        let softening = Softening::new(system);
         let zeros = || vec![0.0; system.dofs().len()];
         let (rhs, solution) = (zeros(), zeros());
-        Ok(Self { system, extensions, statistics, operator, solver, policy, tolerance, prepared, rhs, solution })
+        Ok(Self {
+            system,
+            extensions,
+            statistics,
+            operator,
+            softening,
+            solver,
+            policy,
+            tolerance,
+            prepared,
+            rhs,
+            solution,
+        })
     }
 
     pub fn solver(&self) -> &'static str {
@@ -129,10 +156,11 @@ impl<'s> LinearSystem<'s> {
         self.prepared.policy = policy;
         self.prepared.combination = combination;
         let first = if let StiffnessPolicy::Always(option) = policy { option } else { Stiffness::Full };
-        match self.take_over(first) {
-            Err(SolveFailure::Indefinite(_)) if self.may_soften() => self.take_over(Stiffness::Tension),
-            other => other,
+        let mut outcome = self.take_over(Terms::Of(first));
+        while let (Err(SolveFailure::Indefinite(_)), Some(softer)) = (&outcome, self.softer()) {
+            outcome = self.take_over(softer);
         }
+        outcome
     }
 
     /// Solves `A_ff δx_f = force_f − A_fc δx_c` with the prepared matrix.
@@ -145,15 +173,14 @@ impl<'s> LinearSystem<'s> {
         force: &[Vector3<f64>],
         displacement: &mut [Vector3<f64>],
     ) -> Result<Solution, SolveFailure> {
-        let solution = match self.attempt(force, displacement) {
-            Err(SolveFailure::Indefinite(_)) if self.may_soften() => {
-                self.take_over(Stiffness::Tension)?;
-                self.attempt(force, displacement)?
-            }
-            other => other?,
-        };
-        if self.prepared.policy == StiffnessPolicy::OnDemand && self.prepared.option != Stiffness::Full {
-            self.statistics.tension_solves += 1;
+        let mut outcome = self.attempt(force, displacement);
+        while let (Err(SolveFailure::Indefinite(_)), Some(softer)) = (&outcome, self.softer()) {
+            outcome = self.take_over(softer).and_then(|()| self.attempt(force, displacement));
+        }
+        let solution = outcome?;
+        if self.prepared.policy == StiffnessPolicy::OnDemand && self.prepared.terms != Terms::Of(Stiffness::Full) {
+            self.statistics.softened_solves += 1;
+            self.statistics.dropped_terms += self.prepared.dropped as u64;
         }
         if let Definiteness::Indefinite { .. } = self.prepared.definiteness {
             self.statistics.indefinite_solves += 1;
@@ -162,16 +189,33 @@ impl<'s> LinearSystem<'s> {
         Ok(solution)
     }
 
-    /// Whether a matrix that turns out to be indefinite is to be replaced.
-    fn may_soften(&self) -> bool {
-        self.prepared.policy == StiffnessPolicy::OnDemand && self.prepared.option == Stiffness::Full
+    /// What replaces a matrix that turns out to be indefinite, if the policy allows: first the few terms that may be enough,
+    /// then, should rounding have spoilt that, all that can be.
+    fn softer(&self) -> Option<Terms> {
+        match (self.prepared.policy, self.prepared.terms) {
+            (StiffnessPolicy::OnDemand, Terms::Of(Stiffness::Full)) => Some(Terms::Softened),
+            (StiffnessPolicy::OnDemand, Terms::Softened) => Some(Terms::Of(Stiffness::Tension)),
+            _ => None,
+        }
     }
 
-    fn take_over(&mut self, option: Stiffness) -> Result<(), SolveFailure> {
+    fn take_over(&mut self, terms: Terms) -> Result<(), SolveFailure> {
         let work = &mut self.statistics.work;
         work.assemblies += 1;
-        self.prepared.option = option;
-        self.operator.update(&self.extensions, option, self.prepared.combination);
+        self.prepared.terms = terms;
+        let Self { system, extensions, operator, softening, prepared, .. } = self;
+        match terms {
+            Terms::Of(option) => {
+                let compressed = || system.active().zip(extensions.iter()).filter(|((.., s), at)| s.is_compressed(at));
+                prepared.dropped = if option == Stiffness::Tension { compressed().count() } else { 0 };
+                operator.update(extensions, option, prepared.combination);
+            }
+            Terms::Softened => {
+                prepared.dropped = softening.choose(system, extensions, prepared.combination);
+                let options = softening.options();
+                operator.update_each(extensions, prepared.combination, |position| options[position]);
+            }
+        }
         self.prepared.definiteness = self.solver.prepare(&self.operator, work)?;
         match self.prepared.definiteness {
             Definiteness::Indefinite { dof, .. } if self.prepared.policy == StiffnessPolicy::OnDemand => {

@@ -12,6 +12,7 @@ mod method;
 mod newton;
 mod run;
 mod schedule;
+mod softening;
 mod statistics;
 mod w_method;
 
@@ -27,6 +28,7 @@ pub use method::Method;
 pub use newton::NewtonOptions;
 pub use run::{Outcome, RunFailure, run};
 pub use schedule::Schedule;
+pub use softening::Softening;
 pub use statistics::Statistics;
 pub use w_method::{ErrorEstimate, WMethod};
 

@@ -95,9 +95,9 @@ pub(super) struct Newton<'s> {
 struct Point {
     /// ‖r‖.
     residual: f64,
-    /// Φ, and the sum of the magnitudes of its terms.
+    /// Φ, and how far rounding of its terms and of the positions leaves it uncertain.
     potential: f64,
-    magnitude: f64,
+    noise: f64,
     /// rᵀΔ.
     slope: f64,
     /// −f_dᵀΔ, the part of the slope that is in no potential.
@@ -201,10 +201,10 @@ impl<'s> Newton<'s> {
         }
         linear.statistics.work.force_evaluations += 1;
         linear.set_extensions(&trial.positions)?;
-        let (mut potential, mut magnitude) = (0.0, 0.0);
+        let (mut potential, mut noise) = (0.0, 0.0);
         let mut add = |energy: f64| {
             potential += energy;
-            magnitude += energy.abs();
+            noise += NOISE * energy.abs();
         };
         for (p, mass) in system.masses().iter().enumerate() {
             let change = trial.velocities[p] - state.velocities[p];
@@ -212,19 +212,24 @@ impl<'s> Newton<'s> {
             add(0.5 * mass * change.norm_squared());
             add(-mass * system.gravity().dot(&trial.velocities[p]) * dt);
         }
-        for ((_, _, spring), at) in system.active().zip(linear.extensions.iter()) {
+        let mut moved = 0.0;
+        for ((_, [i, j], spring), at) in system.active().zip(linear.extensions.iter()) {
             add(spring.elastic_energy(at));
+            // Far from the origin a rounded position is a displacement, against which the spring does work.
+            let reach = trial.positions[i].norm() + trial.positions[j].norm();
+            moved += f64::EPSILON * (spring.stiffness * spring.strain(at)).abs() * reach;
         }
+        noise += moved;
         add_elastic_force(system, &linear.extensions, force);
         add_weight(system, force);
         let conservative = -dot(force, direction);
         add_damping_force(system, &linear.extensions, &trial.velocities, force);
         let residual = free_norm(system, force);
-        if !(residual.is_finite() && magnitude.is_finite()) {
+        if !(residual.is_finite() && noise.is_finite()) {
             return Err(StepFailure::NonFinite);
         }
         let slope = -dot(force, direction);
-        Ok(Point { residual, potential, magnitude, slope, damping_slope: slope - conservative })
+        Ok(Point { residual, potential, noise, slope, damping_slope: slope - conservative })
     }
 
     /// Solves `J Δ = −r` to `‖J Δ + r‖ ≤ η ‖r‖` with the prepared matrix; returns the slopes along Δ at the current point.
@@ -319,7 +324,7 @@ impl Point {
     fn is_lower(&self, from: &Self, step: f64) -> bool {
         let work = 0.5 * step * (from.damping_slope + self.damping_slope);
         let change = self.potential - from.potential + work;
-        let noise = NOISE * (self.magnitude + from.magnitude);
+        let noise = self.noise + from.noise;
         change <= SUFFICIENT_DECREASE * step * from.slope
             || change <= noise && self.slope <= (1.0 - 2.0 * SUFFICIENT_DECREASE) * from.slope.abs()
     }

@@ -10,6 +10,7 @@ mod factorization;
 mod iterative;
 mod norms;
 mod outcome;
+mod pivoted;
 mod preconditioner;
 mod select;
 
@@ -19,6 +20,7 @@ pub use factorization::{Cholesky, FactorSize, Ldlt, NonPositivePivot};
 pub use iterative::{Application, CgSolver};
 pub use norms::{backward_error, dot, norm};
 pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
+pub use pivoted::{PivotSigns, PivotedLdlt};
 pub use preconditioner::{NotPositiveBlock, Preconditioner, PreconditionerKind};
 pub use select::{SolverChoice, SolverOptions, select};
 

@@ -11,7 +11,7 @@ use std::fmt::Write;
 /// More springs than this are thinned out; the highlighted ones always stay.
 const SPRINGS: usize = 8000;
 /// More particles than this are not dotted.
-const DOTS: usize = 600;
+const DOTS: usize = 200;
 /// Length of the longest arrow, as a share of the sheet.
 const ARROW: f64 = 0.12;
 /// Radius of a highlighted spring's badge.

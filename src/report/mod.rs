@@ -21,7 +21,7 @@ mod text;
 pub use html::html;
 pub use json::json;
 pub use junit::junit;
-pub use text::text;
+pub use text::{failure, text};
 
 use crate::error::{Error, Result};
 use crate::verify::Results;
