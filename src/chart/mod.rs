@@ -3,7 +3,9 @@
 //! [`WorkPrecision`] sweeps methods, stiffness options, solvers and steps over one scene and measures what each run costs and
 //! how far it ends from a [`Reference`] of independent origin. How this looks is decided elsewhere.
 
+mod decision;
 mod dop853;
+mod figures;
 mod quality;
 mod reference;
 mod sizes;
@@ -12,6 +14,8 @@ mod sweep;
 mod tolerance;
 mod work_precision;
 
+pub use decision::Decision;
+pub use figures::{Curve, Figure, LARGEST_ERROR, best_of_each, curves};
 pub use quality::Quality;
 pub use reference::Reference;
 pub use sizes::SizeRun;

@@ -7,16 +7,19 @@ use super::values::positive;
 use super::{Outcome, Stop};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
+use sprung::Result;
 use sprung::chart::{Reference, Run, SizeRun, StabilityMap, SweepOptions, WorkPrecision};
 use sprung::output::AtomicFile;
+use sprung::report::{chart_html, plot, tiles};
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Chart speed against accuracy
 ///
 /// Runs the scene with every method, stiffness option and solver at many step sizes, as long as the budget lasts, and measures
-/// the error at the end against an independent reference. Writes chart.json.
+/// the error at the end against an independent reference. Writes chart.html, one page with every picture and a decision in words,
+/// the pictures as SVG files in a folder chart, and chart.json with every run, failed ones too.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Chart {
@@ -50,7 +53,7 @@ pub struct Chart {
 /// Columns of a tile of the stability map.
 const RESOLUTION: usize = 36;
 
-const FILES: [&str; 1] = ["chart.json"];
+const FILES: [&str; 2] = ["chart.json", "chart.html"];
 
 /// The result as JSON.
 #[derive(Serialize)]
@@ -105,21 +108,14 @@ impl Chart {
             sizes: &chart.sizes,
             stability: &map,
         };
-        AtomicFile::write(folder.join("chart.json"), |file| {
-            serde_json::to_writer(&mut *file, &report).map_err(io::Error::from)?;
-            file.write_all(b"\n")
-        })
-        .map_err(Stop::Broken)?;
-        let failed = chart.runs.iter().filter(|run| run.error.is_none()).count();
-        let text = format!(
-            "{}: {} runs, {failed} of them failed; reference {} with an estimated error of {:.1e}\n{} in {}",
-            chart.scene,
-            chart.runs.len(),
-            chart.reference.method,
-            chart.reference.error_estimate,
-            FILES.join(", "),
-            folder.display(),
-        );
+        write(&folder, &report, &chart, &map).map_err(Stop::Broken)?;
+        let failed = chart.runs.iter().filter(|run| run.cause().is_some()).count();
+        let mut lines = vec![format!("{}: {} runs, {failed} of them failed", chart.scene, chart.runs.len())];
+        let Reference { method, error_estimate, .. } = &chart.reference;
+        lines.push(format!("  reference  {method}, error about {error_estimate:.1e}"));
+        lines.extend(chart.conclusions().iter().map(|sentence| format!("  {sentence}")));
+        lines.push(format!("  files      {} and chart/*.svg in {}", FILES.join(", "), folder.display()));
+        let text = lines.join("\n");
         console.result(&report, text)?;
         let mut outcome = Outcome::Done;
         for check in map.checks().iter().filter(|check| !check.passed()) {
@@ -128,6 +124,25 @@ impl Chart {
         }
         Ok(outcome)
     }
+}
+
+/// Writes the page, the data and the pictures.
+fn write(folder: &Path, report: &Report<'_>, chart: &WorkPrecision, map: &StabilityMap) -> Result<()> {
+    let picture = |name: &str, svg: String| {
+        AtomicFile::write(folder.join("chart").join(format!("{name}.svg")), |file| file.write_all(svg.as_bytes()))
+    };
+    for figure in chart.figures() {
+        picture(figure.name, plot::svg(&figure.plot))?;
+    }
+    for tile in &map.tiles {
+        picture(&tile.file_name(), tiles::svg(&tile.figure()))?;
+    }
+    let page = chart_html(chart, map);
+    AtomicFile::write(folder.join("chart.html"), |file| file.write_all(page.as_bytes()))?;
+    AtomicFile::write(folder.join("chart.json"), |file| {
+        serde_json::to_writer(&mut *file, report).map_err(io::Error::from)?;
+        file.write_all(b"\n")
+    })
 }
 
 /// A bar on stderr that fills with time; indicatif shows it only on a terminal.

@@ -4,6 +4,8 @@
 
 mod drawing;
 mod plot;
+mod tiles;
 
 pub use drawing::{Arrow, Drawing, Segment};
 pub use plot::{Axis, Guide, Mark, Plot, Scale, Series};
+pub use tiles::Tiles;

@@ -6,6 +6,7 @@
 //! time step is in these two. `z = ω dt` and λ (or the axial damping ratio ζ) span the map.
 
 mod experiment;
+mod figures;
 mod limits;
 mod map;
 
