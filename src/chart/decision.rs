@@ -1,6 +1,6 @@
 //! The chart in words: what to use for how much accuracy.
 
-use super::figures::curves;
+use super::figures::best_of_each;
 use super::{Run, WorkPrecision};
 
 /// The cheapest run for an accuracy.
@@ -36,24 +36,16 @@ impl WorkPrecision {
     /// What the sweep says, in one sentence each.
     pub fn conclusions(&self) -> Vec<String> {
         let mut all: Vec<String> = self.decisions().iter().filter_map(Decision::sentence).collect();
-        let failed: Vec<String> = curves(&self.runs)
-            .iter()
-            .filter_map(|curve| {
-                let longest =
-                    curve.runs.iter().filter(|run| run.cause().is_some()).map(|run| run.dt).fold(0.0, f64::max);
-                let shortest = curve
-                    .runs
-                    .iter()
-                    .filter(|run| run.cause().is_some())
-                    .map(|run| run.dt)
-                    .fold(f64::INFINITY, f64::min);
-                let name = name(&curve.method, curve.stiffness, curve.solver);
-                (longest > 0.0).then(|| format!("{name} with steps from {} to {} s", short(shortest), short(longest)))
-            })
-            .collect();
-        if !failed.is_empty() {
-            all.push(format!("Not usable: {}.", failed.join("; ")));
-        }
+        let usable = best_of_each(&self.runs).into_iter().map(|curve| {
+            // The end of the curve's part without failures, from short steps up.
+            let good = curve.runs.iter().rev().take_while(|run| run.cause().is_none());
+            let name = name(&curve.method, curve.stiffness, curve.solver);
+            match good.map(|run| run.dt).reduce(f64::max) {
+                Some(dt) => format!("{name} up to {} s", short(dt)),
+                None => format!("{name} not at all"),
+            }
+        });
+        all.push(format!("Steps that end less than 100 % off: {}.", usable.collect::<Vec<_>>().join("; ")));
         all
     }
 }
@@ -83,12 +75,20 @@ impl Decision<'_> {
 }
 
 fn name(method: &str, stiffness: &str, solver: &str) -> String {
-    if stiffness == "none" { method.to_owned() } else { format!("{method} ({stiffness}, {solver})") }
+    match (stiffness, solver) {
+        ("none", _) => method.to_owned(),
+        (stiffness, "llt") => format!("{method} ({stiffness})"),
+        (stiffness, solver) => format!("{method} ({stiffness}, {solver})"),
+    }
 }
 
-/// Two or three digits.
+/// Three digits.
 fn short(value: f64) -> String {
-    let digits = (2.0 - value.abs().max(1e-300).log10().floor()).clamp(0.0, 12.0) as usize;
+    let size = value.abs();
+    if size != 0.0 && !(1e-3..1e7).contains(&size) {
+        return format!("{value:.1e}");
+    }
+    let digits = (2.0 - size.max(1e-300).log10().floor()).clamp(0.0, 12.0) as usize;
     let text = format!("{value:.digits$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }

@@ -93,9 +93,10 @@ impl WorkPrecision {
     /// Every picture of the chart.
     pub fn figures(&self) -> Vec<Figure> {
         let best = best_of_each(&self.runs);
-        let by_method = |curve: &Curve<'_>| match curve.stiffness {
-            "none" => curve.method.clone(),
-            stiffness => format!("{} ({stiffness}, {})", curve.method, curve.solver),
+        let by_method = |curve: &Curve<'_>| match (curve.stiffness, curve.solver) {
+            ("none", _) => curve.method.clone(),
+            (stiffness, "llt") => format!("{} ({stiffness})", curve.method),
+            (stiffness, solver) => format!("{} ({stiffness}, {solver})", curve.method),
         };
         let implicit: Vec<Curve<'_>> = best.iter().filter(|curve| curve.stiffness != "none").cloned().collect();
         let mut figures = vec![
@@ -263,7 +264,7 @@ impl WorkPrecision {
     fn size_figures(&self) -> Vec<Figure> {
         let mut figures = Vec::new();
         for (kind, name) in [("cloth", "sizes-cloth"), ("lattice", "sizes-lattice")] {
-            let title = format!("Factorization or iteration, on any machine's own clock: a ready {kind}");
+            let title = format!("Factorization or iteration: ready scenes, {kind}");
             let mut plot =
                 Plot::new(title, Axis::logarithmic("degrees of freedom"), Axis::logarithmic("time of a step, s"));
             for solver in ["llt", "cg", "cg-assembled"] {

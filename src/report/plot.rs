@@ -175,6 +175,16 @@ impl<'a> Layout<'a> {
         if !self.lanes.is_empty() {
             sheet.rectangle((left, top), (right, ceiling), RAIL)?;
         }
+        for (index, series) in self.plot.series.iter().enumerate() {
+            if let Some(lane) = self.lane(index) {
+                sheet.text(
+                    &canvas::clip(&series.name, (right - left) / 2),
+                    (left + 8, lane),
+                    Align::Left,
+                    palette::FAIL,
+                )?;
+            }
+        }
         if self.strip > 0 {
             sheet.rectangle((right - self.strip, ceiling), (right, bottom), RAIL)?;
             sheet.text("failed", (right - self.strip / 2, ceiling + LINE / 2), Align::Center, palette::FAIL)?;

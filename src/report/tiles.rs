@@ -95,7 +95,8 @@ impl<'a> Layout<'a> {
                 let to = from + run.len();
                 let ends = (columns.get(from).copied().flatten(), columns.get(to).copied().flatten());
                 if let ((Some(left), Some(right)), Some(&class)) = (ends, run.first()) {
-                    sheet.rectangle((left, high), (right, low), colour(class))?;
+                    // One pixel of overlap: browsers let the paper shine through where edges only touch.
+                    sheet.rectangle((left, high), (right + 1, low + 1), colour(class))?;
                 }
                 from = to;
             }

@@ -1,14 +1,14 @@
 //! The map as pictures.
 
 use super::{Axis, StabilityMap, Tile, Verdict};
-use crate::figure::{self, Scale, Series, Tiles};
+use crate::figure::{self, Series, Tiles};
 
 impl Tile {
     /// As a field of cells with the limits in closed form over it.
     pub fn figure(&self) -> Tiles {
         let (over, y) = match self.axis {
-            Axis::Stretch => ("over the stretch", "stretch λ = l/l0"),
-            Axis::Damping => ("over damping, at λ = 2", "axial damping ratio ζ"),
+            Axis::Stretch => ("over the stretch", figure::Axis::linear("stretch λ = l/l0")),
+            Axis::Damping => ("over damping, at λ = 2", figure::Axis::logarithmic("axial damping ratio ζ")),
         };
         let option = if self.stiffness == "none" { String::new() } else { format!(" ({})", self.stiffness) };
         let class = |verdict: &Verdict| Verdict::ALL.iter().position(|other| other == verdict).unwrap_or(0);
@@ -28,8 +28,8 @@ impl Tile {
         curves.retain(shown);
         Tiles {
             title: format!("{}{option}, {over}", self.method),
-            x: figure::Axis { title: "ω dt".into(), scale: Scale::Logarithmic },
-            y: figure::Axis { title: y.into(), scale: Scale::Logarithmic },
+            x: figure::Axis::logarithmic("ω dt"),
+            y,
             columns: self.columns.clone(),
             rows: self.rows.clone(),
             cells: self.verdicts.iter().map(|row| row.iter().map(class).collect()).collect(),
