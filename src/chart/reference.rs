@@ -55,7 +55,11 @@ impl Reference {
         Some(Self { method, error_estimate: difference.max(ROUNDING), state })
     }
 
-    fn by_extrapolation(system: &System, start: &State, length: [f64; 2], deadline: Instant) -> Result<Option<Self>> {
+    /// By Richardson extrapolation alone, from steps of dt on; see [`compute`](Self::compute).
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `start`; a matrix that is too large.
+    pub fn by_extrapolation(system: &System, start: &State, length: [f64; 2], deadline: Instant) -> Result<Option<Self>> {
         let [dt, duration] = length;
         let mut ladders = [Method::ImplicitMidpoint, Method::W2].map(Ladder::new);
         let mut best: Option<Self> = None;
