@@ -9,8 +9,9 @@ use faer::Par;
 /// What the operations of a step cost on one system, in units of one force evaluation.
 ///
 /// A force evaluation visits every active spring once. The other weights are operations counted on the system's own
-/// pattern, divided by those of a force evaluation; the few constants that turn operations of one kind into those of
-/// another were measured once (`cargo bench --bench cost_model` prints them) and are rounded, because ratios are all that matters.
+/// pattern, divided by those of a force evaluation. The few constants that turn operations of one kind into those of another are
+/// rounded: on cloths of 144 particles a unit takes about the same time (7 to 9 µs) by factorization and by conjugate
+/// gradients, on scenes of a few particles twice as long in implicit methods as in explicit ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CostModel {
     assembly: f64,

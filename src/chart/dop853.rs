@@ -86,13 +86,9 @@ const KEPT: usize = 4_000_000;
 
 /// The state `duration` seconds on, to a relative and (times the extent) absolute local tolerance; `None` when the method
 /// gives up or the deadline passes. Kinks of prescribed motions are ends of integration intervals.
-pub(super) fn integrate(
-    system: &System,
-    start: &State,
-    duration: f64,
-    tolerance: f64,
-    deadline: Instant,
-) -> Option<State> {
+///
+/// The method of the crate `ode_solvers`.
+pub fn dop853(system: &System, start: &State, duration: f64, tolerance: f64, deadline: Instant) -> Option<State> {
     let n = system.dofs().len();
     let mut state = start.clone();
     let mut reduced = vec![0.0; n];

@@ -15,6 +15,7 @@ mod tolerance;
 mod work_precision;
 
 pub use decision::Decision;
+pub use dop853::dop853;
 pub use figures::{Curve, Figure, LARGEST_ERROR, best_of_each, curves};
 pub use quality::Quality;
 pub use reference::Reference;

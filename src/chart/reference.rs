@@ -48,7 +48,7 @@ impl Reference {
 
     fn by_library(system: &System, start: &State, duration: f64, deadline: Instant) -> Option<Self> {
         let [loose, tight] = TOLERANCES;
-        let solve = |tolerance| dop853::integrate(system, start, duration, tolerance, deadline);
+        let solve = |tolerance| dop853(system, start, duration, tolerance, deadline);
         let (coarse, state) = (solve(loose)?, solve(tight)?);
         let difference = relative_position_error(&coarse.positions, &state.positions, &start.positions);
         let method = format!("DOP853 (ode_solvers), relative tolerance {tight:e}");
@@ -59,7 +59,12 @@ impl Reference {
     ///
     /// # Errors
     /// Coincident ends of a spring in `start`; a matrix that is too large.
-    pub fn by_extrapolation(system: &System, start: &State, length: [f64; 2], deadline: Instant) -> Result<Option<Self>> {
+    pub fn by_extrapolation(
+        system: &System,
+        start: &State,
+        length: [f64; 2],
+        deadline: Instant,
+    ) -> Result<Option<Self>> {
         let [dt, duration] = length;
         let mut ladders = [Method::ImplicitMidpoint, Method::W2].map(Ladder::new);
         let mut best: Option<Self> = None;
