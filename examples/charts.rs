@@ -29,9 +29,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = root.join("charts");
     fs::create_dir_all(&folder)?;
     let load = |name: &str| Scene::load(root.join("scenes").join(name).with_extension("toml"));
-    let mut cloth = builtin(Kind::Cloth, 12)?;
+    let mut cloth = builtin(Kind::Cloth, 8)?;
     // Later its folds decide, and they depend on everything.
-    cloth.time.duration = Some(0.3);
+    cloth.time.duration = Some(0.2);
     let stories = [
         (
             load("stiff_pendulum")?,
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             "All springs are compressed. Beyond its critical step `full` is refused: the matrix is not positive definite.",
         ),
         (load("tetrahedron")?, "Soft and damped: errors fall along straight lines, and second order wins early."),
-        (cloth, "A stiff cloth that starts to swing down, 12 × 12 particles for 0.3 s."),
+        (cloth, "A stiff cloth that starts to swing down, 8 × 8 particles for 0.2 s."),
     ];
     let mut page = String::from(
         "# Charts\n\nMade by `cargo run --release --example charts`, which writes this page too. Errors are relative position errors at the\n\
