@@ -31,7 +31,9 @@
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]
 
+pub mod accuracy;
 pub mod assembly;
+pub mod chart;
 pub mod error;
 pub mod figure;
 pub mod force;

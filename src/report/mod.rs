@@ -4,6 +4,7 @@
 //! same results give the same bytes.
 
 mod canvas;
+mod chart_html;
 mod check_html;
 pub mod drawing;
 mod faults;
@@ -20,7 +21,9 @@ mod ruler;
 mod shares;
 pub mod spy;
 mod text;
+pub mod tiles;
 
+pub use chart_html::chart_html;
 pub use html::html;
 pub use json::json;
 pub use junit::junit;
