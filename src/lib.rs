@@ -12,6 +12,7 @@
 //! | [`assembly`] | explicit sparse matrices from 3×3 blocks: the pattern once, the values many times |
 //! | [`linear`] | conjugate gradients, sparse Cholesky and LDLᵀ behind one trait |
 //! | [`integrate`] | time stepping methods, the run loop, and the matrices of one step |
+//! | [`inspect`] | definiteness: inertia, spectrum, critical steps, and the springs behind negative curvature |
 //! | [`figure`] | pictures as plain data |
 //! | [`verify`] | checks as plain data: value, bound, and why the bound |
 //! | [`report`] | checks and pictures as HTML, SVG, JSON, JUnit and text |
@@ -34,6 +35,7 @@ pub mod assembly;
 pub mod error;
 pub mod figure;
 pub mod force;
+pub mod inspect;
 pub mod integrate;
 pub mod linear;
 pub mod multigrid;

@@ -108,6 +108,14 @@ impl Spring {
         at.direction * (-self.damping * at.direction.dot(v))
     }
 
+    /// Change of the damping force on end i when the ends move by `δd = δx_i − δx_j` at a fixed `v = v_i − v_j`, in N:
+    /// `−b ((nᵀv) Pδd + n (vᵀPδd))` with `P = (I − nnᵀ)/l`, since `δn = Pδd`.
+    pub fn damping_differential(&self, at: &Extension, v: &Vector3<f64>, d: &Vector3<f64>) -> Vector3<f64> {
+        let n = &at.direction;
+        let turn = (d - n * n.dot(d)) / at.length;
+        (turn * n.dot(v) + n * v.dot(&turn)) * -self.damping
+    }
+
     /// The stiffness block `K^s` under an option, in N/m.
     pub fn stiffness_block(&self, at: &Extension, option: Stiffness) -> SpringBlock {
         // k (1/l0 − 1/l), written with the exact difference l − l0 so that it keeps its digits near rest.
@@ -158,6 +166,11 @@ impl std::ops::Add for SpringBlock {
 }
 
 impl SpringBlock {
+    /// The smaller eigenvalue, `min(α, β)`.
+    pub fn lowest(&self) -> f64 {
+        self.transverse.min(self.axial)
+    }
+
     /// The 3×3 matrix; symmetric to the bit.
     ///
     /// `1 − n_r²` on the diagonal is written as the sum of the other two squares: near collapse α is large against β, and

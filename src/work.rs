@@ -24,3 +24,16 @@ pub struct Work {
     /// Newton iterations of nonlinear methods.
     pub newton_iterations: u64,
 }
+
+impl Work {
+    /// Adds what another computation did.
+    pub fn add(&mut self, other: &Self) {
+        self.force_evaluations += other.force_evaluations;
+        self.assemblies += other.assemblies;
+        self.symbolic_factorizations += other.symbolic_factorizations;
+        self.factorizations += other.factorizations;
+        self.solves += other.solves;
+        self.cg_iterations += other.cg_iterations;
+        self.newton_iterations += other.newton_iterations;
+    }
+}

@@ -99,6 +99,28 @@ fn every_option_writes_what_the_library_assembles() {
 }
 
 #[test]
+fn solving_the_files_gives_the_first_step_of_a_run() {
+    let sandbox = Sandbox::new();
+    let file = repository_scene("moving_anchor.toml");
+    sandbox.sprung(&["matrix", &file, "--stiffness", "tension", "--out", "o"]).ends_with(0);
+    sandbox.sprung(&["run", &file, "--stiffness", "tension", "--steps", "1", "--out", "o"]).ends_with(0);
+    let displacement = matrix(&sandbox, "o/A.mtx").cholesky().unwrap().solve(&vector(&sandbox, "o/b.mtx"));
+
+    let (_, state) = Scene::load(&file).unwrap().build().unwrap();
+    let last = sandbox.json("o/final.json");
+    let mut rows = 0;
+    for line in sandbox.read("o/dofs.csv").lines().skip(1) {
+        let fields: Vec<&str> = line.split(',').collect();
+        let [row, particle] = [0, 1].map(|at| fields[at].parse::<usize>().unwrap());
+        let axis = ["x", "y", "z"].iter().position(|name| *name == fields[2]).unwrap();
+        let moved = last["positions"][particle][axis].as_f64().unwrap() - state.positions[particle][axis];
+        approx::assert_abs_diff_eq!(moved, displacement[row], epsilon = 1e-14);
+        rows += 1;
+    }
+    assert!(rows == displacement.len() && displacement.amax() > 1e-4, "{rows} rows, {}", displacement.amax());
+}
+
+#[test]
 fn the_default_is_the_full_stiffness() {
     let sandbox = Sandbox::new();
     let file = repository_scene("two_springs.toml");

@@ -42,6 +42,24 @@ impl SymmetricMatrix {
         self.values.fill(0.0);
     }
 
+    /// Replaces A by `S A S` with the diagonal S; by Sylvester's law the signs of the eigenvalues stay.
+    pub fn scale(&mut self, diagonal: &[f64]) {
+        let symbolic = self.pattern.symbolic();
+        for (column, factor) in diagonal.iter().enumerate() {
+            let range = symbolic.col_range(column);
+            for (value, &row) in self.values[range.clone()].iter_mut().zip(&symbolic.row_idx()[range]) {
+                *value *= factor * diagonal[row as usize];
+            }
+        }
+    }
+
+    /// Adds `value` to all diagonal entries.
+    pub fn shift(&mut self, value: f64) {
+        for particle in 0..self.dofs().particles() {
+            self.add_to_diagonal(particle, value);
+        }
+    }
+
     /// Adds `value` to the diagonal entries of a particle's free axes.
     #[inline]
     pub fn add_to_diagonal(&mut self, particle: usize, value: f64) {
@@ -139,6 +157,12 @@ impl SymmetricMatrix {
     /// The whole matrix, both triangles, as nalgebra-sparse compressed columns.
     pub fn to_csc(&self) -> CscMatrix<f64> {
         CscMatrix::from(&self.to_coo())
+    }
+}
+
+impl From<&SymmetricMatrix> for CscMatrix<f64> {
+    fn from(matrix: &SymmetricMatrix) -> Self {
+        matrix.to_csc()
     }
 }
 

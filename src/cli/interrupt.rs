@@ -1,20 +1,20 @@
 //! Ctrl-C: the first one asks for an orderly end, the second one does not wait for it.
 
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag::{register, register_conditional_shutdown};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
-/// The exit status of shells for a process that SIGINT has ended.
-const KILLED_BY_INTERRUPT: i32 = 130;
-
-/// A flag that becomes true when the user interrupts (SIGINT) or the system asks the process to end (SIGTERM, SIGHUP).
+/// A flag that becomes true when the user interrupts or the system asks the process to end. A hangup is left alone, so
+/// that `nohup` works.
 pub fn flag() -> Arc<AtomicBool> {
     let flag = Arc::new(AtomicBool::new(false));
-    let raised = flag.clone();
-    // Where no handler can be installed an interrupt ends the process at once, as it does without one.
-    let _ = ctrlc::set_handler(move || {
-        if raised.swap(true, Ordering::Relaxed) {
-            std::process::exit(KILLED_BY_INTERRUPT);
-        }
-    });
+    for signal in [SIGINT, SIGTERM] {
+        // In this order: the first signal finds the flag down and raises it, the second finds it up and ends the
+        // process with the status that shells give to one killed by the signal. Where nothing can be registered, the
+        // first one ends the process, as it does without us.
+        let _ = register_conditional_shutdown(signal, 128 + signal, flag.clone());
+        let _ = register(signal, flag.clone());
+    }
     flag
 }

@@ -29,7 +29,8 @@ pub struct Matrix {
     dt: Option<f64>,
 
     /// Which part of every spring's stiffness enters K and A
-    #[arg(long, value_name = "OPTION", default_value = "full", value_parser = choice(&Stiffness::ALL, Stiffness::name, describe_stiffness))]
+    #[arg(long, value_name = "OPTION", default_value = "full")]
+    #[arg(value_parser = choice(&Stiffness::ALL, Stiffness::name, describe_stiffness))]
     stiffness: Stiffness,
 
     #[command(flatten)]

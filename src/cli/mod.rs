@@ -2,6 +2,8 @@
 
 mod common;
 mod console;
+mod failure;
+mod inspect;
 mod interrupt;
 mod matrix;
 mod method;
@@ -9,6 +11,7 @@ mod new;
 mod recorder;
 mod run;
 mod values;
+mod verify;
 
 use clap::{Parser, Subcommand};
 use console::Console;
@@ -34,6 +37,8 @@ struct Arguments {
 enum Command {
     Run(run::Run),
     Matrix(matrix::Matrix),
+    Inspect(inspect::Inspect),
+    Verify(verify::Verify),
     New(new::New),
 }
 
@@ -67,6 +72,8 @@ pub fn main() -> ExitCode {
     let outcome = match command {
         Command::Run(run) => run.execute(&console),
         Command::Matrix(matrix) => matrix.execute(&console),
+        Command::Inspect(inspect) => inspect.execute(&console),
+        Command::Verify(verify) => verify.execute(&console),
         Command::New(new) => new.execute(&console),
     };
     match outcome {

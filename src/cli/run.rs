@@ -2,12 +2,13 @@
 
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
+use super::failure::Failed;
 use super::method::MethodArguments;
 use super::recorder::Recorder;
 use super::values::{count, positive, positive_count};
 use super::{Outcome, Stop, interrupt};
 use sprung::Result;
-use sprung::integrate::{Schedule, Status, run};
+use sprung::integrate::{Schedule, Status};
 use sprung::output::{FailureReport, Summary, write_final_state};
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
@@ -62,10 +63,6 @@ impl Run {
         let schedule = self.schedule(&scene)?;
         self.method.note_unused(console);
         let summary = self.threads.install(|| self.simulate(console, scene, &schedule))?;
-        if let Some(failure) = &summary.failure {
-            let FailureReport { step, time, message } = failure;
-            error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));
-        }
         if summary.statistics.indefinite_solves > 0 {
             let solves = summary.statistics.indefinite_solves;
             console.note(format_args!("A was indefinite in {solves} solves: the motion may look right and be wrong"));
@@ -92,7 +89,7 @@ impl Run {
         let mut recorder = Recorder::start(console, &folder, self.frames, schedule, &system, &state)?;
 
         let mut unwritten = None;
-        let outcome = run(stepper.as_mut(), &mut state, schedule, |step, state| {
+        let outcome = stepper.run(&system, &mut state, schedule, |step, state| {
             unwritten = recorder.record(&system, state, step).err();
             if unwritten.is_some() || interrupted.load(Ordering::Relaxed) {
                 return ControlFlow::Break(());
@@ -103,6 +100,7 @@ impl Run {
             return Err(Stop::Broken(error));
         }
 
+        let stepper = stepper.get();
         let summary = Summary {
             scene: name,
             status: outcome.status(),
@@ -129,6 +127,15 @@ impl Run {
             .and_then(|()| summary.write(folder.join("summary.json")));
         written.map_err(Stop::Broken)?;
         console.result(&summary, text(&summary, &folder, self.frames.is_some()))?;
+        if let Some(FailureReport { step, time, message }) = &summary.failure {
+            error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));
+        }
+        if summary.status == Status::Indefinite {
+            let step = schedule.step(summary.steps).unwrap_or(schedule.dt());
+            let (option, matrix_dt) = self.method.failed_matrix(step);
+            let failed = Failed { scene: &summary.scene, system: &system, state: &state, steps: summary.steps, step };
+            failed.explain(console, option, matrix_dt, &folder.join("failure")).map_err(Stop::Broken)?;
+        }
         Ok(summary)
     }
 }
@@ -153,10 +160,14 @@ fn text(summary: &Summary, folder: &Path, frames: bool) -> String {
         ));
         lines.push(format!("  residual  at most {:.1e} of the right-hand side", statistics.max_relative_residual));
     }
-    if statistics.tension_solves > 0 {
+    if statistics.rejected_steps > 0 {
+        lines.push(format!("  rejected  {} steps with too large an error", statistics.rejected_steps));
+    }
+    if statistics.softened_solves > 0 {
+        let each = statistics.dropped_terms as f64 / statistics.softened_solves as f64;
         lines.push(format!(
-            "  dropped   transverse terms of compressed springs in {} solves",
-            statistics.tension_solves
+            "  dropped   {each:.1} transverse terms on average in {} solves where A was indefinite",
+            statistics.softened_solves
         ));
     }
     lines.push(format!("  energy    {:.6e} J at the start, {:.6e} J at the end", energy.initial, energy.last));

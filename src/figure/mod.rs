@@ -4,6 +4,8 @@
 
 mod drawing;
 mod plot;
+mod spy;
 
 pub use drawing::{Arrow, Drawing, Segment};
 pub use plot::{Axis, Guide, Mark, Plot, Scale, Series};
+pub use spy::Spy;

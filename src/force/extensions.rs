@@ -43,6 +43,11 @@ impl Extensions {
         Ok(())
     }
 
+    /// As a slice, in the order of the active springs.
+    pub fn as_slice(&self) -> &[Extension] {
+        &self.0
+    }
+
     /// In the order of the active springs.
     pub fn iter(&self) -> std::slice::Iter<'_, Extension> {
         self.0.iter()

@@ -37,6 +37,25 @@ pub fn add_damping_force(
     }
 }
 
+/// Adds the change of the damping force when all particles move by `displacement`, in m, at fixed velocities: the product
+/// with ∂f_d/∂x, which comes from springs that turn and is not symmetric.
+pub fn add_damping_differential(
+    system: &System,
+    extensions: &Extensions,
+    velocities: &[Vector3<f64>],
+    displacement: &[Vector3<f64>],
+    force: &mut [Vector3<f64>],
+) {
+    for ((_, [i, j], spring), at) in system.active().zip(extensions.iter()) {
+        if spring.damping > 0.0 {
+            let (v, d) = (velocities[i] - velocities[j], displacement[i] - displacement[j]);
+            let f = spring.damping_differential(at, &v, &d);
+            force[i] += f;
+            force[j] -= f;
+        }
+    }
+}
+
 /// Adds the weight `m_i · gravity` of every particle.
 pub fn add_weight(system: &System, force: &mut [Vector3<f64>]) {
     let gravity = system.gravity();

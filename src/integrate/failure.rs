@@ -23,6 +23,9 @@ pub enum StepFailure {
         /// What stopped it.
         reason: NotSolved,
     },
+    /// The error estimate stays above the tolerance.
+    #[error("the error estimate stays above the tolerance however short the step")]
+    Tolerance,
     /// The new state would not be finite.
     #[error("the new positions or velocities are not finite")]
     NonFinite,
@@ -33,6 +36,8 @@ pub enum StepFailure {
 pub enum NotSolved {
     /// No step length along the Newton direction makes progress.
     LineSearch,
+    /// The direction does not descend: the full stiffness is indefinite here.
+    Ascent,
     /// The iteration limit.
     IterationLimit,
 }
@@ -41,6 +46,7 @@ impl std::fmt::Display for NotSolved {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::LineSearch => "found no step length that makes progress",
+            Self::Ascent => "met an indefinite matrix whose direction does not descend",
             Self::IterationLimit => "reached its iteration limit",
         })
     }
@@ -86,7 +92,7 @@ impl StepFailure {
             Self::Solve(SolveFailure::NotConverged { .. } | SolveFailure::Untrusted { .. }) => Status::NotConverged,
             Self::Solve(SolveFailure::NonFinite) | Self::NonFinite => Status::NonFinite,
             Self::DegenerateSpring(_) => Status::DegenerateSpring,
-            Self::Newton { .. } => Status::NotConverged,
+            Self::Newton { .. } | Self::Tolerance => Status::NotConverged,
         }
     }
 }

@@ -1,9 +1,9 @@
 //! What implicit methods share: the linear system of a step under a stiffness policy.
 
-use super::Statistics;
+use super::{Softening, Statistics};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Extensions};
-use crate::linear::{Definiteness, Evidence, LinearSolver, SolveFailure, SolverOptions, select};
+use crate::linear::{Definiteness, Evidence, LinearSolver, Solution, SolveFailure, SolverOptions, select};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -14,8 +14,9 @@ use nalgebra::Vector3;
 pub enum StiffnessPolicy {
     /// The same option in every solve.
     Always(Stiffness),
-    /// `Full` while A is positive definite, `Tension` in the solves where it is not. With a factorization "is not" is
-    /// proven; with conjugate gradients it means that negative curvature was met.
+    /// `Full` while A is positive definite; in the solves where it is not, transverse terms are dropped, as few as a
+    /// condition without factorizations can promise to be enough, see [`Softening`]. With a factorization "is not" is proven;
+    /// with conjugate gradients it means that negative curvature was met.
     OnDemand,
 }
 
@@ -58,24 +59,65 @@ impl Default for ImplicitOptions {
 /// The linear systems of a stepper: extensions, operator, solver and reduced vectors, all allocated once.
 pub(super) struct LinearSystem<'s> {
     pub system: &'s System,
+    /// Those of the matrix: nothing else may be written here between `prepare` and the last solve with it.
     pub extensions: Extensions,
     pub statistics: Statistics,
     operator: SystemOperator<'s>,
+    softening: Softening,
     solver: Box<dyn LinearSolver>,
-    policy: StiffnessPolicy,
+    pub policy: StiffnessPolicy,
+    /// The relative residual asked of iterative solvers.
+    pub tolerance: f64,
+    prepared: Prepared,
     rhs: Vec<f64>,
     solution: Vec<f64>,
+}
+
+/// The matrix that the solver holds.
+struct Prepared {
+    policy: StiffnessPolicy,
+    combination: Combination,
+    terms: Terms,
+    /// Transverse terms that the on-demand policy has dropped from it.
+    dropped: usize,
+    definiteness: Definiteness,
+}
+
+/// Which transverse terms a matrix has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Terms {
+    /// Those of an option.
+    Of(Stiffness),
+    /// All but those that a [`Softening`] drops.
+    Softened,
 }
 
 impl<'s> LinearSystem<'s> {
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
         let extensions = Extensions::at(system, &state.positions)?;
-        let operator = SystemOperator::new(system, &extensions, Stiffness::Full, Combination::STIFFNESS);
-        let policy = options.stiffness;
+        let (option, combination) = (Stiffness::Full, Combination::STIFFNESS);
+        let operator = SystemOperator::new(system, &extensions, option, combination);
+        let (policy, tolerance) = (options.stiffness, options.linear.tolerance);
         let mut statistics = Statistics::default();
         let solver = select(system, &options.linear, policy.promises_definite(), &mut statistics.work)?;
+        let prepared =
+            Prepared { policy, combination, terms: Terms::Of(option), dropped: 0, definiteness: Definiteness::Unknown };
+        let softening = Softening::new(system);
         let zeros = || vec![0.0; system.dofs().len()];
-        Ok(Self { system, extensions, statistics, operator, solver, policy, rhs: zeros(), solution: zeros() })
+        let (rhs, solution) = (zeros(), zeros());
+        Ok(Self {
+            system,
+            extensions,
+            statistics,
+            operator,
+            softening,
+            solver,
+            policy,
+            tolerance,
+            prepared,
+            rhs,
+            solution,
+        })
     }
 
     pub fn solver(&self) -> &'static str {
@@ -91,53 +133,104 @@ impl<'s> LinearSystem<'s> {
         self.extensions.update(self.system, positions)
     }
 
-    /// Solves `A_ff δx_f = force_f − A_fc δx_c` for the matrix at the current extensions and the given combination.
-    ///
-    /// `force` is full-length. `displacement` is full-length too: its prescribed entries hold δx_c on entry, and on
-    /// success its free entries hold δx_f.
-    pub fn solve(
+    /// Prepares the matrix at the current extensions and solves one system with it, see [`solve`](Self::solve).
+    pub fn prepare_and_solve(
         &mut self,
         combination: Combination,
         force: &[Vector3<f64>],
         displacement: &mut [Vector3<f64>],
     ) -> Result<(), SolveFailure> {
-        let on_demand = self.policy == StiffnessPolicy::OnDemand;
-        let first = if let StiffnessPolicy::Always(option) = self.policy { option } else { Stiffness::Full };
-        match self.attempt(first, combination, force, displacement) {
-            Err(SolveFailure::Indefinite(_)) if on_demand => {
-                self.statistics.tension_solves += 1;
-                self.attempt(Stiffness::Tension, combination, force, displacement)?;
-            }
-            other => other?,
-        }
-        self.system.dofs().scatter(&self.solution, displacement);
+        self.prepare(self.policy, combination)?;
+        let solution = self.solve(force, displacement)?;
+        self.statistics.record(solution.relative_residual);
         Ok(())
     }
 
-    fn attempt(
+    /// How exactly iterative solvers are to solve from now on.
+    pub fn set_tolerance(&mut self, tolerance: f64) {
+        self.solver.set_tolerance(tolerance);
+    }
+
+    /// Takes over the matrix of the given combination at the current extensions under a policy, as a rule
+    /// [`policy`](Self::policy).
+    pub fn prepare(&mut self, policy: StiffnessPolicy, combination: Combination) -> Result<(), SolveFailure> {
+        self.prepared.policy = policy;
+        self.prepared.combination = combination;
+        let first = if let StiffnessPolicy::Always(option) = policy { option } else { Stiffness::Full };
+        let mut outcome = self.take_over(Terms::Of(first));
+        while let (Err(SolveFailure::Indefinite(_)), Some(softer)) = (&outcome, self.softer()) {
+            outcome = self.take_over(softer);
+        }
+        outcome
+    }
+
+    /// Solves `A_ff δx_f = force_f − A_fc δx_c` with the prepared matrix.
+    ///
+    /// `force` is full-length. `displacement` is full-length too: its prescribed entries hold δx_c on entry and its free
+    /// ones zero; on success these hold δx_f. When conjugate gradients find the matrix indefinite and the policy allows, the
+    /// softened one takes its place, for later solves too.
+    pub fn solve(
         &mut self,
-        option: Stiffness,
-        combination: Combination,
         force: &[Vector3<f64>],
-        displacement: &[Vector3<f64>],
-    ) -> Result<(), SolveFailure> {
+        displacement: &mut [Vector3<f64>],
+    ) -> Result<Solution, SolveFailure> {
+        let mut outcome = self.attempt(force, displacement);
+        while let (Err(SolveFailure::Indefinite(_)), Some(softer)) = (&outcome, self.softer()) {
+            outcome = self.take_over(softer).and_then(|()| self.attempt(force, displacement));
+        }
+        let solution = outcome?;
+        if self.prepared.policy == StiffnessPolicy::OnDemand && self.prepared.terms != Terms::Of(Stiffness::Full) {
+            self.statistics.softened_solves += 1;
+            self.statistics.dropped_terms += self.prepared.dropped as u64;
+        }
+        if let Definiteness::Indefinite { .. } = self.prepared.definiteness {
+            self.statistics.indefinite_solves += 1;
+        }
+        self.system.dofs().scatter(&self.solution, displacement);
+        Ok(solution)
+    }
+
+    /// What replaces a matrix that turns out to be indefinite, if the policy allows: first the few terms that may be enough,
+    /// then, should rounding have spoilt that, all that can be.
+    fn softer(&self) -> Option<Terms> {
+        match (self.prepared.policy, self.prepared.terms) {
+            (StiffnessPolicy::OnDemand, Terms::Of(Stiffness::Full)) => Some(Terms::Softened),
+            (StiffnessPolicy::OnDemand, Terms::Softened) => Some(Terms::Of(Stiffness::Tension)),
+            _ => None,
+        }
+    }
+
+    fn take_over(&mut self, terms: Terms) -> Result<(), SolveFailure> {
         let work = &mut self.statistics.work;
         work.assemblies += 1;
-        self.operator.update(&self.extensions, option, combination);
-        let definiteness = self.solver.prepare(&self.operator, work)?;
-        if let Definiteness::Indefinite { dof, .. } = definiteness
-            && self.policy == StiffnessPolicy::OnDemand
-        {
-            return Err(SolveFailure::Indefinite(Evidence::Pivot(dof)));
+        self.prepared.terms = terms;
+        let Self { system, extensions, operator, softening, prepared, .. } = self;
+        match terms {
+            Terms::Of(option) => {
+                let compressed = || system.active().zip(extensions.iter()).filter(|((.., s), at)| s.is_compressed(at));
+                prepared.dropped = if option == Stiffness::Tension { compressed().count() } else { 0 };
+                operator.update(extensions, option, prepared.combination);
+            }
+            Terms::Softened => {
+                prepared.dropped = softening.choose(system, extensions, prepared.combination);
+                let options = softening.options();
+                operator.update_each(extensions, prepared.combination, |position| options[position]);
+            }
         }
+        self.prepared.definiteness = self.solver.prepare(&self.operator, work)?;
+        match self.prepared.definiteness {
+            Definiteness::Indefinite { dof, .. } if self.prepared.policy == StiffnessPolicy::OnDemand => {
+                Err(SolveFailure::Indefinite(Evidence::Pivot(dof)))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn attempt(&mut self, force: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Result<Solution, SolveFailure> {
         self.system.dofs().gather(force, &mut self.rhs);
         self.operator.subtract_coupling(displacement, &mut self.rhs);
         self.solution.fill(0.0);
-        let solution = self.solver.solve(&self.operator, &self.rhs, &mut self.solution, work)?;
-        self.statistics.record(&solution);
-        if let Definiteness::Indefinite { .. } = definiteness {
-            self.statistics.indefinite_solves += 1;
-        }
-        Ok(())
+        let work = &mut self.statistics.work;
+        self.solver.solve(&self.operator, &self.rhs, &mut self.solution, work)
     }
 }

@@ -57,7 +57,7 @@ impl TimeStepper for LinearBackwardEuler<'_> {
         linear.statistics.work.force_evaluations += 1;
         set_right_hand_side(linear, state, dt, force);
         system.prescribed().displacement(time, &state.positions, displacement);
-        linear.solve(Combination::step(dt), force, displacement)?;
+        linear.prepare_and_solve(Combination::step(dt), force, displacement)?;
         advance(system, state, displacement, dt)
     }
 

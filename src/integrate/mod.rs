@@ -1,26 +1,37 @@
 //! Time stepping: one method a file behind [`TimeStepper`], and the run loop that drives them.
 
+mod adaptive;
 mod backward_euler;
 mod explicit;
 mod failure;
+mod forcing;
 mod implicit;
+mod implicit_midpoint;
 mod linear_backward_euler;
 mod matrices;
 mod method;
+mod newton;
 mod run;
 mod schedule;
+mod softening;
 mod statistics;
+mod w_method;
 
-pub use backward_euler::{BackwardEuler, NewtonOptions};
+pub use adaptive::{AdaptiveStepper, Adaptivity, Sampling, run_adaptive};
+pub use backward_euler::BackwardEuler;
 pub use explicit::{ForwardEuler, SymplecticEuler};
 pub use failure::{NotSolved, Status, StepFailure};
 pub use implicit::{ImplicitOptions, StiffnessPolicy};
+pub use implicit_midpoint::ImplicitMidpoint;
 pub use linear_backward_euler::LinearBackwardEuler;
 pub use matrices::StepMatrices;
 pub use method::Method;
+pub use newton::NewtonOptions;
 pub use run::{Outcome, RunFailure, run};
 pub use schedule::Schedule;
+pub use softening::Softening;
 pub use statistics::Statistics;
+pub use w_method::{ErrorEstimate, WMethod};
 
 use crate::system::State;
 

@@ -1,6 +1,5 @@
 //! What a time stepper has done so far.
 
-use crate::linear::Solution;
 use crate::work::Work;
 use serde::Serialize;
 
@@ -9,17 +8,21 @@ use serde::Serialize;
 pub struct Statistics {
     /// Counters of work.
     pub work: Work,
-    /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions.
+    /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions. Of nonlinear methods the
+    /// residual force of the equations over the forces that balance in it, after their last iteration.
     pub max_relative_residual: f64,
-    /// Solves of the on-demand policy in which A was indefinite and the transverse terms of compressed springs were
-    /// dropped.
-    pub tension_solves: u64,
+    /// Solves of the on-demand policy in which A was indefinite and transverse terms were dropped.
+    pub softened_solves: u64,
+    /// Transverse terms dropped in these solves, all together.
+    pub dropped_terms: u64,
+    /// Steps of runs with error control that were tried and not taken.
+    pub rejected_steps: u64,
     /// Accepted solves with an indefinite A (LDLᵀ under the full stiffness): such a step need not be meaningful.
     pub indefinite_solves: u64,
 }
 
 impl Statistics {
-    pub(super) fn record(&mut self, solution: &Solution) {
-        self.max_relative_residual = self.max_relative_residual.max(solution.relative_residual);
+    pub(super) fn record(&mut self, relative_residual: f64) {
+        self.max_relative_residual = self.max_relative_residual.max(relative_residual);
     }
 }

@@ -17,10 +17,6 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::{Conj, Par, Side, Spec};
 
-/// Operations below which a factorization runs on one thread: there a second one gains nothing (the parallelism is
-/// inside the dense blocks), and handing work over allocates.
-const PARALLEL_FLOPS: f64 = 1e9;
-
 /// A pivot that is not positive (LLᵀ), or is zero or not finite (LDLᵀ).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NonPositivePivot {
@@ -40,27 +36,27 @@ pub struct FactorSize {
 }
 
 /// Ordering, symbolic analysis and memory, shared by both factorizations.
-struct Analysis {
-    symbolic: SymbolicCholesky<u32>,
-    values: Vec<f64>,
-    memory: MemBuffer,
-    par: Par,
+pub(super) struct Analysis {
+    pub symbolic: SymbolicCholesky<u32>,
+    pub values: Vec<f64>,
+    pub memory: MemBuffer,
+    pub par: Par,
 }
 
 impl Analysis {
-    fn new(pattern: &BlockPattern, par: Par) -> Result<Self> {
+    pub fn new(pattern: &BlockPattern, par: Par) -> Result<Self> {
         let params = CholeskySymbolicParams {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             ..Default::default()
         };
         let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, SymmetricOrdering::Amd, params)
             .map_err(|error| Error::Usage(format!("the matrix is too large to factor: {error:?}")))?;
-        let par = if flops(&symbolic) < PARALLEL_FLOPS { Par::Seq } else { par };
         let values = vec![0.0; symbolic.len_val()];
-        // One buffer serves numeric factorization of either kind and solves.
+        // One buffer serves numeric factorization of any kind and solves.
         let scratch = symbolic
             .factorize_numeric_llt_scratch::<f64>(par, Spec::default())
             .or(symbolic.factorize_numeric_ldlt_scratch::<f64>(par, Spec::default()))
+            .or(symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(par, Spec::default()))
             .or(symbolic.solve_in_place_scratch::<f64>(1, par));
         let memory = MemBuffer::try_new(scratch)
             .map_err(|_| Error::Usage("the matrix is too large to factor: out of memory".into()))?;
@@ -71,25 +67,42 @@ impl Analysis {
         FactorSize { entries: self.values.len(), flops: flops(&self.symbolic) }
     }
 
+    /// `forward[k]` is the row of A that is eliminated as number k; `None` when the order is A's own.
+    pub fn forward(&self) -> Option<&[u32]> {
+        self.symbolic.perm().map(|perm| perm.arrays().0)
+    }
+
     /// The row of A that the factorization calls `permuted`.
     fn pivot(&self, pattern: &BlockPattern, permuted: usize) -> NonPositivePivot {
-        let forward = self.symbolic.perm().map(|perm| perm.arrays().0);
-        let row = forward.and_then(|forward| forward.get(permuted)).map_or(permuted, |&row| row as usize);
+        let row = self.forward().and_then(|forward| forward.get(permuted)).map_or(permuted, |&row| row as usize);
         NonPositivePivot { row, dof: pattern.dofs().dof(row) }
     }
 }
 
 /// A dense block of L: a trapezoid whose first `columns` rows are a triangle.
-struct Supernode {
+#[derive(Clone, Copy)]
+pub(super) struct Supernode<'a> {
     /// Its first column in L.
-    first: usize,
-    columns: usize,
-    rows: usize,
+    pub first: usize,
+    pub columns: usize,
+    /// The rows below the triangle, in the order of elimination.
+    pub below: &'a [u32],
     /// Where its values start, by columns.
-    values: usize,
+    pub values: usize,
 }
 
-fn supernodes(symbolic: &SymbolicCholesky<u32>) -> impl Iterator<Item = Supernode> + '_ {
+impl Supernode<'_> {
+    pub fn rows(&self) -> usize {
+        self.columns + self.below.len()
+    }
+
+    /// Position of the diagonal entry of a column among the factor's values; the column's entries below follow it.
+    pub fn diagonal(&self, column: usize) -> usize {
+        self.values + column * self.rows() + column
+    }
+}
+
+pub(super) fn supernodes(symbolic: &SymbolicCholesky<u32>) -> impl Iterator<Item = Supernode<'_>> + '_ {
     let supernodal = match symbolic.raw() {
         SymbolicCholeskyRaw::Supernodal(supernodal) => Some(supernodal),
         SymbolicCholeskyRaw::Simplicial(_) => None,
@@ -98,9 +111,8 @@ fn supernodes(symbolic: &SymbolicCholesky<u32>) -> impl Iterator<Item = Supernod
         (0..supernodal.n_supernodes()).map(move |s| {
             let first = supernodal.supernode_begin()[s] as usize;
             let columns = supernodal.supernode_end()[s] as usize - first;
-            let below = supernodal.col_ptr_for_row_idx();
-            let rows = columns + (below[s + 1] - below[s]) as usize;
-            Supernode { first, columns, rows, values: supernodal.col_ptr_for_val()[s] as usize }
+            let below = supernodal.supernode(s).pattern();
+            Supernode { first, columns, below, values: supernodal.col_ptr_for_val()[s] as usize }
         })
     })
 }
@@ -108,7 +120,7 @@ fn supernodes(symbolic: &SymbolicCholesky<u32>) -> impl Iterator<Item = Supernod
 /// Operations of a numeric factorization. A column of a block that has h entries takes h² (multiply and add counted).
 fn flops(symbolic: &SymbolicCholesky<u32>) -> f64 {
     let column = |h: usize| (h * h) as f64;
-    supernodes(symbolic).map(|s| (0..s.columns).map(|c| column(s.rows - c)).sum::<f64>()).sum()
+    supernodes(symbolic).map(|s| (0..s.columns).map(|c| column(s.rows() - c)).sum::<f64>()).sum()
 }
 
 /// Sparse Cholesky factorization `A = L Lᵀ`: exists if and only if A is positive definite (to rounding).
@@ -185,14 +197,58 @@ impl Ldlt {
 
     /// The pivots D of the last factored matrix with the rows of A they belong to, in the order of elimination.
     pub fn pivots(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let forward = self.0.symbolic.perm().map(|perm| perm.arrays().0);
+        let forward = self.0.forward();
         supernodes(&self.0.symbolic).flat_map(move |s| {
             (0..s.columns).map(move |c| {
                 let permuted = s.first + c;
                 let row = forward.map_or(permuted, |forward| forward[permuted] as usize);
-                (row, self.0.values[s.values + c * s.rows + c])
+                (row, self.0.values[s.diagonal(c)])
             })
         })
+    }
+
+    /// Rows and columns of the stored entries of L below its diagonal, the zeros inside supernodes included, numbered in the order of
+    /// elimination.
+    pub fn pattern(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        supernodes(&self.0.symbolic).flat_map(|s| {
+            (0..s.columns).flat_map(move |c| {
+                let triangle = c + 1..s.columns;
+                let rows = triangle.map(move |r| s.first + r).chain(s.below.iter().map(|&row| row as usize));
+                rows.map(move |row| (row, s.first + c))
+            })
+        })
+    }
+
+    /// Whether all pivots of the last factored matrix are positive. `L√D` is then its Cholesky factor: the matrix is
+    /// positive definite, to rounding.
+    pub fn is_positive(&self) -> bool {
+        self.pivots().all(|(_, d)| d > 0.0)
+    }
+
+    /// A direction of negative curvature of the last factored matrix: `u = L⁻ᵀ e_j`, for which `uᵀAu = d_j`, with j the
+    /// most negative pivot. Returns whether there is one; not normalised.
+    pub fn negative_direction(&mut self, u: &mut [f64]) -> bool {
+        let pivots = supernodes(&self.0.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
+        let worst = pivots
+            .map(|(s, c)| (self.0.values[s.diagonal(c)], s, c))
+            .filter(|(d, ..)| *d < 0.0)
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((_, s, c)) = worst else { return false };
+        // A⁻¹ (L e_j) = L⁻ᵀ D⁻¹ e_j: a column of L and one ordinary solve.
+        let forward = self.0.forward();
+        let row = |permuted: usize| forward.map_or(permuted, |forward| forward[permuted] as usize);
+        u.fill(0.0);
+        u[row(s.first + c)] = 1.0;
+        let column = &self.0.values[s.diagonal(c) + 1..s.values + (c + 1) * s.rows()];
+        let (top, bottom) = column.split_at(s.columns - c - 1);
+        for (at, value) in (s.first + c + 1..).zip(top) {
+            u[row(at)] = *value;
+        }
+        for (&at, value) in s.below.iter().zip(bottom) {
+            u[row(at as usize)] = *value;
+        }
+        self.solve_in_place(u);
+        true
     }
 
     /// `x ← A⁻¹ x` with the last factored matrix.

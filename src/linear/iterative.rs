@@ -130,6 +130,10 @@ impl LinearSolver for CgSolver {
         Ok(Definiteness::Unknown)
     }
 
+    fn set_tolerance(&mut self, tolerance: f64) {
+        self.method.tolerance = tolerance;
+    }
+
     fn solve(
         &mut self,
         a: &SystemOperator,

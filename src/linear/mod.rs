@@ -11,6 +11,7 @@ mod factorization;
 mod iterative;
 mod norms;
 mod outcome;
+mod pivoted;
 mod preconditioner;
 mod reuse;
 mod select;
@@ -23,6 +24,7 @@ pub use factorization::{Cholesky, FactorSize, Ldlt, NonPositivePivot};
 pub use iterative::{Application, CgSolver};
 pub use norms::{backward_error, dot, norm};
 pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
+pub use pivoted::{PivotSigns, PivotedLdlt};
 pub use preconditioner::{Preconditioner, PreconditionerKind};
 pub use reuse::ReusedMultigrid;
 pub use select::{SolverChoice, SolverOptions, select};
@@ -51,6 +53,9 @@ pub trait LinearSolver {
     /// # Errors
     /// When the matrix is found not to be positive definite by a solver that needs it, or not finite.
     fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure>;
+
+    /// How exactly an iterative solver is to solve from now on, `‖b − A x‖ ≤ tolerance·‖b‖`; others have no use for it.
+    fn set_tolerance(&mut self, _tolerance: f64) {}
 
     /// Solves with the matrix of the last `prepare`, which must be given again. `b` and `x` are reduced; on entry `x`
     /// is the first guess of an iterative solver, or zero where it shall find its own.

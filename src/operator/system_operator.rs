@@ -13,7 +13,7 @@
 
 use super::{BlockDiagonal, LinearOperator};
 use crate::force::Extensions;
-use crate::spring::{SpringBlock, Stiffness};
+use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{Axes, System};
 use nalgebra::{Matrix3, Vector3};
 
@@ -68,14 +68,35 @@ impl<'s> SystemOperator<'s> {
 
     /// Recomputes the blocks, without allocating.
     pub fn update(&mut self, extensions: &Extensions, option: Stiffness, combination: Combination) {
-        self.mass = combination.mass;
-        let springs = self.system.active().zip(extensions.iter());
-        for (block, ((_, _, spring), at)) in self.blocks.iter_mut().zip(springs) {
+        self.update_each(extensions, combination, |_| option);
+    }
+
+    /// As [`update`](Self::update), with an option for every active spring, asked for by its position among them.
+    pub fn update_each(
+        &mut self,
+        extensions: &Extensions,
+        combination: Combination,
+        mut option: impl FnMut(usize) -> Stiffness,
+    ) {
+        self.set_blocks(extensions, combination.mass, |position, spring, at| {
             // K holds −K^s and G holds −b nnᵀ where the spring's own block stands, hence the signs.
-            *block = spring.stiffness_block(at, option) * -combination.stiffness;
-            if spring.damping > 0.0 {
-                *block = *block + spring.damping_block(at) * -combination.damping;
-            }
+            let block = spring.stiffness_block(at, option(position)) * -combination.stiffness;
+            if spring.damping > 0.0 { block + spring.damping_block(at) * -combination.damping } else { block }
+        });
+    }
+
+    /// Makes this the operator `mass·M` plus any block a spring, +B on both its diagonal blocks and −B between its ends,
+    /// without allocating. `block` sees the position among the active springs, the spring, and where its ends are.
+    pub fn set_blocks(
+        &mut self,
+        extensions: &Extensions,
+        mass: f64,
+        mut block: impl FnMut(usize, &Spring, &Extension) -> SpringBlock,
+    ) {
+        self.mass = mass;
+        let springs = self.system.active().zip(extensions.iter());
+        for (position, (target, ((_, _, spring), at))) in self.blocks.iter_mut().zip(springs).enumerate() {
+            *target = block(position, spring, at);
         }
     }
 

@@ -8,8 +8,8 @@ use maud::{Markup, html};
 
 /// More rows than this are folded away.
 const ROWS: usize = 12;
-/// More figures than this are folded away.
-const FIGURES: usize = 4;
+/// Of so many failed checks of a name figures are shown.
+const FAILURES: usize = 12;
 
 /// The address of a check on the page.
 pub(super) fn anchor(index: usize) -> String {
@@ -24,8 +24,9 @@ pub(super) fn mark(passed: bool) -> Markup {
     }
 }
 
-/// The same check on all its scenes.
-pub(super) fn group(name: &str, checks: &[(usize, &Check)]) -> Markup {
+/// The same check on all its scenes. Of `narrowest` passed ones, those nearest their bounds, figures and worst entries are
+/// shown.
+pub(super) fn group(name: &str, checks: &[(usize, &Check)], narrowest: usize) -> Markup {
     let (failed, passed): (Vec<_>, Vec<_>) = checks.iter().partition(|(_, check)| !check.passed());
     let shown = if checks.len() > ROWS { &failed } else { checks };
     let rest = if checks.len() > ROWS { &passed } else { &Vec::new() };
@@ -39,10 +40,10 @@ pub(super) fn group(name: &str, checks: &[(usize, &Check)]) -> Markup {
             p { "Worst entries on " b { (check.scene) } ":" }
             (entries(check))
         }
-        @for (_, check) in passed.iter().filter(|(_, check)| !check.table.is_empty()) {
+        @for (_, check) in nearest(&passed, narrowest, |check| !check.table.is_empty()) {
             (page::folded(&format!("Worst entries on {}", check.scene), &entries(check)))
         }
-        (pictures(&failed, &passed))
+        (pictures(&failed, &passed, narrowest))
     }
 }
 
@@ -143,16 +144,36 @@ fn entries(check: &Check) -> Markup {
     page::scrolling(&format!("Worst entries on {}", check.scene), &table)
 }
 
-/// All figures, those of failures first, the many folded away.
-fn pictures(failed: &[(usize, &Check)], passed: &[(usize, &Check)]) -> Markup {
-    let mut all: Vec<Markup> = failed.iter().chain(passed).flat_map(|(_, check)| pictures_of(check)).collect();
-    let folded = if all.len() > FIGURES { all.split_off(FIGURES) } else { Vec::new() };
+/// Figures of the failed checks, then of those that passed most narrowly; the numbers of all others are in the table.
+fn pictures(failed: &[(usize, &Check)], passed: &[(usize, &Check)], narrowest: usize) -> Markup {
+    let with_figures = |checks: &[&(usize, &Check)]| checks.iter().filter(|(_, check)| has_pictures(check)).count();
+    let shown: Vec<&(usize, &Check)> =
+        failed.iter().take(FAILURES).chain(nearest(passed, narrowest, has_pictures)).collect();
+    let all: Vec<&(usize, &Check)> = failed.iter().chain(passed).collect();
+    let left_out = with_figures(&all) - with_figures(&shown);
+    let figures: Vec<Markup> = shown.iter().flat_map(|(_, check)| pictures_of(check)).collect();
     html! {
-        (page::figures(&all))
-        @if !folded.is_empty() {
-            (page::folded(&format!("{} more", count(folded.len(), "figure")), &page::figures(&folded)))
+        (page::figures(&figures))
+        @if left_out > 0 {
+            p.quiet { "Figures of " (count(left_out, "further check")) " are left out; those nearest their bounds are shown." }
         }
     }
+}
+
+fn has_pictures(check: &Check) -> bool {
+    !check.curves.is_empty() || check.drawing.is_some()
+}
+
+/// The few checks nearest their bounds among those that fulfil a condition, nearest first.
+fn nearest<'a, 'c>(
+    passed: &'a [(usize, &'c Check)],
+    count: usize,
+    condition: fn(&Check) -> bool,
+) -> Vec<&'a (usize, &'c Check)> {
+    let mut chosen: Vec<_> = passed.iter().filter(|(_, check)| condition(check)).collect();
+    chosen.sort_by(|(_, a), (_, b)| b.share().total_cmp(&a.share()));
+    chosen.truncate(count);
+    chosen
 }
 
 fn pictures_of(check: &Check) -> Vec<Markup> {

@@ -126,6 +126,9 @@ fn reading(results: &Results) -> Markup {
     page::section("reading", &html! { "How to read this" }, &body)
 }
 
+/// About so many checks of a claim are shown with figures.
+const FIGURES: usize = 32;
+
 fn claim_section(claim: Claim, checks: &[(usize, &Check)]) -> Markup {
     let mut names: Vec<&str> = Vec::new();
     for (_, check) in checks {
@@ -133,6 +136,8 @@ fn claim_section(claim: Claim, checks: &[(usize, &Check)]) -> Markup {
             names.push(&check.name);
         }
     }
+    // A claim with many checks shows fewer figures of each.
+    let narrowest = (FIGURES / names.len().max(1)).clamp(1, 4);
     let failed = failed(checks);
     let heading = html! { (mark(failed == 0)) " " (claim.title()) };
     let body = html! {
@@ -143,7 +148,7 @@ fn claim_section(claim: Claim, checks: &[(usize, &Check)]) -> Markup {
             @if failed == 0 { ", all passed." } @else { ", " (failed) " failed." }
         }
         @for name in names {
-            (group(name, &checks.iter().copied().filter(|(_, check)| check.name == name).collect::<Vec<_>>()))
+            (group(name, &checks.iter().copied().filter(|(_, check)| check.name == name).collect::<Vec<_>>(), narrowest))
         }
     };
     page::section(claim.id(), &heading, &body)

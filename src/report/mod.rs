@@ -7,6 +7,7 @@ mod canvas;
 mod check_html;
 pub mod drawing;
 mod html;
+pub mod inspection;
 mod json;
 mod junit;
 pub mod number;
@@ -16,12 +17,13 @@ pub mod plot;
 mod projection;
 mod ruler;
 mod shares;
+pub mod spy;
 mod text;
 
 pub use html::html;
 pub use json::json;
 pub use junit::junit;
-pub use text::text;
+pub use text::{failure, text};
 
 use crate::error::{Error, Result};
 use crate::verify::Results;

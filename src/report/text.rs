@@ -24,7 +24,7 @@ pub fn text(results: &Results) -> String {
 }
 
 /// Everything a reader needs to find one failure: where, which numbers, why the bound, the worst entries.
-pub(super) fn failure(check: &Check) -> String {
+pub fn failure(check: &Check) -> String {
     let mut lines = format!("{}: {} [{}]\n", check.claim.id(), check.name, check.scene);
     let _ = writeln!(lines, "  {}", comparison(check));
     let _ = writeln!(lines, "  {}", check.why);

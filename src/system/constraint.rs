@@ -196,6 +196,16 @@ impl Prescribed {
         }
     }
 
+    /// Sets the prescribed components of full-length velocities to the constant velocity that leads from `positions` to the
+    /// motion's place at time t within dt seconds.
+    pub fn set_mean_velocities(&self, t: f64, dt: f64, positions: &[Vector3<f64>], velocities: &mut [Vector3<f64>]) {
+        for c in &self.coordinates {
+            let (particle, axis) = (c.particle as usize, c.axis as usize);
+            let target = c.start + self.motions[c.motion as usize].offset(t, axis);
+            velocities[particle][axis] = (target - positions[particle][axis]) / dt;
+        }
+    }
+
     /// Writes the displacement of every prescribed coordinate from `positions` to its place at time t into
     /// `displacement`, in m, and zero into every other entry (the notes' *Set-Boundary-Conditions*).
     pub fn displacement(&self, t: f64, positions: &[Vector3<f64>], displacement: &mut [Vector3<f64>]) {

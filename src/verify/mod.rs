@@ -1,10 +1,71 @@
 //! Verification: every number is held to a bound that an analysis gives.
 //!
 //! A [`Check`] is plain data: what was measured, what is allowed and why. Checks know nothing of
-//! [reports](crate::report).
+//! [reports](crate::report). A [`Family`] of checks runs on any [`Subject`], a scene with its step; [`verify`] runs all
+//! that apply.
 
+mod assembled;
 mod check;
 mod claim;
+mod coloring;
+mod condition;
+mod consistency;
+mod convergence;
+mod definiteness;
+mod derivatives;
+mod difference;
+mod dropped;
+mod dual;
+mod equilibrium;
+mod extrapolation;
+mod family;
+mod force_error;
+mod hard_states;
+mod jacobian;
+mod measurement;
+mod momentum;
+mod orders;
+mod prescribed_motion;
+mod products;
+mod reduced;
+mod reference;
+mod refusals;
+mod residual;
+mod rigid_motion;
+mod runs;
+mod sameness;
+mod scenes;
+mod solution;
+mod solvers;
+mod step_equations;
+mod subject;
+mod v_curve;
+mod verdict;
+mod work_energy;
 
 pub use check::{Check, Entry, Results, worst};
 pub use claim::Claim;
+pub use coloring::ColumnGroups;
+pub use condition::{Condition, forward_bound, one_norm_estimate};
+pub use consistency::{damping_dissipates, damping_entries, energy_slope};
+pub use difference::{spring_blocks, stiffness_entries};
+pub use dropped::dropped_terms;
+pub use dual::{
+    blocks_against_duals, dual_force, dual_stiffness_block, force_against_energy, hyper_dual_stiffness_block,
+    stiffness_against_duals,
+};
+pub use family::{FAMILIES, Family, verify};
+pub use force_error::U;
+pub use hard_states::hard_states;
+pub use jacobian::{JacobianOptions, JacobianReport, check_jacobian};
+pub use orders::{ErrorCurve, order_checks};
+pub use products::{products_agree, refill_is_fresh};
+pub use reduced::{damping_force, elastic_energy, elastic_force, reduce};
+pub use scenes::built_in;
+pub use solution::{
+    Promise, Solved, backward_errors, condition_is_right, indefinite_backward_error, solutions_agree, tolerance_is_met,
+};
+pub use subject::Subject;
+pub use v_curve::v_curve;
+
+use family::Unfinished;

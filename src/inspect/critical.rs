@@ -1,0 +1,234 @@
+//! The largest step that keeps A positive definite, and the largest that keeps the method stable.
+//!
+//! Both are questions about one family of symmetric matrices in `s = 1/dt`,
+//!
+//! ```text
+//! P(s) = μ s² M − γ s G + C,          M > 0,  −G ≥ 0,
+//! definite:  μ = 1, γ = 1, C = −K_opt              so that P = A = M/dt² − G/dt − K_opt
+//! stable:    μ = 4, γ = 2, C = −2 K_opt + K        so that P = S = 4M/dt² − 2G/dt − 2K_opt + K
+//! ```
+//!
+//! `uᵀP(s)u` grows with s for every u, so the s for which P is positive definite are an interval `(s*, ∞)`, and the
+//! largest step is `dt* = 1/s*`; where C itself is positive semidefinite every step will do.
+//!
+//! **Why S.** Linearised at an equilibrium, a step of the notes' method obeys
+//! `M(x₊ − 2x + x₋)/dt² − G(x₊ − x)/dt − K_opt(x₊ − x) − K x = 0`. With `x₊ = z x`, `x₋ = x/z` and the scalars
+//! `a = uᵀMu/dt²`, `c = −uᵀGu/dt − uᵀK_opt u`, `κ = −uᵀKu` of a mode u this is `(a + c) z² + (κ − c − 2a) z + a = 0`. Both
+//! roots lie in the unit disc (Jury) iff `a + c > 0`, `c ≥ 0`, `κ ≥ 0`, and the polynomial at z = −1 is not negative:
+//! `4a + 2c − κ ≥ 0`, which is `uᵀSu ≥ 0`. Under `Full` c ≥ κ, and under `Tension` the same holds for what is stretched: S adds
+//! nothing. Under `Axial` the stretched springs' transverse modes are left to the old positions, as in symplectic
+//! Euler, and S demands `dt ≤ 2/ω`.
+//!
+//! **Where the state is not a stable equilibrium** (κ < 0 for some u) the motion itself grows, whatever the method. For
+//! such a u one root is real and above 1, as it must be, and S then says that the *other* roots stay in the disc:
+//! the method adds no oscillating instability of its own. This needs A positive definite, so the stable step is never
+//! larger than the definite one. At a state that is no equilibrium at all both hold for the motion relative to the
+//! trajectory, as long as the springs' directions and lengths change little.
+//!
+//! **The search.** A factorization `P = L D Lᵀ` with D > 0 is Cholesky's and proves P definite, to rounding: the oracle. Where it
+//! refuses, or where a vector u with `uᵀP(s)u ≤ 0` is known, P is not definite. Along any u the scalar quadratic `uᵀP(s)u` has a
+//! root that is a lower bound for s*, and an excellent one if u is nearly the null vector of P(s*). Such a u comes from a Krylov
+//! space of `−M^{-1/2} C M^{-1/2}`, by products alone, and gets better by inverse iteration with every factorization, accepted or
+//! refused: they are all of matrices near P(s*). Bisection takes over where this does not at least halve the interval between
+//! the bound and what was accepted. The interval ends at the oracle's own rounding: a relative width of
+//! `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
+
+use super::family::{Family, Requirement};
+use super::inertia::InertiaCounter;
+use crate::assembly::{SpringPattern, SystemMatrix};
+use crate::error::Result;
+use crate::force::Extensions;
+use crate::linear::{Ldlt, dot};
+use crate::spring::Stiffness;
+use crate::system::{State, System};
+use crate::work::Work;
+use faer::Par;
+use std::sync::Arc;
+
+/// The largest step that keeps a requirement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LargestStep {
+    /// Every step keeps it.
+    Every,
+    /// Steps up to a limit keep it.
+    UpTo {
+        /// The longest step at which a factorization proved it, in s.
+        dt: f64,
+        /// A longer step for which it is known to be lost, by a factorization that refused or by a direction of negative
+        /// curvature, in s; as near to `dt` as rounding allows.
+        refused: f64,
+    },
+}
+
+impl LargestStep {
+    /// The step, in s; `None` when there is no limit.
+    pub fn dt(&self) -> Option<f64> {
+        match *self {
+            Self::Every => None,
+            Self::UpTo { dt, .. } => Some(dt),
+        }
+    }
+}
+
+/// Finds critical steps of a system: pattern, ordering and symbolic analysis made once.
+pub struct CriticalSteps<'s> {
+    family: Family<'s>,
+    matrix: SystemMatrix,
+    factorization: Ldlt,
+    inertia: InertiaCounter,
+    /// What the searches cost.
+    pub work: Work,
+}
+
+/// Bisection alone ends in 64 halvings: a search that takes longer has a defect.
+const LONGEST_SEARCH: usize = 100;
+
+/// Inverse iterations with one factorization, as long as the bound still rises by this part of the interval.
+const INVERSE_ITERATIONS: usize = 6;
+const WORTH: f64 = 0.02;
+
+impl<'s> CriticalSteps<'s> {
+    /// At a state.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring; a matrix that is too large.
+    pub fn new(system: &'s System, state: &State, par: Par) -> Result<Self> {
+        let family = Family::new(system, Extensions::at(system, &state.positions)?);
+        let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
+        let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
+        let inertia = InertiaCounter::new(matrix.matrix().pattern(), par)?;
+        let work = Work { symbolic_factorizations: 2, ..Work::default() };
+        Ok(Self { family, matrix, factorization, inertia, work })
+    }
+
+    /// The largest step that keeps the requirement under an option, certified by factorizations on both sides.
+    pub fn largest_step(&mut self, requirement: Requirement, option: Stiffness) -> LargestStep {
+        match (requirement, option) {
+            // S(s) is A(2s): semidefinite as far as A is, and beyond.
+            (Requirement::Definite, _) | (Requirement::Stable, Stiffness::Full) => {
+                self.search(Requirement::Definite, option)
+            }
+            // A is positive definite for every s.
+            (Requirement::Stable, Stiffness::Tension | Stiffness::Axial) => self.search(Requirement::Stable, option),
+        }
+    }
+
+    fn search(&mut self, requirement: Requirement, option: Stiffness) -> LargestStep {
+        self.family.set(requirement, option, 0.0);
+        // Blocks that are all positive semidefinite settle it without a factorization.
+        if self.family.blocks().iter().all(|block| block.lowest() >= 0.0) {
+            return LargestStep::Every;
+        }
+        let mut accepted = self.family.surely_definite(requirement);
+        let mut u = self.family.softest_direction();
+        let mut bound = Bound { s: 0.0, rounding: 4.0 * f64::EPSILON };
+        if !self.raise(requirement, option, &mut bound, &u) && !self.has_negative_curvature(option, requirement, &mut u)
+        {
+            return LargestStep::Every;
+        }
+        self.raise(requirement, option, &mut bound, &u);
+        let mut margin: f64 = 1e-3;
+        for _ in 0..LONGEST_SEARCH {
+            let gap = accepted / bound.s - 1.0;
+            if gap <= bound.rounding {
+                break;
+            }
+            // Above the bound by what it is thought to be short of s*, if this at least halves the interval.
+            let trial = (bound.s * (1.0 + margin.max(bound.rounding / 2.0))).min((bound.s * accepted).sqrt());
+            if trial <= bound.s || trial >= accepted {
+                break;
+            }
+            let before = bound.s;
+            if self.is_definite(requirement, option, trial) {
+                accepted = trial;
+                let short = self.improve(requirement, option, &mut bound, &mut u, accepted);
+                margin = (4.0 * short).min(margin / 8.0);
+            } else {
+                let mut worst = vec![0.0; u.len()];
+                if self.factorization.negative_direction(&mut worst)
+                    && self.raise(requirement, option, &mut bound, &worst)
+                {
+                    u = worst;
+                }
+                bound.s = bound.s.max(trial);
+                let short = self.improve(requirement, option, &mut bound, &mut u, accepted);
+                margin = (bound.s / before - 1.0).max(2.0 * margin).min(4.0 * margin).max(4.0 * short);
+            }
+        }
+        LargestStep::UpTo { dt: 1.0 / accepted, refused: 1.0 / bound.s }
+    }
+
+    /// The oracle: whether P(s) has a Cholesky factorization.
+    fn is_definite(&mut self, requirement: Requirement, option: Stiffness, s: f64) -> bool {
+        self.family.set(requirement, option, s);
+        self.matrix.refill(self.family.operator());
+        self.work.assemblies += 1;
+        self.work.factorizations += 1;
+        self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive()
+    }
+
+    /// Whether C has negative eigenvalues, where no direction is known; if so, sets u to one along which it curves downwards.
+    fn has_negative_curvature(&mut self, option: Stiffness, requirement: Requirement, u: &mut [f64]) -> bool {
+        self.family.set(requirement, option, 0.0);
+        self.matrix.refill(self.family.operator());
+        self.work.assemblies += 1;
+        if self.inertia.count(self.matrix.matrix(), &mut self.work).negative == 0 {
+            return false;
+        }
+        self.work.factorizations += 1;
+        self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.negative_direction(u)
+    }
+
+    /// Raises the bound to the root along u where that is higher; says whether it is.
+    fn raise(&mut self, requirement: Requirement, option: Stiffness, bound: &mut Bound, u: &[f64]) -> bool {
+        let curvature = self.family.curvature(requirement, option, u);
+        match curvature.root().filter(|&root| root.is_finite() && root > bound.s) {
+            Some(root) => {
+                let slope = (2.0 * curvature.mass * root + curvature.damping) * root;
+                let norm = self.family.norm_bound(root, requirement) * dot(u, u);
+                *bound = Bound { s: root, rounding: 2.0 * f64::EPSILON * (2.0 + norm / slope) };
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// Inverse iteration with the last factorization, as long as it pays; returns the last relative rise of the bound, which
+    /// tells what it may still be short of s*.
+    fn improve(
+        &mut self,
+        requirement: Requirement,
+        option: Stiffness,
+        bound: &mut Bound,
+        u: &mut Vec<f64>,
+        accepted: f64,
+    ) -> f64 {
+        let mut rise = 0.0;
+        for _ in 0..INVERSE_ITERATIONS {
+            let mut next = u.clone();
+            self.factorization.solve_in_place(&mut next);
+            self.work.solves += 1;
+            let length = dot(&next, &next).sqrt();
+            next.iter_mut().for_each(|u| *u /= length);
+            let before = bound.s;
+            if !length.is_finite() || !self.raise(requirement, option, bound, &next) {
+                break;
+            }
+            // Rounding may lift the root above what a factorization has accepted; the bracket must stay one.
+            bound.s = bound.s.min(accepted);
+            *u = next;
+            rise = bound.s / before - 1.0;
+            if rise < WORTH * (accepted / bound.s - 1.0) {
+                break;
+            }
+        }
+        rise
+    }
+}
+
+/// A lower bound for s*, and how finely the oracle can tell near it, relatively.
+#[derive(Debug, Clone, Copy)]
+struct Bound {
+    s: f64,
+    rounding: f64,
+}

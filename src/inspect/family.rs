@@ -1,0 +1,172 @@
+//! The matrices whose definiteness decides about a step, as functions of `s = 1/dt`.
+//!
+//! ```text
+//! P(s) = μ s² M − γ s G + C
+//! definite:  μ = 1, γ = 1, C = −K_opt              P = A = M/dt² − G/dt − K_opt
+//! stable:    μ = 4, γ = 2, C = −2 K_opt + K        P = S = 4M/dt² − 2G/dt − 2K_opt + K
+//! ```
+
+use super::krylov::Krylov;
+use crate::force::Extensions;
+use crate::linear::dot;
+use crate::operator::{Combination, LinearOperator, SystemOperator};
+use crate::spring::{SpringBlock, Stiffness};
+use crate::system::System;
+
+/// What a step is to keep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Requirement {
+    /// A is positive definite.
+    Definite,
+    /// A is positive definite and linearised backward Euler adds no instability of its own: S is positive semidefinite.
+    Stable,
+}
+
+impl Requirement {
+    /// μ, the factor of `s² M`.
+    fn mass(self) -> f64 {
+        match self {
+            Self::Definite => 1.0,
+            Self::Stable => 4.0,
+        }
+    }
+
+    /// γ, the factor of `−s G`.
+    fn damping(self) -> f64 {
+        match self {
+            Self::Definite => 1.0,
+            Self::Stable => 2.0,
+        }
+    }
+}
+
+/// Relative residual of the direction found by products alone, and the most steps for it.
+const FIRST_RESIDUAL: f64 = 1e-6;
+const FIRST_STEPS: usize = 150;
+
+/// P(s) of a system at one state, as an operator.
+pub(super) struct Family<'s> {
+    system: &'s System,
+    extensions: Extensions,
+    operator: SystemOperator<'s>,
+    /// G, for the curvature along a vector.
+    damping: SystemOperator<'s>,
+    product: Vec<f64>,
+}
+
+/// `uᵀP(s)u = mass s² + damping s + constant`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Curvature {
+    pub mass: f64,
+    pub damping: f64,
+    pub constant: f64,
+}
+
+impl Curvature {
+    /// The positive s at which the curvature vanishes; `None` when it is positive for every s > 0.
+    pub fn root(&self) -> Option<f64> {
+        let Self { mass, damping, constant } = *self;
+        let discriminant = damping * damping - 4.0 * mass * constant;
+        // The form without cancellation: damping ≥ 0 and constant < 0.
+        (constant < 0.0).then(|| -2.0 * constant / (damping + discriminant.sqrt()))
+    }
+}
+
+impl<'s> Family<'s> {
+    pub fn new(system: &'s System, extensions: Extensions) -> Self {
+        let operator = |combination| SystemOperator::new(system, &extensions, Stiffness::Full, combination);
+        let (damping, operator) = (operator(Combination::DAMPING), operator(Combination::STIFFNESS));
+        Self { system, damping, operator, extensions, product: vec![0.0; system.dofs().len()] }
+    }
+
+    /// Makes the operator P(s).
+    pub fn set(&mut self, requirement: Requirement, option: Stiffness, s: f64) {
+        let (mass, damping) = (requirement.mass() * s * s, requirement.damping() * s);
+        self.operator.set_blocks(&self.extensions, mass, |_, spring, at| {
+            let dropped = spring.stiffness_block(at, option);
+            let stiffness = match requirement {
+                Requirement::Definite => dropped,
+                Requirement::Stable => dropped * 2.0 + spring.stiffness_block(at, Stiffness::Full) * -1.0,
+            };
+            stiffness + spring.damping_block(at) * damping
+        });
+    }
+
+    pub fn operator(&self) -> &SystemOperator<'s> {
+        &self.operator
+    }
+
+    pub fn blocks(&self) -> &[SpringBlock] {
+        self.operator.blocks()
+    }
+
+    /// The coefficients of `uᵀP(s)u`. Leaves the operator at s = 0.
+    pub fn curvature(&mut self, requirement: Requirement, option: Stiffness, u: &[f64]) -> Curvature {
+        let dofs = self.system.dofs();
+        let square = |p: usize| u[dofs.rows(p)].iter().map(|u| u * u).sum::<f64>();
+        let kinetic: f64 = self.system.masses().iter().enumerate().map(|(p, mass)| mass * square(p)).sum();
+        self.damping.apply(u, &mut self.product);
+        let damping = -dot(u, &self.product);
+        self.set(requirement, option, 0.0);
+        self.operator.apply(u, &mut self.product);
+        let constant = dot(u, &self.product);
+        Curvature { mass: requirement.mass() * kinetic, damping: requirement.damping() * damping, constant }
+    }
+
+    /// A vector along which `uᵀCu/uᵀMu` is nearly lowest, from a Krylov space of `−M^{-1/2} C M^{-1/2}`; expects the operator at
+    /// s = 0.
+    pub fn softest_direction(&mut self) -> Vec<f64> {
+        let n = self.system.dofs().len();
+        let mut scale = vec![0.0; n];
+        for (particle, mass) in self.system.masses().iter().enumerate() {
+            scale[self.system.dofs().rows(particle)].fill(mass.sqrt().recip());
+        }
+        let Self { operator, product, .. } = self;
+        let mut apply = |x: &[f64], y: &mut [f64]| {
+            for ((p, x), scale) in product.iter_mut().zip(x).zip(&scale) {
+                *p = x * scale;
+            }
+            operator.apply(product, y);
+            for (y, scale) in y.iter_mut().zip(&scale) {
+                *y *= -scale;
+            }
+        };
+        let found = Krylov::new(n, 1, &mut apply).iterate(FIRST_RESIDUAL, FIRST_STEPS, &mut apply);
+        let mut u = found.into_iter().next().map_or_else(|| vec![0.0; n], |pair| pair.vector);
+        for (u, scale) in u.iter_mut().zip(&scale) {
+            *u *= scale;
+        }
+        u
+    }
+
+    /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a particle. Expects the operator
+    /// at s = 0, so that damping is left out.
+    pub fn norm_bound(&self, s: f64, requirement: Requirement) -> f64 {
+        let mut sums: Vec<f64> = self.system.masses().iter().map(|m| requirement.mass() * s * s * m).collect();
+        for ((_, [i, j], _), block) in self.system.active().zip(self.blocks()) {
+            let norm = 2.0 * block.transverse.abs().max(block.axial.abs());
+            sums[i] += norm;
+            sums[j] += norm;
+        }
+        sums.into_iter().fold(0.0, f64::max)
+    }
+
+    /// An s at which P is positive definite for certain; expects the operator at s = 0.
+    ///
+    /// A spring with the lowest eigenvalue −c takes at most `c‖u_i − u_j‖² ≤ 2c(‖u_i‖² + ‖u_j‖²)` from uᵀPu, and only
+    /// `c‖u_i‖²` where j is held. So `μ s² m_i > Σ 2c` over the springs at every particle i is enough.
+    pub fn surely_definite(&self, requirement: Requirement) -> f64 {
+        let dofs = self.system.dofs();
+        let mut taken = vec![0.0; self.system.particles()];
+        for ((_, [i, j], _), block) in self.system.active().zip(self.blocks()) {
+            let both_free = [i, j].iter().all(|&p| !dofs.rows(p).is_empty());
+            let share = (-block.lowest()).max(0.0) * if both_free { 2.0 } else { 1.0 };
+            taken[i] += share;
+            taken[j] += share;
+        }
+        let free = taken.iter().zip(self.system.masses()).enumerate().filter(|(p, _)| !dofs.rows(*p).is_empty());
+        let largest = free.map(|(_, (taken, mass))| taken / mass).fold(0.0, f64::max);
+        // A little above, so that rounding does not make the factorization fail there.
+        (largest / requirement.mass()).sqrt() * (1.0 + 1e-6)
+    }
+}

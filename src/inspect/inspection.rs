@@ -1,0 +1,147 @@
+//! Everything about the definiteness of A at one state.
+
+use super::critical::{CriticalSteps, LargestStep};
+use super::culprits::{Cluster, Direction, clusters, direction};
+use super::family::Requirement;
+use super::inertia::{Inertia, InertiaCounter};
+use super::smallest_set::{DropSet, smallest_set};
+use super::spectrum::{Spectrum, spectrum};
+use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
+use crate::error::Result;
+use crate::force::Extensions;
+use crate::operator::{Combination, SystemOperator};
+use crate::spring::Stiffness;
+use crate::system::{State, System};
+use crate::work::Work;
+use faer::Par;
+use std::sync::Arc;
+
+/// What A is like under one option.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OptionInspection {
+    /// The option.
+    pub option: Stiffness,
+    /// Signs of the eigenvalues of A.
+    pub inertia: Inertia,
+    /// λ_min of A, in N/m.
+    pub smallest: f64,
+    /// λ_max of A, in N/m.
+    pub largest: f64,
+    /// `max|λ|/min|λ|`; infinite where A is singular to working precision.
+    pub condition: f64,
+    /// The largest step for which A is positive definite at this state.
+    pub critical: LargestStep,
+    /// The largest step for which the method adds no instability of its own at this state.
+    pub stable: LargestStep,
+}
+
+/// The definiteness of `A = M/dt² − G/dt − K` at one state, and what it depends on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Inspection {
+    /// The time step, in s.
+    pub dt: f64,
+    /// The option under which the directions were examined.
+    pub option: Stiffness,
+    /// A under each option, in the order of [`Stiffness::ALL`].
+    pub options: [OptionInspection; 3],
+    /// How many modes of the exact motion grow: negative eigenvalues of −K. No step can make these stable.
+    pub growing_modes: usize,
+    /// How many springs are shorter than at rest, of those that have a free end.
+    pub compressed_springs: usize,
+    /// The low end of the spectrum of A under the option.
+    pub spectrum: Spectrum,
+    /// The direction of the lowest eigenvalue, and of the others that are negative.
+    pub directions: Vec<Direction>,
+    /// The main culprits of directions of negative curvature, by where they hang together.
+    pub clusters: Vec<Cluster>,
+    /// Where A under `Full` is not positive definite: which transverse terms must go.
+    pub smallest_set: Option<DropSet>,
+    /// What the inspection cost.
+    pub work: Work,
+}
+
+/// Eigenpairs that an inspection looks for, in a matrix too large to be diagonalised whole.
+const EIGENPAIRS: usize = 12;
+
+/// Directions of negative curvature that are taken apart.
+const DIRECTIONS: usize = 24;
+
+impl Inspection {
+    /// Inspects A at a state for a step of length dt, under an option for which the directions are examined.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring; a matrix that is too large to factor.
+    pub fn at(system: &System, state: &State, dt: f64, option: Stiffness, par: Par) -> Result<Self> {
+        let extensions = Extensions::at(system, &state.positions)?;
+        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+        let assemble = |option, combination| {
+            let operator = SystemOperator::new(system, &extensions, option, combination);
+            SystemMatrix::assemble(pattern.clone(), &operator).into_matrix()
+        };
+        let mut critical = CriticalSteps::new(system, state, par)?;
+        let mut work = Work { symbolic_factorizations: 1, ..Work::default() };
+        let minus_k = assemble(Stiffness::Full, Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 });
+        let mut counter = InertiaCounter::new(minus_k.pattern(), par)?;
+        let growing_modes = counter.count(&minus_k, &mut work).negative;
+
+        let mut examined = None;
+        let mut inspect = |each: Stiffness| -> Result<OptionInspection> {
+            let a: SymmetricMatrix = assemble(each, Combination::step(dt));
+            work.assemblies += 1;
+            let inertia = counter.count(&a, &mut work);
+            let wanted = if each == option { EIGENPAIRS.max(inertia.negative.min(DIRECTIONS)) } else { 1 };
+            let spectrum = spectrum(&a, &inertia, wanted, par, &mut work)?;
+            let report = OptionInspection {
+                option: each,
+                inertia,
+                smallest: spectrum.smallest(),
+                largest: spectrum.largest,
+                condition: spectrum.condition,
+                critical: critical.largest_step(Requirement::Definite, each),
+                stable: critical.largest_step(Requirement::Stable, each),
+            };
+            if each == option {
+                examined = Some(spectrum);
+            }
+            Ok(report)
+        };
+        let [full, tension, axial] = Stiffness::ALL;
+        let options = [inspect(full)?, inspect(tension)?, inspect(axial)?];
+
+        let spectrum = examined.unwrap_or(Spectrum { lowest: Vec::new(), largest: f64::NAN, condition: f64::NAN });
+        let negative = spectrum.negative().len().clamp(1, DIRECTIONS);
+        let directions: Vec<Direction> =
+            spectrum.lowest.iter().take(negative).map(|pair| direction(system, &extensions, option, pair)).collect();
+        let bad: Vec<Direction> = directions.iter().filter(|d| d.eigenvalue < 0.0).cloned().collect();
+        let smallest_set = if options[0].inertia.is_definite() {
+            None
+        } else {
+            Some(smallest_set(system, &extensions, dt, par, &mut work)?)
+        };
+        let compressed = system.active().zip(extensions.iter()).filter(|((_, _, spring), at)| spring.is_compressed(at));
+        let compressed_springs = compressed.count();
+        work.add(&critical.work);
+        Ok(Self {
+            dt,
+            option,
+            options,
+            growing_modes,
+            compressed_springs,
+            clusters: clusters(&bad),
+            spectrum,
+            directions,
+            smallest_set,
+            work,
+        })
+    }
+
+    /// A under the option that was asked for.
+    pub fn examined(&self) -> &OptionInspection {
+        let [full, tension, axial] = &self.options;
+        match self.option {
+            Stiffness::Full => full,
+            Stiffness::Tension => tension,
+            Stiffness::Axial => axial,
+        }
+    }
+}

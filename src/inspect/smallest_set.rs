@@ -1,0 +1,257 @@
+//! A smallest set of springs whose transverse terms must be dropped to make A positive definite.
+//!
+//! Let F be springs that are *enough*: without their transverse terms, A_F is positive definite. Putting back the terms of some
+//! springs s of F subtracts `N_s N_sᵀ`, N_s having a column `√c (t at i, −t at j)` for each direction t across the spring, with
+//! `c = k(1/l − 1/l0)`. By Schur's complement
+//!
+//! ```text
+//! A_F − Σ N_s N_sᵀ  is positive definite   ⇔   I − Nᵀ A_F⁻¹ N  is,
+//! ```
+//!
+//! a small dense matrix: one sparse factorization and a solve a column, and every question about subsets of F is cheap.
+//!
+//! *Enough* springs come from the local condition of [`Softening`]. Where these are too many, only the most negative terms of them
+//! are taken, as few as a bisection with factorizations finds to be enough.
+//!
+//! **The search.** All terms are put back; while `I − NᵀA_F⁻¹N` is not positive definite, the spring with the largest part in the
+//! worst eigenvector of `NᵀA_F⁻¹N` is dropped; in the end each dropped one is put back if that does no harm after all, the last
+//! one first. Dropping more never hurts, so what remains is *irredundant*: none of its springs can be spared. It need not be of least
+//! size, to find which is as hard as covering a set; where one spring is to blame, it is that spring.
+
+use crate::assembly::{SpringPattern, SystemMatrix};
+use crate::error::Result;
+use crate::force::Extensions;
+use crate::integrate::Softening;
+use crate::linear::{Ldlt, norm};
+use crate::operator::{Combination, SystemOperator};
+use crate::spring::Stiffness;
+use crate::system::System;
+use crate::work::Work;
+use faer::Par;
+use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
+use std::sync::Arc;
+
+/// Springs without whose transverse terms A is positive definite, proven by a factorization.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DropSet {
+    /// The springs; those that matter most first, where the set is irredundant.
+    pub springs: Vec<usize>,
+    /// How small the set is.
+    pub minimality: Minimality,
+    /// How many springs option II (`tension`) would drop: all that are compressed.
+    pub tension: usize,
+}
+
+/// How small a [`DropSet`] is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Minimality {
+    /// None of the springs can be spared.
+    Irredundant,
+    /// The springs are enough; whether some could be spared was too expensive to find out.
+    Enough,
+}
+
+/// Multiplications that the solves of one search may take: a few seconds.
+const AFFORDABLE: f64 = 2e10;
+
+/// Springs up to which a search is always affordable, and beyond which it never is (the dense matrix is too large).
+const ALWAYS: usize = 32;
+const NEVER: usize = 500;
+
+/// Steps of the power iteration that tells which spring to drop next: a choice, not a proof.
+const POWER_STEPS: usize = 40;
+
+/// Finds a smallest set for a step of length dt, where A under `Full` is indefinite (empty where it is not).
+///
+/// # Errors
+/// A matrix that is too large.
+pub fn smallest_set(system: &System, extensions: &Extensions, dt: f64, par: Par, work: &mut Work) -> Result<DropSet> {
+    let compressed = || system.active().zip(extensions.iter()).filter(|((_, _, spring), at)| spring.is_compressed(at));
+    let tension = compressed().count();
+    let mut trial = Trial::new(system, extensions, dt, par)?;
+    work.symbolic_factorizations += 1;
+    let set = |springs: &[usize], minimality| {
+        let springs = springs.iter().filter_map(|&p| system.active_springs().get(p)).map(|&s| s as usize).collect();
+        DropSet { springs, minimality, tension }
+    };
+    if trial.is_definite(&[], work) {
+        return Ok(set(&[], Minimality::Irredundant));
+    }
+    let Some(enough) = trial.enough(work) else {
+        let all: Vec<usize> = (0..extensions.as_slice().len()).filter(|&p| trial.taken(p) > 0.0).collect();
+        return Ok(set(&all, Minimality::Enough));
+    };
+    let affordable = (AFFORDABLE / (4.0 * trial.factorization.size().entries as f64)) as usize;
+    if enough.len() > affordable.clamp(ALWAYS, NEVER) {
+        return Ok(set(&enough, Minimality::Enough));
+    }
+    let chosen = trial.irredundant(&enough, work);
+    // What the dense matrix says is proven by a factorization of A itself.
+    if trial.is_definite(&chosen, work) {
+        Ok(set(&chosen, Minimality::Irredundant))
+    } else {
+        Ok(set(&enough, Minimality::Enough))
+    }
+}
+
+/// A with chosen transverse terms dropped. Springs are named by their position among the active ones.
+struct Trial<'s> {
+    system: &'s System,
+    extensions: &'s Extensions,
+    combination: Combination,
+    operator: SystemOperator<'s>,
+    matrix: SystemMatrix,
+    factorization: Ldlt,
+    options: Vec<Stiffness>,
+}
+
+impl<'s> Trial<'s> {
+    fn new(system: &'s System, extensions: &'s Extensions, dt: f64, par: Par) -> Result<Self> {
+        let combination = Combination::step(dt);
+        let operator = SystemOperator::new(system, extensions, Stiffness::Full, combination);
+        let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
+        let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
+        let options = vec![Stiffness::Full; extensions.as_slice().len()];
+        Ok(Self { system, extensions, combination, operator, matrix, factorization, options })
+    }
+
+    /// c, what a spring's transverse term takes; zero where it takes nothing.
+    fn taken(&self, position: usize) -> f64 {
+        let spring = self.system.active_springs().get(position).and_then(|&s| self.system.springs().get(s as usize));
+        let at = self.extensions.as_slice().get(position);
+        let block = spring.zip(at).map(|(spring, at)| spring.stiffness_block(at, Stiffness::Full));
+        block.map_or(0.0, |block| (-block.transverse).max(0.0))
+    }
+
+    fn is_definite(&mut self, dropped: &[usize], work: &mut Work) -> bool {
+        self.options.fill(Stiffness::Full);
+        for &position in dropped {
+            if let Some(option) = self.options.get_mut(position) {
+                *option = Stiffness::Tension;
+            }
+        }
+        let options = &self.options;
+        self.operator.update_each(self.extensions, self.combination, |position| options[position]);
+        self.matrix.refill(&self.operator);
+        work.assemblies += 1;
+        work.factorizations += 1;
+        self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive()
+    }
+
+    /// Springs that are enough, the most negative terms first; `None` if rounding hides that they are.
+    fn enough(&mut self, work: &mut Work) -> Option<Vec<usize>> {
+        let mut softening = Softening::new(self.system);
+        softening.choose(self.system, self.extensions, self.combination);
+        let options = softening.options();
+        let mut local: Vec<usize> = (0..options.len()).filter(|&p| options[p] == Stiffness::Tension).collect();
+        local.sort_by(|&a, &b| self.taken(b).total_cmp(&self.taken(a)).then(a.cmp(&b)));
+        if local.len() > ALWAYS {
+            // Between `refused` and `accepted` of the most negative terms.
+            let (mut refused, mut accepted) = (0, local.len());
+            while accepted - refused > 1 + accepted / 16 {
+                let middle = refused.midpoint(accepted);
+                if self.is_definite(&local[..middle], work) {
+                    accepted = middle;
+                } else {
+                    refused = middle;
+                }
+            }
+            local.truncate(accepted);
+        }
+        self.is_definite(&local, work).then_some(local)
+    }
+
+    /// Of `enough`, whose factorization is at hand, the springs that must be dropped.
+    fn irredundant(&mut self, enough: &[usize], work: &mut Work) -> Vec<usize> {
+        let (columns, owners) = self.columns(enough);
+        let n = self.system.dofs().len();
+        let mut h = DMatrix::zeros(columns.len(), columns.len());
+        let mut z = vec![0.0; n];
+        for (c, column) in columns.iter().enumerate() {
+            z.fill(0.0);
+            column.iter().for_each(|&(row, value)| z[row] = value);
+            self.factorization.solve_in_place(&mut z);
+            work.solves += 1;
+            for (r, row) in columns.iter().enumerate() {
+                h[(r, c)] = row.iter().map(|&(index, value)| value * z[index]).sum::<f64>();
+            }
+        }
+        let order = choose(&h, &owners, enough.len());
+        order.into_iter().filter_map(|k| enough.get(k).copied()).collect()
+    }
+
+    /// The columns of N for the given springs, as (row, value), and which of the springs each belongs to.
+    fn columns(&self, springs: &[usize]) -> (Vec<Vec<(usize, f64)>>, Vec<usize>) {
+        let dofs = self.system.dofs();
+        let (mut columns, mut owners) = (Vec::new(), Vec::new());
+        for (owner, &position) in springs.iter().enumerate() {
+            let (Some(&spring), Some(at)) =
+                (self.system.active_springs().get(position), self.extensions.as_slice().get(position))
+            else {
+                continue;
+            };
+            let root = self.taken(position).sqrt();
+            for t in across(&at.direction) {
+                let mut column = Vec::new();
+                for (particle, sign) in self.system.pair(spring as usize).into_iter().zip([root, -root]) {
+                    let free = dofs.free_axes(particle).iter();
+                    column.extend(dofs.rows(particle).zip(free).map(|(row, axis)| (row, sign * t[axis])));
+                }
+                if column.iter().any(|&(_, value)| value != 0.0) {
+                    columns.push(column);
+                    owners.push(owner);
+                }
+            }
+        }
+        (columns, owners)
+    }
+}
+
+/// Two unit vectors across n.
+fn across(n: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let axis = Vector3::ith(n.iamin(), 1.0);
+    let first = n.cross(&axis).normalize();
+    [first, n.cross(&first)]
+}
+
+/// Which owners to drop so that `I − H`, restricted to the columns of the others, is positive definite; in the order in
+/// which they were found.
+fn choose(h: &DMatrix<f64>, owners: &[usize], count: usize) -> Vec<usize> {
+    let columns =
+        |dropped: &[usize]| -> Vec<usize> { (0..owners.len()).filter(|&c| !dropped.contains(&owners[c])).collect() };
+    let restricted = |kept: &[usize]| {
+        DMatrix::from_fn(kept.len(), kept.len(), |r, c| 0.5 * (h[(kept[r], kept[c])] + h[(kept[c], kept[r])]))
+    };
+    let is_definite = |dropped: &[usize]| {
+        let kept = columns(dropped);
+        let rest = DMatrix::identity(kept.len(), kept.len()) - restricted(&kept);
+        Cholesky::new(rest).is_some()
+    };
+    let mut dropped = Vec::new();
+    while dropped.len() < count && !is_definite(&dropped) {
+        let kept = columns(&dropped);
+        let matrix = restricted(&kept);
+        // A start that no eigenvector is likely to be orthogonal to.
+        let mut x = DVector::from_fn(kept.len(), |k, _| 1.0 + 0.1 * (k as f64).sin());
+        for _ in 0..POWER_STEPS {
+            x = &matrix * x;
+            let length = norm(x.as_slice());
+            if length > 0.0 {
+                x /= length;
+            }
+        }
+        let mut weights = vec![0.0; count];
+        for (&column, x) in kept.iter().zip(x.iter()) {
+            weights[owners[column]] += x * x;
+        }
+        let worst = (0..count).filter(|k| !dropped.contains(k)).max_by(|&a, &b| weights[a].total_cmp(&weights[b]));
+        dropped.extend(worst);
+    }
+    for spring in dropped.clone().into_iter().rev() {
+        let without: Vec<usize> = dropped.iter().copied().filter(|&other| other != spring).collect();
+        if is_definite(&without) {
+            dropped = without;
+        }
+    }
+    dropped
+}

@@ -1,0 +1,355 @@
+//! Newton's method for the equations of a backward Euler step; implicit midpoint solves the same ones over half a step.
+//!
+//! The displacement δ over dt seconds solves, on the free coordinates,
+//!
+//! ```text
+//! r(δ) = M (δ/dt − v)/dt − f_el(x + δ) − f_d(x + δ, δ/dt) − g = 0.
+//! ```
+//!
+//! **Direction.** The Jacobian of r is `J = A − D` with `A = M/dt² − G/dt − K` at x + δ, the notes' matrix, and D the change
+//! of the damping force when springs turn, `−b ((nᵀw) P + n (P w)ᵀ)` with `P = (I − nnᵀ)/l`, `w = v_i − v_j` for each spring
+//! ([`Spring::damping_differential`](crate::Spring::damping_differential)). D is not symmetric and can be of either sign, so
+//! it stays out of the matrix; but it is small, of the order of the angle by which springs turn in a step. So `J Δ = −r` is
+//! solved by refinement, `A Δ₀ = −r`, `A Δ_{i+1} = D Δ_i`, `Δ = Σ Δ_i`, each a solve with the matrix at hand. The stiffness
+//! option is the filter that keeps A positive definite; with `full` the convergence is quadratic, damped or not.
+//!
+//! **How exactly.** `‖J Δ + r‖ ≤ η ‖r‖` with a [`Forcing`] term η that keeps the convergence quadratic. It is the tolerance of
+//! conjugate gradients (in place of the one that the user sets, which is its floor), and ends the refinement.
+//!
+//! **Globalisation.** Without damping r is the gradient of the incremental potential
+//!
+//! ```text
+//! Φ(δ) = ½ (δ/dt − v)ᵀ M (δ/dt − v) + U(x + δ) − gᵀδ,
+//! ```
+//!
+//! with it the damping forces do work `−∫ f_dᵀ dδ` along the line searched, taken by the trapezoidal rule. Their sum φ has the
+//! slope `φ' = rᵀΔ`, and a step s must bring the decrease `φ(s) ≤ φ(0) + c s φ'(0)` (Armijo). Near the solution φ has no digits
+//! left to fall by; then its slope must have fallen, `φ'(s) ≤ (1 − 2c)|φ'(0)|`, which for a quadratic φ says the same (the
+//! "approximate Wolfe" condition of Hager and Zhang, 2005). The iteration starts from the lower one in Φ of staying (δ = 0) and
+//! coasting (δ = dt v): from δ = 0 its first full step is the linearised step.
+//!
+//! **Filters that do not fit.** The option `axial` leaves out the transverse stiffness of stretched springs, which may be
+//! thousands of times `M/dt²`: its directions are then too long by this factor, and shortening them starves all other modes.
+//! `tension` leaves out what compressed springs take away: its directions are too short, and the convergence is linear. When a
+//! step must be cut below a quarter, or r does not fall to a quarter, the rest of the time step is solved `on-demand`: with the
+//! full stiffness wherever it is definite. All lead to the same solution.
+
+use super::forcing::Forcing;
+use super::implicit::{ImplicitOptions, LinearSystem, StiffnessPolicy};
+use super::{NotSolved, StepFailure};
+use crate::error::Result;
+use crate::force::{add_damping_differential, add_damping_force, add_elastic_force, add_weight};
+use crate::linear::SolveFailure;
+use crate::operator::Combination;
+use crate::spring::Stiffness;
+use crate::system::{Axes, State, System};
+use nalgebra::Vector3;
+
+/// When Newton's method is done, and when it gives up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NewtonOptions {
+    /// Converged at `‖r‖ ≤ tolerance·s`, s the norm of the magnitudes of the forces that balance in r (and never
+    /// below what rounding the positions does to r).
+    pub tolerance: f64,
+    /// The most iterations a step may take.
+    pub iteration_limit: u64,
+}
+
+impl Default for NewtonOptions {
+    fn default() -> Self {
+        Self { tolerance: 1e-10, iteration_limit: 200 }
+    }
+}
+
+/// The least decrease that a step must bring, as a part of what its slope promises (c in Armijo's condition).
+const SUFFICIENT_DECREASE: f64 = 1e-4;
+
+/// How often a step is shortened before the line search gives up.
+const SHORTENINGS: usize = 40;
+
+/// A step below this part of a direction says that the matrix is too soft.
+const TOO_SOFT: f64 = 0.25;
+
+/// A residual above this part of the last says that the matrix is too stiff.
+const TOO_STIFF: f64 = 0.25;
+
+/// How often a direction is refined by the change of damping directions.
+const REFINEMENTS: usize = 8;
+
+/// Digits of φ that rounding leaves, relative to the magnitudes of its terms.
+const NOISE: f64 = 1e-13;
+
+/// The nonlinear equations of a step: linear system, options and buffers, all full-length.
+pub(super) struct Newton<'s> {
+    pub linear: LinearSystem<'s>,
+    options: NewtonOptions,
+    is_damped: bool,
+    /// δ; its prescribed entries are given, its free ones the solution.
+    pub displacement: Vec<Vector3<f64>>,
+    /// −r at the point last evaluated.
+    force: Vec<Vector3<f64>>,
+    /// Δ, its last part, and the right-hand side for that.
+    direction: Vec<Vector3<f64>>,
+    part: Vec<Vector3<f64>>,
+    defect: Vec<Vector3<f64>>,
+    trial: State,
+}
+
+/// A point of the line search.
+#[derive(Clone, Copy)]
+struct Point {
+    /// ‖r‖.
+    residual: f64,
+    /// Φ, and how far rounding of its terms and of the positions leaves it uncertain.
+    potential: f64,
+    noise: f64,
+    /// rᵀΔ.
+    slope: f64,
+    /// −f_dᵀΔ, the part of the slope that is in no potential.
+    damping_slope: f64,
+}
+
+/// What r is small against, in N.
+#[derive(Clone, Copy)]
+struct Balance {
+    /// Norm of the forces that balance in r, their magnitudes added up particle by particle.
+    forces: f64,
+    /// Norm of the change of r by rounding the positions: nothing below it can be asked for.
+    rounding: f64,
+}
+
+impl<'s> Newton<'s> {
+    pub fn new(system: &'s System, state: &State, implicit: &ImplicitOptions, options: NewtonOptions) -> Result<Self> {
+        let zeros = || vec![Vector3::zeros(); system.particles()];
+        Ok(Self {
+            linear: LinearSystem::new(system, state, implicit)?,
+            options,
+            is_damped: system.is_damped(),
+            displacement: zeros(),
+            force: zeros(),
+            direction: zeros(),
+            part: zeros(),
+            defect: zeros(),
+            trial: state.clone(),
+        })
+    }
+
+    /// Solves for the free entries of `displacement` over dt seconds from a state.
+    pub fn solve(&mut self, state: &State, dt: f64) -> Result<(), StepFailure> {
+        let mut policy = self.linear.policy;
+        let mut forcing = Forcing::new(self.linear.tolerance);
+        let mut iterations = 0;
+        let mut point = self.start(state, dt)?;
+        loop {
+            let balance = self.balance(state, dt);
+            let target = self.options.tolerance * balance.forces + balance.rounding;
+            let failed = move |reason| {
+                let relative_residual = point.residual / balance.forces;
+                Err(StepFailure::Newton { iterations, relative_residual, reason })
+            };
+            if point.residual <= target {
+                self.linear.statistics.record(point.residual / balance.forces.max(f64::MIN_POSITIVE));
+                return Ok(());
+            }
+            if iterations >= self.options.iteration_limit {
+                return failed(NotSolved::IterationLimit);
+            }
+            iterations += 1;
+            self.linear.statistics.work.newton_iterations += 1;
+            self.linear.prepare(policy, Combination::step(dt))?;
+            [point.slope, point.damping_slope] = self.set_direction(forcing.next(point.residual, target))?;
+            if point.slope >= 0.0 {
+                return failed(NotSolved::Ascent);
+            }
+            let Some((step, next)) = self.line_search(state, dt, point) else {
+                return failed(NotSolved::LineSearch);
+            };
+            let is_slow = step < TOO_SOFT || next.residual > TOO_STIFF * point.residual;
+            if is_slow && policy != StiffnessPolicy::Always(Stiffness::Full) {
+                policy = StiffnessPolicy::OnDemand;
+            }
+            point = next;
+        }
+    }
+
+    /// Starts from staying or from coasting, whichever has the lower potential.
+    fn start(&mut self, state: &State, dt: f64) -> Result<Point, StepFailure> {
+        let dofs = self.linear.system.dofs();
+        for (p, v) in state.velocities.iter().enumerate() {
+            self.direction[p].fill(0.0);
+            for axis in dofs.free_axes(p).iter() {
+                self.displacement[p][axis] = 0.0;
+                self.direction[p][axis] = v[axis] * dt;
+            }
+        }
+        let merit = |point: &Point| point.potential + 0.5 * point.damping_slope;
+        let stay = self.evaluate(state, dt, 0.0);
+        let coast = self.evaluate(state, dt, 1.0);
+        match (stay, coast) {
+            (Ok(stay), Ok(coast)) if merit(&stay) < merit(&coast) => self.evaluate(state, dt, 0.0),
+            (Ok(_), Err(_)) => self.evaluate(state, dt, 0.0),
+            (_, coast) => {
+                let coast = coast?;
+                self.move_by(1.0);
+                Ok(coast)
+            }
+        }
+    }
+
+    /// Evaluates r at `displacement + step·direction`, and its slope and work along the direction.
+    fn evaluate(&mut self, state: &State, dt: f64, step: f64) -> Result<Point, StepFailure> {
+        let Self { linear, force, displacement, direction, trial, .. } = self;
+        let system = linear.system;
+        for p in 0..system.particles() {
+            let d = displacement[p] + direction[p] * step;
+            trial.positions[p] = state.positions[p] + d;
+            trial.velocities[p] = d / dt;
+        }
+        linear.statistics.work.force_evaluations += 1;
+        linear.set_extensions(&trial.positions)?;
+        let (mut potential, mut noise) = (0.0, 0.0);
+        let mut add = |energy: f64| {
+            potential += energy;
+            noise += NOISE * energy.abs();
+        };
+        for (p, mass) in system.masses().iter().enumerate() {
+            let change = trial.velocities[p] - state.velocities[p];
+            force[p] = change * (-mass / dt);
+            add(0.5 * mass * change.norm_squared());
+            add(-mass * system.gravity().dot(&trial.velocities[p]) * dt);
+        }
+        let mut moved = 0.0;
+        for ((_, [i, j], spring), at) in system.active().zip(linear.extensions.iter()) {
+            add(spring.elastic_energy(at));
+            // Far from the origin a rounded position is a displacement, against which the spring does work.
+            let reach = trial.positions[i].norm() + trial.positions[j].norm();
+            moved += f64::EPSILON * (spring.stiffness * spring.strain(at)).abs() * reach;
+        }
+        noise += moved;
+        add_elastic_force(system, &linear.extensions, force);
+        add_weight(system, force);
+        let conservative = -dot(force, direction);
+        add_damping_force(system, &linear.extensions, &trial.velocities, force);
+        let residual = free_norm(system, force);
+        if !(residual.is_finite() && noise.is_finite()) {
+            return Err(StepFailure::NonFinite);
+        }
+        let slope = -dot(force, direction);
+        Ok(Point { residual, potential, noise, slope, damping_slope: slope - conservative })
+    }
+
+    /// Solves `J Δ = −r` to `‖J Δ + r‖ ≤ η ‖r‖` with the prepared matrix; returns the slopes along Δ at the current point.
+    fn set_direction(&mut self, forcing: f64) -> Result<[f64; 2], SolveFailure> {
+        let Self { linear, force, direction, part, defect, trial, .. } = self;
+        let system = linear.system;
+        linear.set_tolerance(forcing);
+        direction.fill(Vector3::zeros());
+        linear.solve(force, direction)?;
+        let mut slope = -dot(force, direction);
+        if !self.is_damped {
+            return Ok([slope, 0.0]);
+        }
+        part.copy_from_slice(direction);
+        let target = forcing * free_norm(system, force);
+        let mut last = f64::INFINITY;
+        for _ in 0..REFINEMENTS {
+            defect.fill(Vector3::zeros());
+            add_damping_differential(system, &linear.extensions, &trial.velocities, part, defect);
+            let size = free_norm(system, defect);
+            // Springs that turn so far that refinement does not contract are far from the solution: A alone will do.
+            if size <= target || size > 0.5 * last {
+                break;
+            }
+            last = size;
+            part.fill(Vector3::zeros());
+            linear.solve(defect, part)?;
+            let change = -dot(force, part);
+            if slope + change > 0.5 * slope {
+                break;
+            }
+            slope += change;
+            for (d, part) in direction.iter_mut().zip(&*part) {
+                *d += part;
+            }
+        }
+        defect.fill(Vector3::zeros());
+        add_damping_force(system, &linear.extensions, &trial.velocities, defect);
+        Ok([slope, -dot(defect, direction)])
+    }
+
+    /// Shortens the step along `direction` until φ falls enough, and takes it.
+    fn line_search(&mut self, state: &State, dt: f64, from: Point) -> Option<(f64, Point)> {
+        let mut step = 1.0;
+        for _ in 0..SHORTENINGS {
+            match self.evaluate(state, dt, step) {
+                Ok(point) if point.is_lower(&from, step) => {
+                    self.move_by(step);
+                    return Some((step, point));
+                }
+                Ok(point) => step *= point.shortening(&from),
+                // A trial that overflows or collapses a spring is only too long.
+                Err(_) => step *= 0.5,
+            }
+        }
+        None
+    }
+
+    fn move_by(&mut self, step: f64) {
+        for (d, direction) in self.displacement.iter_mut().zip(&self.direction) {
+            *d += direction * step;
+        }
+    }
+
+    /// At the point last evaluated. Uses `part` as scratch: x holds magnitudes of forces, y those of roundings.
+    fn balance(&mut self, state: &State, dt: f64) -> Balance {
+        let Self { linear, part: sums, trial, .. } = self;
+        let system = linear.system;
+        let gravity = system.gravity().norm();
+        for (p, mass) in system.masses().iter().enumerate() {
+            let momentum = state.velocities[p].norm() + trial.velocities[p].norm();
+            sums[p] = Vector3::new(mass * (momentum / dt + gravity), 0.0, 0.0);
+        }
+        for ((_, [i, j], spring), at) in system.active().zip(linear.extensions.iter()) {
+            let damping = spring.damping * at.direction.dot(&(trial.velocities[i] - trial.velocities[j]));
+            let force = (spring.stiffness * spring.strain(at)).abs() + damping.abs();
+            let reach = trial.positions[i].norm() + trial.positions[j].norm();
+            let rounding = f64::EPSILON * spring.stiffness / spring.rest_length * reach;
+            sums[i] += Vector3::new(force, rounding, 0.0);
+            sums[j] += Vector3::new(force, rounding, 0.0);
+        }
+        let norm = |component: usize| {
+            let free = sums.iter().enumerate().filter(|&(p, _)| system.dofs().free_axes(p) != Axes::NONE);
+            free.map(|(_, s)| s[component] * s[component]).sum::<f64>().sqrt()
+        };
+        Balance { forces: norm(0), rounding: norm(1) }
+    }
+}
+
+impl Point {
+    /// Whether φ is low enough after a step.
+    fn is_lower(&self, from: &Self, step: f64) -> bool {
+        let work = 0.5 * step * (from.damping_slope + self.damping_slope);
+        let change = self.potential - from.potential + work;
+        let noise = self.noise + from.noise;
+        change <= SUFFICIENT_DECREASE * step * from.slope
+            || change <= noise && self.slope <= (1.0 - 2.0 * SUFFICIENT_DECREASE) * from.slope.abs()
+    }
+
+    /// The part of a step to try next: to the zero of a linear slope, within reason.
+    fn shortening(&self, from: &Self) -> f64 {
+        let zero = from.slope / (from.slope - self.slope);
+        if self.slope > 0.0 { zero.clamp(0.1, 0.5) } else { 0.5 }
+    }
+}
+
+fn dot(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
+}
+
+/// The Euclidean norm over free coordinates.
+fn free_norm(system: &System, v: &[Vector3<f64>]) -> f64 {
+    let dofs = system.dofs();
+    let squares =
+        v.iter().enumerate().map(|(p, v)| dofs.free_axes(p).iter().map(|axis| v[axis] * v[axis]).sum::<f64>());
+    squares.sum::<f64>().sqrt()
+}

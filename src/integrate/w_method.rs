@@ -1,0 +1,291 @@
+//! The second-order W-method on the notes' matrix: one factorization and two solves a step, whatever the stiffness option.
+//!
+//! **The method.** For `y' = F(y)` and any matrix J in place of `∂F/∂y`, with `W = I − τ J` and `τ = γ h`,
+//!
+//! ```text
+//! W k = F(y),      W w = F(y + ½h k) − k,      y' = y + h (k + w).
+//! ```
+//!
+//! Since `k = F(y) + O(h)`, the second F is taken at the midpoint to O(h²). Since `w = O(h)`, `w = F(y + ½h k) − k + τJ w`
+//! gives `k + w = F(midpoint) + O(h²)`: second order for every J, so also with options that drop terms, and with a J of an
+//! earlier step. J decides about stability only. With the exact J the method's stability function is
+//! `(1 + (1 − 2γ)z + (½ − 2γ + γ²)z²)/(1 − γz)²`, and `γ = 1 − 1/√2` makes its last coefficient vanish: A- and L-stable. (The
+//! other root, 1 + 1/√2, does too, with a far larger error.) It is the pair of stages in Shampine and Reichelt's ode23s
+//! (1997); methods that keep their order with any J are due to Steihaug and Wolfbrandt (1979).
+//!
+//! **On positions and velocities.** With `y = (x, v)`, `F = (v, M⁻¹f)` and J from K (under the option) and G, every stage is
+//! a system `W (u_x, u_v) = (r, M⁻¹s)`. Its first row says `u_v = (u_x − r)/τ`; put into the second,
+//!
+//! ```text
+//! A (τ u_x) = s + M r/τ − G r,      A = M/τ² − G/τ − K,
+//! ```
+//!
+//! the notes' matrix with dt → τ. Stage one has `r = v`, `s = f(x, v)`: it is a linearised backward Euler step of length τ.
+//! Stage two has `r = v_mid − k_x` and `s = f(x_mid, v_mid) − M k_v`.
+//!
+//! **Kinematic particles** move, for the time of one step, at the constant velocity `v̄_c = (x_c(t+h) − x_c(t))/h`. Then
+//! they are part of y with `k_x = v̄_c` and `k_v = w = 0`, and stage one gets `τ v̄_c` as the displacement of the notes'
+//! *Set-Boundary-Conditions*; in the non-autonomous form of the method that is the time derivative `K_fc v_c` of the
+//! force. A motion at piecewise constant velocity is met exactly; where a step passes a kink or a path is smooth, the chord
+//! is off by O(h²) and its mean velocity is right, which keeps the order at two.
+//!
+//! **Error estimate** ([`ErrorEstimate`]). ode23s compares with a third-order formula. Eliminating its third stage leaves
+//! one more solve with a second difference on the right,
+//!
+//! ```text
+//! W u = F(y) − 2F(y_mid) + F(y') − (6 + √2)(k + w − F(y_mid)),      error ≈ (h/6) u,
+//! ```
+//!
+//! which is O(h³) for every J, filtered by W⁻¹ where the system is stiff, and asymptotically the true local error where J
+//! is exact.
+
+use super::implicit::{ImplicitOptions, LinearSystem};
+use super::{AdaptiveStepper, Statistics, StepFailure, TimeStepper};
+use crate::error::Result;
+use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+use crate::linear::SolveFailure;
+use crate::operator::Combination;
+use crate::system::{State, System};
+use nalgebra::Vector3;
+use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
+
+/// Second order with the matrix of linearised backward Euler; A- and L-stable with the full stiffness.
+#[doc(alias = "Rosenbrock")]
+pub struct WMethod<'s> {
+    linear: LinearSystem<'s>,
+    held: Option<Held>,
+    /// Those at which forces are evaluated; the linear system keeps the matrix's own.
+    extensions: Extensions,
+    /// v, prescribed components at their mean velocity over the step.
+    velocities: Vec<Vector3<f64>>,
+    /// τ k_x and then k_x; τ w_x and then w_x; τ u_x and then u_x.
+    first: Vec<Vector3<f64>>,
+    second: Vec<Vector3<f64>>,
+    third: Vec<Vector3<f64>>,
+    middle: State,
+    next: State,
+    /// −r and s of the stage to solve; s becomes the right-hand side.
+    minus_r: Vec<Vector3<f64>>,
+    s: Vec<Vector3<f64>>,
+    /// `f(x, v) + (4 + √2) f(x_mid, v_mid)`, what the error estimate needs of the stages' forces.
+    forces: Vec<Vector3<f64>>,
+}
+
+/// The matrix at hand: for which steps, and in how many it has been used.
+#[derive(Debug, Clone, Copy)]
+struct Held {
+    h: f64,
+    uses: u32,
+}
+
+/// How many steps with error control use one matrix. Its age costs no order, but in time damping and stability: directions
+/// of springs go stale.
+const USES: u32 = 5;
+
+/// An estimate of the local error of a step, full-length.
+#[derive(Debug, Clone, Copy)]
+pub struct ErrorEstimate<'a> {
+    /// Of the positions, in m.
+    pub positions: &'a [Vector3<f64>],
+    /// Of the velocities, in m/s.
+    pub velocities: &'a [Vector3<f64>],
+}
+
+impl WMethod<'_> {
+    /// γ = 1 − 1/√2: the matrix of a step of length h is that of backward Euler for γ h.
+    pub const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
+}
+
+impl<'s> WMethod<'s> {
+    /// Prepares everything that stays the same from step to step: pattern, slot map, ordering, symbolic analysis.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `state`; a matrix that is too large.
+    pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
+        let zeros = || vec![Vector3::zeros(); system.particles()];
+        let linear = LinearSystem::new(system, state, options)?;
+        let extensions = linear.extensions.clone();
+        Ok(Self {
+            linear,
+            held: None,
+            extensions,
+            velocities: zeros(),
+            first: zeros(),
+            second: zeros(),
+            third: zeros(),
+            middle: state.clone(),
+            next: state.clone(),
+            minus_r: zeros(),
+            s: zeros(),
+            forces: zeros(),
+        })
+    }
+
+    /// Takes A at the state's positions for steps of length h.
+    fn prepare(&mut self, state: &State, h: f64) -> Result<(), StepFailure> {
+        self.held = None;
+        self.linear.set_extensions(&state.positions)?;
+        self.linear.prepare(self.linear.policy, Combination::step(Self::GAMMA * h))?;
+        self.held = Some(Held { h, uses: 0 });
+        Ok(())
+    }
+
+    /// Computes `next` from a state with the matrix last prepared, which must be one for the same h.
+    fn advance(&mut self, state: &State, h: f64) -> Result<(), StepFailure> {
+        let tau = Self::GAMMA * h;
+        let system = self.linear.system;
+        self.velocities.copy_from_slice(&state.velocities);
+        system.prescribed().set_mean_velocities(state.time + h, h, &state.positions, &mut self.velocities);
+
+        self.set_force(Point::Start(state))?;
+        self.forces.copy_from_slice(&self.s);
+        system.prescribed().displacement(state.time + h, &state.positions, &mut self.first);
+        for ((k, minus_r), v) in self.first.iter_mut().zip(&mut self.minus_r).zip(&self.velocities) {
+            *k *= Self::GAMMA;
+            *minus_r = -v;
+        }
+        solve_stage(&mut self.linear, tau, &self.minus_r, &mut self.s, &mut self.first)?;
+
+        for (p, &v) in self.velocities.iter().enumerate() {
+            let k_x = self.first[p];
+            let k_v = (k_x - v) / tau;
+            self.middle.positions[p] = state.positions[p] + k_x * (0.5 * h);
+            self.middle.velocities[p] = v + k_v * (0.5 * h);
+            self.minus_r[p] = k_x - self.middle.velocities[p];
+        }
+        self.set_force(Point::Middle)?;
+        for (p, mass) in system.masses().iter().enumerate() {
+            self.forces[p] += self.s[p] * (4.0 + SQRT_2);
+            self.s[p] -= (self.first[p] - self.velocities[p]) * (mass / tau);
+        }
+        self.second.fill(Vector3::zeros());
+        solve_stage(&mut self.linear, tau, &self.minus_r, &mut self.s, &mut self.second)?;
+
+        for (p, &v) in self.velocities.iter().enumerate() {
+            let (k_x, w_x) = (self.first[p], self.second[p]);
+            let k_v = (k_x - v) / tau;
+            let w_v = (w_x + self.minus_r[p]) / tau;
+            self.next.positions[p] = state.positions[p] + (k_x + w_x) * h;
+            self.next.velocities[p] = v + (k_v + w_v) * h;
+        }
+        self.next.time = state.time + h;
+        if self.next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) }
+    }
+
+    /// Estimates the error of the step just computed, with one more force evaluation and one more solve.
+    fn estimate(&mut self, h: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
+        const E: f64 = 6.0 + SQRT_2;
+        let tau = Self::GAMMA * h;
+        self.set_force(Point::Next)?;
+        for (p, mass) in self.linear.system.masses().iter().enumerate() {
+            let (v, v_mid, v_next) = (self.velocities[p], self.middle.velocities[p], self.next.velocities[p]);
+            let rate = self.first[p] + self.second[p];
+            self.minus_r[p] = (rate - v_mid) * E - (v - v_mid * 2.0 + v_next);
+            self.s[p] += self.forces[p] - (v_next - v) * (E * mass / h);
+        }
+        self.third.fill(Vector3::zeros());
+        solve_stage(&mut self.linear, tau, &self.minus_r, &mut self.s, &mut self.third)?;
+        for (u, minus_r) in self.third.iter_mut().zip(&mut self.minus_r) {
+            *minus_r = (*u + *minus_r) * (h / 6.0 / tau);
+            *u *= h / 6.0;
+        }
+        Ok(ErrorEstimate { positions: &self.third, velocities: &self.minus_r })
+    }
+
+    /// Makes the computed state the current one.
+    fn commit(&mut self, state: &mut State) {
+        self.next.prescribe(self.linear.system);
+        state.copy_from(&self.next);
+    }
+
+    /// Sets s to `f_el + f_d + g` at a point of the step.
+    fn set_force(&mut self, at: Point) -> Result<(), StepFailure> {
+        let Self { linear, extensions, velocities, middle, next, s, .. } = self;
+        let (positions, velocities) = match at {
+            Point::Start(state) => (&state.positions, &*velocities),
+            Point::Middle => (&middle.positions, &middle.velocities),
+            Point::Next => (&next.positions, &next.velocities),
+        };
+        linear.statistics.work.force_evaluations += 1;
+        extensions.update(linear.system, positions)?;
+        s.fill(Vector3::zeros());
+        add_elastic_force(linear.system, extensions, s);
+        add_damping_force(linear.system, extensions, velocities, s);
+        add_weight(linear.system, s);
+        Ok(())
+    }
+}
+
+/// Where a step evaluates the forces.
+enum Point<'a> {
+    Start(&'a State),
+    Middle,
+    Next,
+}
+
+/// The first row of `W (u_x, u_v) = (r, M⁻¹s)`: solves `A (τ u_x) = s + M r/τ − G r`. On entry u holds τ u_x of prescribed
+/// coordinates, on return u_x of all; s is used up.
+fn solve_stage(
+    linear: &mut LinearSystem,
+    tau: f64,
+    minus_r: &[Vector3<f64>],
+    s: &mut [Vector3<f64>],
+    u: &mut [Vector3<f64>],
+) -> Result<(), SolveFailure> {
+    let system = linear.system;
+    for ((s, mass), minus_r) in s.iter_mut().zip(system.masses()).zip(minus_r) {
+        *s -= minus_r * (mass / tau);
+    }
+    add_damping_force(system, &linear.extensions, minus_r, s);
+    let solution = linear.solve(s, u)?;
+    linear.statistics.record(solution.relative_residual);
+    for u in u {
+        *u /= tau;
+    }
+    Ok(())
+}
+
+impl TimeStepper for WMethod<'_> {
+    fn name(&self) -> &'static str {
+        "w2"
+    }
+
+    fn solver(&self) -> Option<&'static str> {
+        Some(self.linear.solver())
+    }
+
+    fn preconditioner(&self) -> Option<&'static str> {
+        self.linear.preconditioner()
+    }
+
+    fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        self.prepare(state, dt)?;
+        self.advance(state, dt)?;
+        self.commit(state);
+        Ok(())
+    }
+
+    fn statistics(&self) -> &Statistics {
+        &self.linear.statistics
+    }
+}
+
+impl AdaptiveStepper for WMethod<'_> {
+    fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
+        match &mut self.held {
+            Some(held) if held.h == dt && held.uses < USES => held.uses += 1,
+            _ => self.prepare(state, dt)?,
+        }
+        self.advance(state, dt)?;
+        self.estimate(dt)
+    }
+
+    fn accept(&mut self, state: &mut State) {
+        self.commit(state);
+    }
+
+    fn reject(&mut self) {
+        self.held = None;
+        self.linear.statistics.rejected_steps += 1;
+    }
+}

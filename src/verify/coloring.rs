@@ -1,0 +1,186 @@
+//! Columns that one pair of force evaluations can measure together.
+//!
+//! A difference quotient along `e_c` is column c of the Jacobian. Where no two columns of a group have a nonzero entry
+//! in the same row, moving all their coordinates at once measures all of them: each row of the difference belongs to
+//! one column (Curtis, Powell and Reid 1974). Finding few groups is colouring a graph whose neighbours share a row: two
+//! particles joined by a spring, or by two. The greedy colouring needs at most one colour more than the largest number
+//! of such neighbours, whatever the number of particles.
+
+use crate::system::{Dof, System};
+use nalgebra_sparse::CscMatrix;
+
+/// The rows that may be nonzero in each column, and the columns in groups that share no row.
+#[derive(Debug, Clone)]
+pub struct ColumnGroups {
+    rows: Lists,
+    groups: Vec<Vec<usize>>,
+}
+
+impl ColumnGroups {
+    /// Every column on its own, every entry expected: what needs no trust in any pattern.
+    pub fn one_by_one(order: usize) -> Self {
+        let rows = Lists::new((0..order).map(|_| 0..order as u32));
+        Self { rows, groups: (0..order).map(|column| vec![column]).collect() }
+    }
+
+    /// From the particles that springs couple, all axes of a particle alike. The pattern of K, G and A.
+    pub fn of_system(system: &System) -> Self {
+        let dofs = system.dofs();
+        let mut coupled: Vec<Vec<u32>> = (0..system.particles() as u32).map(|particle| vec![particle]).collect();
+        for (_, [i, j], _) in system.active() {
+            coupled[i].push(j as u32);
+            coupled[j].push(i as u32);
+        }
+        for neighbours in &mut coupled {
+            neighbours.sort_unstable();
+            neighbours.dedup();
+        }
+        let rows_of = |particle: &u32| dofs.rows(*particle as usize).map(|row| row as u32);
+        let rows = Lists::new(dofs.iter().map(|dof| coupled[dof.particle].iter().flat_map(rows_of)));
+        let coupled = Lists::new(coupled.iter().map(|neighbours| neighbours.iter().copied()));
+        let columns_along = |particles: &[usize], axis: usize| -> Vec<usize> {
+            particles.iter().filter_map(|&particle| dofs.row(Dof { particle, axis })).collect()
+        };
+        let groups = color(&coupled, &coupled).into_iter().flat_map(|particles| {
+            (0..3).map(|axis| columns_along(&particles, axis)).filter(|columns| !columns.is_empty()).collect::<Vec<_>>()
+        });
+        Self { rows, groups: groups.collect() }
+    }
+
+    /// From the stored entries of a square matrix. An entry that it lacks and a force has is then seen only in a row in
+    /// which no other column of the group stands.
+    pub fn of_matrix(matrix: &CscMatrix<f64>) -> Self {
+        let pattern = matrix.pattern();
+        let rows = Lists::new((0..matrix.ncols()).map(|column| pattern.lane(column).iter().map(|&row| row as u32)));
+        let columns = rows.transposed(matrix.nrows());
+        let groups = color(&rows, &columns);
+        Self { rows, groups }
+    }
+
+    /// Number of columns.
+    pub fn order(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// The groups.
+    pub fn groups(&self) -> &[Vec<usize>] {
+        &self.groups
+    }
+
+    /// The rows in which a column may be nonzero, ascending.
+    pub fn rows(&self, column: usize) -> &[u32] {
+        self.rows.of(column)
+    }
+}
+
+/// Greedy colouring of vertices so that no two of a colour are in one list: `lists` has the lists of every vertex,
+/// `members` the vertices of every list.
+fn color(lists: &Lists, members: &Lists) -> Vec<Vec<usize>> {
+    let mut colors = vec![usize::MAX; lists.len()];
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    // The vertex that last found a colour among its neighbours.
+    let mut met_by: Vec<usize> = Vec::new();
+    for vertex in 0..lists.len() {
+        for &other in lists.of(vertex).iter().flat_map(|&list| members.of(list as usize)) {
+            if let Some(met_by) = met_by.get_mut(colors[other as usize]) {
+                *met_by = vertex;
+            }
+        }
+        let color = met_by.iter().position(|&met_by| met_by != vertex).unwrap_or(groups.len());
+        if color == groups.len() {
+            groups.push(Vec::new());
+            met_by.push(vertex);
+        }
+        groups[color].push(vertex);
+        colors[vertex] = color;
+    }
+    groups
+}
+
+/// Lists of indices one after the other.
+#[derive(Debug, Clone)]
+pub(super) struct Lists {
+    starts: Vec<usize>,
+    items: Vec<u32>,
+}
+
+impl Lists {
+    pub fn new(lists: impl Iterator<Item = impl Iterator<Item = u32>>) -> Self {
+        let (mut starts, mut items) = (vec![0], Vec::new());
+        for list in lists {
+            items.extend(list);
+            starts.push(items.len());
+        }
+        Self { starts, items }
+    }
+
+    pub fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    pub fn of(&self, list: usize) -> &[u32] {
+        &self.items[self.starts[list]..self.starts[list + 1]]
+    }
+
+    /// For every index below `indices` the lists that hold it, ascending.
+    pub fn transposed(&self, indices: usize) -> Self {
+        let mut lists = vec![Vec::new(); indices];
+        for list in 0..self.len() {
+            for &item in self.of(list) {
+                lists[item as usize].push(list as u32);
+            }
+        }
+        Self::new(lists.into_iter().map(Vec::into_iter))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrate::StepMatrices;
+    use crate::scene::{Kind, builtin};
+    use crate::spring::Stiffness;
+
+    fn check(groups: &ColumnGroups) {
+        let mut seen = vec![0; groups.order()];
+        for group in groups.groups() {
+            let mut taken = vec![false; groups.order()];
+            for &column in group {
+                seen[column] += 1;
+                for &row in groups.rows(column) {
+                    assert!(!std::mem::replace(&mut taken[row as usize], true), "row {row} is taken twice");
+                }
+            }
+        }
+        assert!(seen.iter().all(|&times| times == 1), "every column is in one group");
+    }
+
+    #[test]
+    fn columns_of_a_group_share_no_row() {
+        for kind in Kind::ALL {
+            let (system, state) = builtin(kind, kind.default_size()).unwrap().build().unwrap();
+            let of_system = ColumnGroups::of_system(&system);
+            check(&of_system);
+            let k = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.01).unwrap().k.to_csc();
+            let of_matrix = ColumnGroups::of_matrix(&k);
+            check(&of_matrix);
+            for column in 0..k.ncols() {
+                let stored: Vec<u32> = k.col(column).row_indices().iter().map(|&row| row as u32).collect();
+                assert_eq!(of_system.rows(column), stored);
+                assert_eq!(of_matrix.rows(column), stored);
+            }
+        }
+        check(&ColumnGroups::one_by_one(5));
+        check(&ColumnGroups::one_by_one(0));
+    }
+
+    #[test]
+    fn the_number_of_groups_does_not_grow_with_the_scene() {
+        let groups = |size| {
+            let (system, _) = builtin(Kind::Cloth, size).unwrap().build().unwrap();
+            ColumnGroups::of_system(&system).groups().len()
+        };
+        assert!(groups(30) <= 120);
+        assert!(groups(60) <= groups(30) + 12);
+    }
+}

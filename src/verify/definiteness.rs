@@ -1,0 +1,167 @@
+//! What the options promise about definiteness, and whether the factorizations judge it right.
+
+use super::family::Outcome;
+use super::reference::{self, dense_step_matrix};
+use super::runs::{Way, differences, direct};
+use super::{Check, Claim, Subject, U, Unfinished};
+use crate::assembly::SymmetricMatrix;
+use crate::integrate::{Method, StepMatrices, StiffnessPolicy};
+use crate::linear::{Cholesky, Ldlt};
+use crate::spring::Stiffness;
+use faer::Par;
+
+/// Degrees of freedom up to which all eigenvalues are computed.
+const DENSE: usize = 200;
+
+/// Steps that are tried, as multiples of the subject's.
+const FACTORS: [f64; 8] = [0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0];
+
+/// Degrees of freedom up to which many steps of the same scene are affordable.
+const AFFORDABLE: usize = 2000;
+
+pub(super) fn is_affordable(subject: &Subject) -> bool {
+    (1..=AFFORDABLE).contains(&subject.system.dofs().len())
+}
+
+pub(super) fn is_small(subject: &Subject) -> bool {
+    (1..=DENSE).contains(&subject.system.dofs().len())
+}
+
+/// Without compressed springs `tension` is `full`; without stretched ones it is `axial`: the same K, to the bit.
+pub(super) fn options(subject: &Subject) -> Outcome {
+    let why = "an option only decides which terms are added, not how: not one bit may differ";
+    let compare = |twin: Subject, option: Stiffness, name: &str| -> Result<Check, Unfinished> {
+        let k = |option| StepMatrices::assemble(&twin.system, &twin.state, option, twin.dt).map(|matrices| matrices.k);
+        let (tension, other) = (k(Stiffness::Tension)?, k(option)?);
+        let pairs = tension.values().iter().zip(other.values());
+        let differing = pairs.filter(|(a, b)| a.to_bits() != b.to_bits()).count();
+        Ok(Check::new(Claim::Definiteness, name, &subject.name, differing as f64, 0.0, why))
+    };
+    Ok(vec![
+        compare(subject.stretched()?, Stiffness::Full, "tension is full where all springs are stretched")?,
+        compare(subject.squeezed()?, Stiffness::Axial, "tension is axial where all springs are compressed")?,
+    ])
+}
+
+/// Under `tension` and `axial`, `λ_min(A) ≥ m_min/dt²`: A − (1 − ε) m_min/dt² is definite at every step.
+pub(super) fn always(subject: &Subject) -> Outcome {
+    let mut checks = Vec::new();
+    for option in [Stiffness::Tension, Stiffness::Axial] {
+        for twin in [subject.clone(), subject.stretched()?, subject.squeezed()?] {
+            let mut factored = Factored::new(&twin)?;
+            let mut refused = 0;
+            let mut tried = 0;
+            for dt in FACTORS.map(|factor| factor * twin.dt) {
+                let Some(shift) = promise(&twin, dt) else { continue };
+                tried += 1;
+                let mut a = StepMatrices::assemble(&twin.system, &twin.state, option, dt)?.a;
+                (0..twin.system.particles()).for_each(|p| a.add_to_diagonal(p, -shift));
+                refused += usize::from(factored.cholesky.factor(&a).is_err());
+            }
+            let value = if tried > 0 { refused as f64 } else { f64::NAN };
+            let why = "refusals of A less its promised smallest eigenvalue m_min/dt², at steps from a quarter of dt to 4096 dt \
+                       as far as rounding can tell";
+            let name = format!("{} is definite at every step", option.name());
+            checks.push(Check::new(Claim::Definiteness, name, &twin.name, value, 0.0, why));
+        }
+    }
+    Ok(checks)
+}
+
+/// Cholesky's verdict and the signs of D against the signs of all eigenvalues, at steps across the critical one; and the
+/// number of negative ones never falls as the step grows.
+pub(super) fn inertia(subject: &Subject) -> Outcome {
+    let mut checks = Vec::new();
+    for twin in [subject.clone(), subject.squeezed()?] {
+        let mut factored = Factored::new(&twin)?;
+        let (mut wrong, mut falls, mut known) = (0, 0, 0);
+        let mut last = 0;
+        for dt in FACTORS.map(|factor| factor * twin.dt) {
+            let eigenvalues = dense_step_matrix(&twin, Stiffness::Full, dt).symmetric_eigenvalues();
+            let rounding = 4.0 * eigenvalues.len() as f64 * U * norm(&twin, dt);
+            if eigenvalues.iter().any(|value| value.abs() <= rounding) {
+                continue;
+            }
+            known += 1;
+            let negative = eigenvalues.iter().filter(|&&value| value < 0.0).count();
+            let a = StepMatrices::assemble(&twin.system, &twin.state, Stiffness::Full, dt)?.a;
+            let accepted = factored.cholesky.factor(&a).is_ok();
+            let counted = factored.negative_pivots(&a);
+            wrong += usize::from(accepted != (negative == 0) || counted != Some(negative));
+            falls += usize::from(counted.is_none_or(|counted| counted < last));
+            last = counted.unwrap_or(last);
+        }
+        let why = "at steps from a quarter of dt to 4096 dt, those left out at which an eigenvalue is within rounding of zero";
+        let value = if known > 0 { wrong as f64 } else { f64::NAN };
+        checks.push(Check::new(Claim::Definiteness, "inertia against all eigenvalues", &twin.name, value, 0.0, why));
+        let why = "uᵀA(dt)u falls as dt grows, for every u, because M ≥ 0 and −G ≥ 0";
+        let name = "negative eigenvalues only increase with the step";
+        checks.push(Check::new(Claim::Definiteness, name, &twin.name, falls as f64, 0.0, why));
+    }
+    Ok(checks)
+}
+
+/// `on-demand` is `full` in every step that `full` can do, to the bit, and can do every other step too.
+pub(super) fn on_demand(subject: &Subject) -> Outcome {
+    let mut checks = Vec::new();
+    let way = Way { method: Method::LinearBackwardEuler, stiffness: StiffnessPolicy::OnDemand };
+    let (mut different, mut compared) = (0.0, 0);
+    for twin in [subject.clone(), subject.squeezed()?] {
+        let mut refused = 0;
+        for dt in FACTORS.map(|factor| factor * twin.dt) {
+            if promise(&twin, dt).is_none() {
+                continue;
+            }
+            let full = Way::notes(Stiffness::Full).run(&twin, direct(), dt, 1)?;
+            match way.run(&twin, direct(), dt, 1) {
+                Ok(on_demand) if full.is_some() => {
+                    different += differences(&full, &on_demand);
+                    compared += 1;
+                }
+                Ok(_) => {}
+                Err(_) => refused += 1,
+            }
+        }
+        let why = "refused steps from a quarter of dt to 4096 dt, as far as rounding can tell: dropping the terms of compressed \
+                   springs always suffices";
+        let name = "on-demand can do every step";
+        checks.push(Check::new(Claim::Definiteness, name, &twin.name, f64::from(refused), 0.0, why));
+    }
+    let why = "where A is definite nothing is dropped: the same matrix, not one bit may differ";
+    let value = if compared > 0 { different } else { f64::NAN };
+    let name = "on-demand is full where full is definite";
+    checks.push(Check::new(Claim::Definiteness, name, &subject.name, value, 0.0, why));
+    Ok(checks)
+}
+
+/// `m_min/dt²`, less the rounding of a pivot, n u ‖A‖; `None` where rounding leaves less than half of it.
+fn promise(subject: &Subject, dt: f64) -> Option<f64> {
+    let lightest = subject.system.masses().iter().copied().fold(f64::INFINITY, f64::min);
+    let least = lightest / (dt * dt);
+    let rounding = 4.0 * subject.system.dofs().len() as f64 * U * norm(subject, dt);
+    (rounding <= 0.5 * least).then_some(least - rounding)
+}
+
+fn norm(subject: &Subject, dt: f64) -> f64 {
+    reference::step_matrix_norm(subject, &subject.state, dt)
+}
+
+/// Both factorizations on a subject's pattern.
+pub(super) struct Factored {
+    pub cholesky: Cholesky,
+    pub ldlt: Ldlt,
+}
+
+impl Factored {
+    pub fn new(subject: &Subject) -> Result<Self, Unfinished> {
+        let a = StepMatrices::assemble(&subject.system, &subject.state, Stiffness::Tension, subject.dt)?.a;
+        let pattern = a.pattern();
+        Ok(Self { cholesky: Cholesky::analyse(pattern, Par::Seq)?, ldlt: Ldlt::analyse(pattern, Par::Seq)? })
+    }
+
+    /// The number of negative pivots of LDLᵀ; `None` where it breaks down.
+    pub fn negative_pivots(&mut self, a: &SymmetricMatrix) -> Option<usize> {
+        self.ldlt.factor(a).ok()?;
+        Some(self.ldlt.pivots().filter(|&(_, pivot)| pivot < 0.0).count())
+    }
+}

@@ -1,0 +1,64 @@
+//! The checks of forces, blocks and matrices against derivatives, on a subject.
+
+use super::Subject;
+use super::consistency::{damping_dissipates, damping_entries, energy_slope};
+use super::difference::{spring_blocks, stiffness_entries};
+use super::dropped::dropped_terms;
+use super::dual::{blocks_against_duals, force_against_energy, stiffness_against_duals};
+use super::family::Outcome;
+use super::jacobian::{JacobianOptions, check_jacobian};
+use super::reduced::{damping_force, elastic_energy, elastic_force, reduce};
+use super::v_curve::v_curve;
+use crate::integrate::StepMatrices;
+use crate::spring::{Extension, Spring, Stiffness};
+use nalgebra::Matrix3;
+
+/// Free coordinates up to which every column is also measured on its own, trusting no pattern.
+const ONE_BY_ONE_LIMIT: usize = 120;
+
+/// K under the full stiffness along random directions, entry by entry, and spring by spring.
+pub(super) fn jacobian(subject: &Subject) -> Outcome {
+    let Subject { name, system, state, dt } = subject;
+    let k = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?.k;
+    let block =
+        |spring: &Spring, at: &Extension| -> Matrix3<f64> { spring.stiffness_block(at, Stiffness::Full).matrix() };
+    let mut checks = v_curve(system, state, elastic_force(system, state), &k, name);
+    checks.push(stiffness_entries(system, state, elastic_force(system, state), &k.to_csc(), name));
+    checks.push(stiffness_against_duals(system, state, &k.to_csc(), name));
+    checks.push(spring_blocks(system, state, block, name));
+    checks.extend(blocks_against_duals(system, state, block, name));
+    if system.dofs().len() <= ONE_BY_ONE_LIMIT {
+        let options = JacobianOptions { springs: Some((system, state)), ..JacobianOptions::default() };
+        let x = reduce(system, &state.positions);
+        checks.push(check_jacobian(elastic_force(system, state), &k, &x, &options)?.to_check(name));
+    }
+    Ok(checks)
+}
+
+/// What `tension` and `axial` leave out of K.
+pub(super) fn dropped(subject: &Subject) -> Outcome {
+    let Subject { name, system, state, dt } = subject;
+    let mut checks = Vec::new();
+    for option in [Stiffness::Tension, Stiffness::Axial] {
+        let k = StepMatrices::assemble(system, state, option, *dt)?.k;
+        checks.extend(dropped_terms(system, state, elastic_force(system, state), option, &k, name));
+    }
+    Ok(checks)
+}
+
+/// The elastic force against its energy, and G against the damping force.
+pub(super) fn consistency(subject: &Subject) -> Outcome {
+    let Subject { name, system, state, dt } = subject;
+    let mut force = vec![0.0; system.dofs().len()];
+    elastic_force(system, state)(&reduce(system, &state.positions), &mut force);
+    let mut checks = vec![
+        force_against_energy(system, state, &force, name),
+        energy_slope(system, state, elastic_energy(system, state), &force, name),
+    ];
+    if system.is_damped() {
+        let g = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?.g;
+        checks.push(damping_entries(system, state, damping_force(system, state), &g.to_csc(), name));
+        checks.push(damping_dissipates(system, &g, name));
+    }
+    Ok(checks)
+}

@@ -1,0 +1,163 @@
+//! How far a central difference of the elastic force may be from its derivative.
+//!
+//! A spring's force is `f = −(k/l0) d + k n(d)`, `n = d/‖d‖`: only n is curved. Along a displacement δ of d, with θ the
+//! angle between δ and n, its second and third derivatives have the norms
+//!
+//! ```text
+//! ‖n''‖  = (‖δ‖/l)² sin θ √(1 + 3 cos²θ)                               ≤ (2/√3) (‖δ‖/l)²
+//! ‖n'''‖ = (‖δ‖/l)³ sin θ √((9 cos²θ − 3)² + 36 cos²θ sin²θ)           ≤ 3 (‖δ‖/l)³
+//! ```
+//!
+//! (differentiate the angle `atan(s sin θ/(1 + s cos θ))` that n turns by). So the central difference over ±h differs
+//! from the derivative by at most `k h² ‖δ‖³/(2 (l − h‖δ‖)³)`, by Taylor's theorem with the remainder taken at the
+//! shortest length on the way. If x ± h round to a pair whose middle is off by m, the difference is the derivative
+//! elsewhere, by at most `(2/√3) k m ‖δ‖/l²`.
+//!
+//! Rounding: a computed d has a relative error of u, l one of 3.5 u, n one of 5.5 u; the strain is off by `3.5 u l/l0`
+//! and twice u of itself. With two more products the force is off by at most `13 u k max(1, l/l0)`, 15 u over lengths
+//! within l/8. Adding the forces of all springs at a particle adds u of their sum of magnitudes for every spring.
+
+use super::coloring::Lists;
+use crate::force::Extensions;
+use crate::spring::{Extension, Spring};
+use crate::system::System;
+
+/// The unit of rounding, 2⁻⁵³.
+pub const U: f64 = f64::EPSILON / 2.0;
+
+/// `(2/√3)`, the largest `‖n''‖` at unit length and displacement.
+pub(super) const SECOND: f64 = 1.154_700_538_379_251_6;
+
+/// Bound of the rounding error of one spring's force, in N.
+pub(super) fn force_rounding(spring: &Spring, at: &Extension) -> f64 {
+    15.0 * U * spring.stiffness * (at.length / spring.rest_length).max(1.0)
+}
+
+/// Bound of the rounding error of an entry of one spring's block, computed by any stable formula, in N/m: each of the
+/// terms k/l0 and k/l is rounded a few times, 12 all told.
+pub(super) fn block_rounding(spring: &Spring, at: &Extension) -> f64 {
+    12.0 * U * spring.stiffness * (1.0 / spring.rest_length + 1.0 / at.length)
+}
+
+/// Bound of the truncation error of the central difference over ±h along a displacement of norm `delta`, in N/m.
+pub(super) fn truncation(spring: &Spring, at: &Extension, h: f64, delta: f64) -> f64 {
+    let shortest = at.length - h * delta;
+    if shortest > 0.0 { 0.5 * spring.stiffness * h * h * (delta / shortest).powi(3) } else { f64::INFINITY }
+}
+
+/// Factor of h² in the truncation error along a unit displacement, for small h.
+pub(super) fn curvature(spring: &Spring, at: &Extension) -> f64 {
+    0.5 * spring.stiffness / at.length.powi(3)
+}
+
+/// Bound of everything but the rounding of forces: truncation, a middle that is off, the rounding of the block itself.
+pub(super) fn own_error(spring: &Spring, at: &Extension, step: Step) -> f64 {
+    let h = 0.5 * step.width();
+    let moved = SECOND * spring.stiffness * step.offset / (at.length - h).powi(2);
+    truncation(spring, at, h, 1.0) + moved + block_rounding(spring, at)
+}
+
+/// A step as it really is after rounding.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Step {
+    pub forward: f64,
+    pub backward: f64,
+    /// How far the middle is from where the derivative is wanted.
+    offset: f64,
+}
+
+impl Step {
+    /// Truncation `T h²` and rounding `ρ/h` are least together at `h = (ρ/2T)^{1/3}`; not beyond an eighth of the
+    /// length, and at least 16 units in the last place of x.
+    pub fn best(x: f64, rounding: f64, curvature: f64, length: f64) -> Self {
+        let best = (rounding / (2.0 * curvature)).cbrt();
+        // Where no spring is, the force is zero and any step will do.
+        let h = if best.is_finite() { best.min(length / 8.0) } else { 1.0 };
+        let h = h.max(32.0 * U * x.abs());
+        let (forward, backward) = (x + h, x - h);
+        Self { forward, backward, offset: 0.5 * ((forward - x) - (x - backward)).abs() }
+    }
+
+    /// The distance of the two points: exact, where h is small against x, by Sterbenz' lemma.
+    pub fn width(&self) -> f64 {
+        self.forward - self.backward
+    }
+}
+
+/// A spring where it is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Link<'a> {
+    pub index: usize,
+    pub ends: [usize; 2],
+    pub spring: &'a Spring,
+    pub at: &'a Extension,
+}
+
+impl Link<'_> {
+    fn other(&self, particle: usize) -> usize {
+        if self.ends[0] == particle { self.ends[1] } else { self.ends[0] }
+    }
+}
+
+/// The error analysis of f_el at one configuration.
+pub(super) struct ForceError<'a> {
+    links: Vec<Link<'a>>,
+    /// Positions in `links` of every particle's springs.
+    at: Lists,
+    /// Bound of the rounding error of the force on every particle, in N.
+    rounding: Vec<f64>,
+}
+
+impl<'a> ForceError<'a> {
+    pub fn new(system: &'a System, extensions: &'a Extensions) -> Self {
+        let link = |((index, ends, spring), at)| Link { index, ends, spring, at };
+        let links: Vec<_> = system.active().zip(extensions.iter()).map(link).collect();
+        let ends = Lists::new(links.iter().map(|link| link.ends.map(|end| end as u32).into_iter()));
+        let at = ends.transposed(system.particles());
+        let of_particle = |particle: usize| {
+            let mine = || at.of(particle).iter().map(|&position| links[position as usize]);
+            let own: f64 = mine().map(|link| force_rounding(link.spring, link.at)).sum();
+            let magnitude: f64 = mine().map(|link| link.spring.elastic_force(link.at).norm()).sum();
+            own + mine().count() as f64 * U * magnitude
+        };
+        let rounding = (0..system.particles()).map(of_particle).collect();
+        Self { links, at, rounding }
+    }
+
+    /// All springs.
+    pub fn links(&self) -> &[Link<'a>] {
+        &self.links
+    }
+
+    /// The springs that end at a particle.
+    pub fn links_at(&self, particle: usize) -> impl Iterator<Item = Link<'a>> + '_ {
+        self.at.of(particle).iter().map(move |&position| self.links[position as usize])
+    }
+
+    /// The springs that put a block at the rows of one particle and the columns of another, or the same.
+    pub fn links_between(&self, row: usize, column: usize) -> impl Iterator<Item = Link<'a>> + '_ {
+        self.links_at(column).filter(move |link| row == column || link.other(column) == row)
+    }
+
+    /// Bound of the rounding error of the force on a particle, in N.
+    pub fn rounding(&self, particle: usize) -> f64 {
+        self.rounding[particle]
+    }
+
+    /// The length of the shortest spring at a particle, in m; infinite without one.
+    pub fn shortest(&self, particle: usize) -> f64 {
+        self.links_at(particle).map(|link| link.at.length).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The step for a coordinate x of a particle.
+    pub fn step(&self, particle: usize, x: f64) -> Step {
+        let curvature = self.links_at(particle).map(|link| curvature(link.spring, link.at)).sum();
+        Step::best(x, self.rounding(particle), curvature, self.shortest(particle))
+    }
+
+    /// How much the difference quotient of the force on `row` along a coordinate of `column` may be off, in N/m.
+    pub fn allowed(&self, row: usize, column: usize, step: Step) -> f64 {
+        let own: f64 = self.links_between(row, column).map(|link| own_error(link.spring, link.at, step)).sum();
+        own + self.rounding(row) / (0.5 * step.width())
+    }
+}

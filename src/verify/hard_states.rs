@@ -1,0 +1,73 @@
+//! Configurations that are hard on a Jacobian: every regime of strain, far from the origin, tiny, huge.
+
+use crate::error::Result;
+use crate::spring::Spring;
+use crate::system::{State, System, SystemBuilder};
+use nalgebra::Vector3;
+
+/// What is done to the springs and to the place of a hard state.
+struct Regime {
+    name: &'static str,
+    /// l/l0 of every spring, about.
+    stretch: f64,
+    /// Length of a typical spring, in m.
+    scale: f64,
+    /// Distance from the origin, in m.
+    away: f64,
+    /// Factor by which one particle is drawn towards its neighbour.
+    collapse: f64,
+}
+
+const ORDINARY: Regime = Regime { name: "", stretch: 1.0, scale: 1.0, away: 0.0, collapse: 1.0 };
+
+const REGIMES: [Regime; 8] = [
+    Regime { name: "compressed to 0.4 of rest", stretch: 0.4, ..ORDINARY },
+    Regime { name: "stretched to 2.5 of rest", stretch: 2.5, ..ORDINARY },
+    Regime { name: "within 1e-9 of rest", stretch: 1.0 + 1e-9, ..ORDINARY },
+    Regime { name: "one spring collapsed to 1e-5", collapse: 1e-5, ..ORDINARY },
+    Regime { name: "1e6 m from the origin", stretch: 1.3, away: 1e6, ..ORDINARY },
+    Regime { name: "size 1e-6 m", stretch: 0.8, scale: 1e-6, ..ORDINARY },
+    Regime { name: "size 1e6 m", stretch: 1.2, scale: 1e6, ..ORDINARY },
+    Regime { name: "size 1e-3 m at 1e3 m", stretch: 0.9, scale: 1e-3, away: 1e3, ..ORDINARY },
+];
+
+/// A tetrahedron with a fifth particle, one particle held and another free along two axes, all values unequal, in
+/// eight regimes of strain, place and scale: name, system, state.
+///
+/// # Errors
+/// None in practice: every value follows the rules.
+pub fn hard_states() -> Result<Vec<(&'static str, System, State)>> {
+    REGIMES.iter().map(|regime| regime.build().map(|(system, state)| (regime.name, system, state))).collect()
+}
+
+impl Regime {
+    fn build(&self) -> Result<(System, State)> {
+        let shape = [[0.0, 0.0, 0.0], [1.1, 0.13, -0.21], [0.37, 0.93, 0.11], [0.41, 0.32, 0.97], [1.21, 1.13, 0.83]];
+        let mut points = shape.map(Vector3::from);
+        points[4] = points[3] + (points[4] - points[3]) * self.collapse;
+        let away = Vector3::new(0.6, -0.64, 0.48) * self.away;
+        let mut builder = SystemBuilder::new();
+        for (p, point) in points.iter().enumerate() {
+            builder.particle((point * self.scale + away).into(), 0.4 + 0.31 * p as f64);
+        }
+        let pairs = [[0, 1], [0, 2], [0, 3], [1, 2], [3, 1], [2, 3], [3, 4], [4, 1]];
+        for (s, [i, j]) in pairs.into_iter().enumerate() {
+            let length = (builder.positions[i] - builder.positions[j]).norm();
+            // Unequal strains of one kind: the excess over rest varies by half.
+            let stretch = 1.0 + (self.stretch - 1.0) * (1.0 - 0.07 * s as f64);
+            let rest_length = if self.collapse < 1.0 { 0.8 + 0.06 * s as f64 } else { length / stretch };
+            builder.spring(i, j, Spring { stiffness: 40.0 + 37.0 * s as f64, rest_length, damping: 0.3 * s as f64 });
+        }
+        let speed = self.scale;
+        for (p, v) in builder.velocities.iter_mut().enumerate() {
+            *v = Vector3::new(0.3 * p as f64, -0.2, 0.11 * (p * p) as f64) * speed;
+        }
+        builder.hold(0);
+        builder.constrain(crate::Constraint {
+            particles: vec![2],
+            axes: crate::system::Axes::of(&[1]),
+            motion: crate::Motion::Held,
+        });
+        builder.build()
+    }
+}

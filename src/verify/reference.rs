@@ -1,0 +1,165 @@
+//! The formulas of the notes, written out a second time as plainly as possible: what checks hold the solver to.
+//!
+//! Nothing here is shared with the code under test. Vectors are full-length, one 3-vector a particle, prescribed or not;
+//! K^s and the damping block are multiplied out as 3×3 matrices; the order of sums is the order of the springs.
+
+use super::Subject;
+use crate::spring::Stiffness;
+use crate::system::{State, System};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+/// One spring at a configuration: its ends, `n`, `l`, and the numbers k, l0, b.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Link {
+    pub ends: [usize; 2],
+    pub direction: Vector3<f64>,
+    pub length: f64,
+    pub stiffness: f64,
+    pub rest_length: f64,
+    pub damping: f64,
+}
+
+impl Link {
+    /// `−k (l/l0 − 1) n`, on the first end.
+    pub fn elastic_force(&self) -> Vector3<f64> {
+        -self.stiffness * ((self.length - self.rest_length) / self.rest_length) * self.direction
+    }
+
+    /// `k (1/l0 − 1/l)`, as far as the option keeps it.
+    pub fn transverse(&self, option: Stiffness) -> f64 {
+        let exact = self.stiffness * (self.length - self.rest_length) / (self.rest_length * self.length);
+        let kept = match option {
+            Stiffness::Full => true,
+            Stiffness::Tension => self.length >= self.rest_length,
+            Stiffness::Axial => false,
+        };
+        if kept { exact } else { 0.0 }
+    }
+
+    /// `K^s = k (1/l0 − 1/l)(I − nnᵀ) + (k/l0) nnᵀ`.
+    pub fn stiffness_block(&self, option: Stiffness) -> Matrix3<f64> {
+        let along = self.direction * self.direction.transpose();
+        (Matrix3::identity() - along) * self.transverse(option) + along * (self.stiffness / self.rest_length)
+    }
+
+    /// `b nnᵀ`.
+    pub fn damping_block(&self) -> Matrix3<f64> {
+        self.direction * self.direction.transpose() * self.damping
+    }
+
+    /// The largest that an entry of K^s, or a part of it before terms cancel, can be: what its rounding is relative to.
+    pub fn magnitude(&self) -> f64 {
+        self.stiffness / self.rest_length + self.stiffness / self.length
+    }
+}
+
+/// All springs of a system at some positions, those between prescribed particles included.
+pub(super) fn links(system: &System, positions: &[Vector3<f64>]) -> Vec<Link> {
+    let link = |(pair, spring): (&[u32; 2], &crate::spring::Spring)| {
+        let ends = pair.map(|p| p as usize);
+        let d = positions[ends[0]] - positions[ends[1]];
+        let length = (d.x * d.x + d.y * d.y + d.z * d.z).sqrt();
+        Link {
+            ends,
+            direction: d / length,
+            length,
+            stiffness: spring.stiffness,
+            rest_length: spring.rest_length,
+            damping: spring.damping,
+        }
+    };
+    system.pairs().iter().zip(system.springs()).map(link).collect()
+}
+
+/// `Σ f` over the springs: f on the first end, −f on the second.
+pub(super) fn sum(links: &[Link], particles: usize, force: impl Fn(&Link) -> Vector3<f64>) -> Vec<Vector3<f64>> {
+    let mut total = vec![Vector3::zeros(); particles];
+    for link in links {
+        let f = force(link);
+        total[link.ends[0]] += f;
+        total[link.ends[1]] -= f;
+    }
+    total
+}
+
+/// `K w` at the links' configuration.
+pub(super) fn stiffness_product(links: &[Link], option: Stiffness, w: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    sum(links, w.len(), |link| -link.stiffness_block(option) * (w[link.ends[0]] - w[link.ends[1]]))
+}
+
+/// `G w` at the links' configuration; with velocities for w this is f_d.
+pub(super) fn damping_product(links: &[Link], w: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    sum(links, w.len(), |link| -link.damping_block() * (w[link.ends[0]] - w[link.ends[1]]))
+}
+
+/// `|K| |w|` particle by particle: the sum of the magnitudes of everything that is added up in `K w`.
+pub(super) fn magnitude(links: &[Link], block: impl Fn(&Link) -> f64, w: &[Vector3<f64>]) -> Vec<f64> {
+    let mut total = vec![0.0; w.len()];
+    for link in links {
+        let [i, j] = link.ends;
+        let size = block(link) * (w[i].norm() + w[j].norm());
+        total[i] += size;
+        total[j] += size;
+    }
+    total
+}
+
+/// `Σ k (l + l0)/l0` particle by particle: the magnitudes in f_el before strains cancel, in N.
+pub(super) fn pull(links: &[Link], particles: usize) -> Vec<f64> {
+    let mut total = vec![0.0; particles];
+    for link in links {
+        let size = link.stiffness * (link.length + link.rest_length) / link.rest_length;
+        link.ends.iter().for_each(|&p| total[p] += size);
+    }
+    total
+}
+
+/// `A = M/dt² − G/dt − K` over the free degrees of freedom as a dense matrix.
+pub(super) fn dense_step_matrix(subject: &Subject, option: Stiffness, dt: f64) -> DMatrix<f64> {
+    let Subject { system, state, .. } = subject;
+    let n = 3 * system.particles();
+    let mut whole = DMatrix::zeros(n, n);
+    for (p, mass) in system.masses().iter().enumerate() {
+        for axis in 0..3 {
+            whole[(3 * p + axis, 3 * p + axis)] += mass / (dt * dt);
+        }
+    }
+    for link in links(system, &state.positions) {
+        let block = link.stiffness_block(option) + link.damping_block() / dt;
+        let [i, j] = link.ends;
+        for (p, q, sign) in [(i, i, 1.0), (j, j, 1.0), (i, j, -1.0), (j, i, -1.0)] {
+            let mut part = whole.fixed_view_mut::<3, 3>(3 * p, 3 * q);
+            part += block * sign;
+        }
+    }
+    let free: Vec<usize> = system.dofs().iter().map(|dof| 3 * dof.particle + dof.axis).collect();
+    DMatrix::from_fn(free.len(), free.len(), |row, column| whole[(free[row], free[column])])
+}
+
+/// The largest sum of magnitudes in a row of A: at least `‖A‖∞`.
+pub(super) fn step_matrix_norm(subject: &Subject, state: &State, dt: f64) -> f64 {
+    let system = &subject.system;
+    let mut rows: Vec<f64> = system.masses().iter().map(|mass| mass / (dt * dt)).collect();
+    for link in links(system, &state.positions) {
+        // A row of a 3×3 block of norm β sums up to at most √3 β, once on the diagonal and once beside it.
+        let size = 2.0 * 3f64.sqrt() * (link.magnitude() + link.damping / dt);
+        link.ends.iter().for_each(|&p| rows[p] += size);
+    }
+    rows.into_iter().fold(0.0, f64::max)
+}
+
+/// A field of vectors without symmetry, the same at every call: no component along a modelled axis is zero, no two are
+/// alike, all are at most 1.
+pub(super) fn field(system: &System) -> Vec<Vector3<f64>> {
+    // Multiples of the golden ratio, modulo 1, are spread evenly and never repeat.
+    let spread = |n: usize| 2.0 * ((n as f64 * 0.618_033_988_749_895) % 1.0) - 1.0;
+    let vector = |p| Vector3::from_fn(|axis, _| if axis < system.dimension() { spread(3 * p + axis + 1) } else { 0.0 });
+    (0..system.particles()).map(vector).collect()
+}
+
+/// The free coordinates of a full-length vector.
+pub(super) fn free(system: &System, full: &[Vector3<f64>]) -> Vec<f64> {
+    let mut reduced = vec![0.0; system.dofs().len()];
+    system.dofs().gather(full, &mut reduced);
+    reduced
+}

@@ -1,0 +1,37 @@
+//! The scenes that the program carries to verify itself on.
+
+use super::Subject;
+use crate::error::Result;
+use crate::scene::Scene;
+
+/// Between them: compression, tension and prestress; held, led and partly held particles; one, two and three axes; free
+/// and disconnected parts; equilibria; stiff and ill-conditioned systems.
+const SCENES: [&str; 13] = [
+    include_str!("../../verification/scenes/buckled_column.toml"),
+    include_str!("../../verification/scenes/compressed_chain.toml"),
+    include_str!("../../verification/scenes/disconnected.toml"),
+    include_str!("../../verification/scenes/hanging_chain.toml"),
+    include_str!("../../verification/scenes/ill_conditioned.toml"),
+    include_str!("../../verification/scenes/moving_anchor.toml"),
+    include_str!("../../verification/scenes/one_dimensional.toml"),
+    include_str!("../../verification/scenes/parallel_springs.toml"),
+    include_str!("../../verification/scenes/planar_truss.toml"),
+    include_str!("../../verification/scenes/stiff_pendulum.toml"),
+    include_str!("../../verification/scenes/taut_string.toml"),
+    include_str!("../../verification/scenes/tetrahedron.toml"),
+    include_str!("../../verification/scenes/two_springs.toml"),
+];
+
+/// The built-in scenes, and the hard states of the Jacobian's checks with a step that resolves their vibrations.
+///
+/// # Errors
+/// None: the suite builds every one of them.
+pub fn built_in() -> Result<Vec<Subject>> {
+    let scenes = SCENES.iter().map(|text| Subject::of_scene(&Scene::from_toml(text)?));
+    let hard = super::hard_states()?.into_iter().map(|(name, system, state)| {
+        let subject = Subject { name: name.into(), system, state, dt: 0.0 };
+        let dt = subject.resolving_step();
+        Ok(Subject { dt, ..subject })
+    });
+    scenes.chain(hard).collect()
+}

@@ -1,0 +1,227 @@
+//! A step solves its own equations: the new state put back into them leaves rounding.
+//!
+//! The residuals are formed from the formulas of the notes alone, for all free coordinates, with what prescribed ones
+//! contribute. With `δx = dt v'`:
+//!
+//! ```text
+//! linear backward Euler   M (v' − v)/dt − f_el(x) − K δx − G v' − g
+//! backward Euler          M (v' − v)/dt − f_el(x') − f_d(x', v') − g
+//! explicit methods        M (v' − v)/dt − f_el(x) − f_d(x, v) − g
+//! ```
+
+use super::family::Outcome;
+use super::reference::{self, Link, damping_product, free, links, stiffness_product};
+use super::runs::{Way, direct};
+use super::{Check, Claim, Subject, U, worst};
+use crate::integrate::Method;
+use crate::linear::{SolverChoice, SolverOptions, norm};
+use crate::spring::Stiffness;
+use crate::system::State;
+use nalgebra::Vector3;
+
+/// Steps that are put back.
+const STEPS: usize = 3;
+
+/// Units of rounding that a backward stable solve, and forming the residual, may leave.
+const UNITS: f64 = 30.0;
+
+/// The tolerance that conjugate gradients are given.
+const TOLERANCE: f64 = 1e-10;
+
+/// A residual, and what one unit of rounding in the same equations amounts to.
+struct Residual {
+    rows: Vec<f64>,
+    right_hand_side: Vec<f64>,
+    unit: f64,
+}
+
+/// Linear backward Euler by every option and solver.
+pub(super) fn linear(subject: &Subject) -> Outcome {
+    let solvers = [
+        (SolverChoice::Llt, "Cholesky"),
+        (SolverChoice::Ldlt, "LDLᵀ"),
+        (SolverChoice::Cg, "matrix-free conjugate gradients"),
+        (SolverChoice::CgAssembled, "conjugate gradients on the assembled matrix"),
+    ];
+    let mut checks = Vec::new();
+    for option in Stiffness::ALL {
+        for (solver, solver_name) in solvers {
+            let way = Way::notes(option);
+            let options = SolverOptions { solver, tolerance: TOLERANCE, ..SolverOptions::default() };
+            let Some(states) = way.run(subject, options, subject.dt, STEPS)? else { continue };
+            let residuals =
+                states.windows(2).map(|pair| linear_residual(subject, option, subject.dt, &pair[0], &pair[1]));
+            let name = format!("residual of a step, {}, {solver_name}", option.name());
+            checks.push(match solver {
+                SolverChoice::Llt | SolverChoice::Ldlt => {
+                    let value = worst(residuals.map(|residual| largest(&residual.rows) / residual.unit));
+                    let why = "in units of rounding, u (‖A‖ ‖δx‖ + ‖b‖) in the maximum norm: what a backward stable solve \
+                               and forming the residual leave";
+                    Check::new(Claim::Solvers, name, &subject.name, value, UNITS, why)
+                }
+                _ => {
+                    let share = |r: Residual| {
+                        let rounding = UNITS * r.unit * (r.rows.len() as f64).sqrt();
+                        norm(&r.rows) / (TOLERANCE * norm(&r.right_hand_side) + rounding)
+                    };
+                    let why = "‖b − A δx‖ over the tolerance of 1e-10 ‖b‖, with 30 units of rounding a row for forming it";
+                    Check::new(Claim::Solvers, name, &subject.name, worst(residuals.map(share)), 1.0, why)
+                }
+            });
+        }
+    }
+    Ok(checks)
+}
+
+/// All other methods, and that positions follow velocities.
+pub(super) fn others(subject: &Subject) -> Outcome {
+    let mut checks = Vec::new();
+    for way in Way::all() {
+        let dt = way.step(subject);
+        let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
+        let moved = states.windows(2).map(|pair| displacement_error(subject, way.method, dt, &pair[0], &pair[1]));
+        if way.method != Method::W2 {
+            let why = "in units of rounding of the position: v is the old, the new or the mean velocity, as the method has it";
+            let name = format!("x' = x + dt v, {}", way.name());
+            checks.push(Check::new(Claim::Solvers, name, &subject.name, worst(moved), 4.0, why));
+        }
+        let residual: fn(&Subject, f64, &State, &State) -> f64 = match way.method {
+            // Linear backward Euler has its own checks; the W-method is held to known answers.
+            Method::LinearBackwardEuler | Method::W2 => continue,
+            Method::BackwardEuler => newton_share,
+            Method::ImplicitMidpoint => midpoint_share,
+            Method::SymplecticEuler | Method::ForwardEuler => explicit_share,
+        };
+        let value = worst(states.windows(2).map(|pair| residual(subject, dt, &pair[0], &pair[1])));
+        let why = match way.is_nonlinear() {
+            true => "over the 1e-10 of the balancing forces at which Newton's method stops, with rounding",
+            false => "over 30 units of rounding of the forces that are added up",
+        };
+        let name = format!("residual of a step, {}", way.name());
+        checks.push(Check::new(Claim::Solvers, name, &subject.name, value, 1.0, why));
+    }
+    Ok(checks)
+}
+
+fn linear_residual(subject: &Subject, option: Stiffness, dt: f64, before: &State, after: &State) -> Residual {
+    let system = &subject.system;
+    let links = links(system, &before.positions);
+    let n = system.particles();
+    let dx: Vec<Vector3<f64>> = after.velocities.iter().map(|v| v * dt).collect();
+    let elastic = reference::sum(&links, n, Link::elastic_force);
+    let stiffness = stiffness_product(&links, option, &dx);
+    let damping = damping_product(&links, &after.velocities);
+    let mut rows = vec![Vector3::zeros(); n];
+    let mut right_hand_side = vec![Vector3::zeros(); n];
+    for (p, &m) in system.masses().iter().enumerate() {
+        let known = before.velocities[p] * (m / dt) + elastic[p] + system.gravity() * m;
+        rows[p] = known - after.velocities[p] * (m / dt) + stiffness[p] + damping[p];
+        right_hand_side[p] = known;
+    }
+    // A_fc δx_c belongs to b: subtract it as the solver does.
+    let mut prescribed = dx.clone();
+    system.dofs().scatter(&vec![0.0; system.dofs().len()], &mut prescribed);
+    let velocities: Vec<Vector3<f64>> = prescribed.iter().map(|d| d / dt).collect();
+    let coupling = stiffness_product(&links, option, &prescribed);
+    for ((b, k), g) in right_hand_side.iter_mut().zip(coupling).zip(damping_product(&links, &velocities)) {
+        *b += k + g;
+    }
+    // ‖b‖ at the magnitudes of its parts: rounding does not know that they cancel.
+    let pull = reference::pull(&links, n);
+    let parts = |(p, m): (usize, &f64)| m * (before.velocities[p].amax() / dt + system.gravity().amax()) + pull[p];
+    let b = system.masses().iter().enumerate().map(parts).fold(0.0, f64::max);
+    let unit = U * (reference::step_matrix_norm(subject, before, dt) * max(&dx) + b);
+    Residual { rows: free(system, &rows), right_hand_side: free(system, &right_hand_side), unit }
+}
+
+fn max(vectors: &[Vector3<f64>]) -> f64 {
+    vectors.iter().fold(0.0, |largest, v| if v.amax() <= largest { largest } else { v.amax() })
+}
+
+fn largest(rows: &[f64]) -> f64 {
+    worst(rows.iter().map(|row| row.abs()).chain([0.0]))
+}
+
+/// `|x' − (x + dt v)|` in units of rounding; v is what the method moves by.
+fn displacement_error(subject: &Subject, method: Method, dt: f64, before: &State, after: &State) -> f64 {
+    worst(subject.system.dofs().iter().map(|dof| {
+        let of = |vectors: &[Vector3<f64>]| vectors[dof.particle][dof.axis];
+        let (x, y, v, w) = (of(&before.positions), of(&after.positions), of(&before.velocities), of(&after.velocities));
+        let d = dt
+            * match method {
+                Method::ForwardEuler => v,
+                Method::ImplicitMidpoint => 0.5 * (v + w),
+                _ => w,
+            };
+        let unit = U * (x.abs() + y.abs() + dt * (v.abs() + w.abs()));
+        if y == x + d { 0.0 } else { (y - (x + d)).abs() / unit }
+    }))
+}
+
+/// As [`newton_share`] for the implicit midpoint rule: a backward Euler step to the means, of half the length.
+fn midpoint_share(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
+    let mean = |x: &[Vector3<f64>], y: &[Vector3<f64>]| x.iter().zip(y).map(|(x, y)| (x + y) * 0.5).collect();
+    let mut middle = State {
+        time: before.time + 0.5 * dt,
+        positions: mean(&before.positions, &after.positions),
+        velocities: mean(&before.velocities, &after.velocities),
+    };
+    // Prescribed coordinates go by the chord of their motion.
+    for (dof, ..) in subject.system.prescribed().iter() {
+        let (x, y) = (before.positions[dof.particle][dof.axis], after.positions[dof.particle][dof.axis]);
+        middle.velocities[dof.particle][dof.axis] = (y - x) / dt;
+    }
+    newton_share(subject, 0.5 * dt, before, &middle)
+}
+
+/// Residual of the nonlinear equations over what Newton's method leaves.
+fn newton_share(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
+    let forces = Forces::at(subject, after, &after.velocities);
+    let (rows, magnitudes) = forces.residual(subject, dt, before, after);
+    let reach = reference::magnitude(&forces.links, Link::magnitude, &after.positions);
+    let rounding: Vec<f64> = reach.iter().map(|force| UNITS * U * force).collect();
+    norm(&rows) / (1e-10 * norm(&magnitudes) + norm(&rounding))
+}
+
+fn explicit_share(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
+    let forces = Forces::at(subject, before, &before.velocities);
+    let (rows, magnitudes) = forces.residual(subject, dt, before, after);
+    norm(&rows) / (UNITS * U * norm(&magnitudes))
+}
+
+/// `f_el + f_d + g` at a state, and the sums of the magnitudes in them.
+struct Forces {
+    links: Vec<Link>,
+    total: Vec<Vector3<f64>>,
+    magnitudes: Vec<f64>,
+}
+
+impl Forces {
+    fn at(subject: &Subject, state: &State, velocities: &[Vector3<f64>]) -> Self {
+        let system = &subject.system;
+        let links = links(system, &state.positions);
+        let n = system.particles();
+        let mut total = reference::sum(&links, n, Link::elastic_force);
+        let damping = damping_product(&links, velocities);
+        let mut magnitudes = reference::magnitude(&links, |link| link.damping, velocities);
+        let pull = reference::pull(&links, n);
+        for (p, &m) in system.masses().iter().enumerate() {
+            total[p] += damping[p] + system.gravity() * m;
+            magnitudes[p] += pull[p] + m * system.gravity().norm();
+        }
+        Self { links, total, magnitudes }
+    }
+
+    /// `M (v' − v)/dt − f` on free coordinates, and the magnitudes of its parts on particles that have one.
+    fn residual(&self, subject: &Subject, dt: f64, before: &State, after: &State) -> (Vec<f64>, Vec<f64>) {
+        let system = &subject.system;
+        let inertia = |p: usize| (after.velocities[p] - before.velocities[p]) * (system.masses()[p] / dt);
+        let rows: Vec<Vector3<f64>> = (0..system.particles()).map(|p| inertia(p) - self.total[p]).collect();
+        let size = |p: usize| {
+            let speeds = after.velocities[p].norm() + before.velocities[p].norm();
+            self.magnitudes[p] + system.masses()[p] * speeds / dt
+        };
+        let moving = (0..system.particles()).filter(|&p| system.dofs().free_axes(p).count() > 0);
+        (free(system, &rows), moving.map(size).collect())
+    }
+}

@@ -1,0 +1,80 @@
+//! `sprung run` on scenes that break down: the status, the message, and what is left behind.
+
+mod command;
+
+use command::{Sandbox, repository_scene};
+use serde_json::{Value, json};
+
+/// Runs a scene that breaks down and checks what every such run must leave behind.
+#[track_caller]
+fn breaks_down(scene: &str, arguments: &[&str], status: &str, message: &str) -> (Sandbox, Value) {
+    let sandbox = Sandbox::new();
+    let answer = sandbox.sprung(&[&["run", scene, "--json", "--out", "o"], arguments].concat()).ends_with(1);
+    let summary = sandbox.json("o/summary.json");
+    assert_eq!(answer.json(), summary);
+    assert_eq!(summary["status"], status);
+
+    let failure = &summary["failure"];
+    assert!(failure["message"].as_str().unwrap().contains(message), "{failure}");
+    answer.complains(&["error: ", status, failure["message"].as_str().unwrap()]);
+    // The last good state: the one at the start of the step that failed.
+    let steps = summary["steps"].as_u64().unwrap();
+    assert_eq!(failure["step"], steps + 1);
+    assert_eq!(failure["time"], summary["time"]);
+    let last = sandbox.json("o/final.json");
+    assert_eq!((&last["time"], &last["steps"]), (&summary["time"], &summary["steps"]));
+    let coordinates = [&last["positions"], &last["velocities"]].map(|rows| rows.as_array().unwrap().clone()).concat();
+    assert!(coordinates.iter().flat_map(|row| row.as_array().unwrap()).all(Value::is_number), "not finite: {last}");
+    assert_eq!(sandbox.csv("o/energy.csv").len() as u64, steps + 1);
+    (sandbox, summary)
+}
+
+#[test]
+fn an_indefinite_matrix_ends_the_run() {
+    let chain = repository_scene("compressed_chain.toml");
+    breaks_down(&chain, &["--stiffness", "full", "--solver", "llt", "--dt", "0.1"], "indefinite", "particle");
+}
+
+#[test]
+fn a_solver_that_does_not_converge_ends_the_run() {
+    let scene = repository_scene("two_springs.toml");
+    let arguments = ["--solver", "cg", "--tolerance", "1e-300"];
+    breaks_down(&scene, &arguments, "not-converged", "conjugate gradients");
+}
+
+#[test]
+fn an_explosion_ends_the_run_with_its_last_finite_state() {
+    let scene = repository_scene("two_springs.toml");
+    let arguments = ["--method", "forward-euler", "--dt", "1e150", "--steps", "10", "--frames", "1"];
+    let (sandbox, summary) = breaks_down(&scene, &arguments, "non-finite", "not finite");
+    let steps = summary["steps"].as_u64().unwrap() as usize;
+    assert_eq!(sandbox.names("o/frames").len(), steps + 1);
+    assert_eq!(sandbox.read("o/frames.pvd").matches("<DataSet").count(), steps + 1);
+}
+
+#[test]
+fn ends_that_meet_end_the_run() {
+    // Particle 1 is led onto particle 0, which can move up and down only and is not pulled there.
+    let scene = r#"
+    [particles]
+    positions = [[0, 0], [1, 0]]
+    masses = 1
+    [springs]
+    pairs = [[1, 0]]
+    stiffness = 1
+    [[constraints]]
+    particles = [0]
+    axes = ["x"]
+    [[constraints]]
+    particles = [1]
+    path = { times = [0, 1], offsets = [[0, 0], [-1, 0]] }
+    [time]
+    dt = 0.5
+    duration = 2
+    "#;
+    let files = Sandbox::new();
+    files.put("meeting.toml", scene);
+    let path = files.path("meeting.toml");
+    let (_, summary) = breaks_down(path.to_str().unwrap(), &[], "degenerate-spring", "spring 0 has length zero");
+    assert_eq!((&summary["scene"], &summary["time"]), (&json!("meeting"), &json!(1.0)));
+}

@@ -1,0 +1,189 @@
+//! Runs with error control: the error that they reach, what they cost, and where they land.
+
+mod motions;
+
+use motions::{after, build, case, distance, norm, policies, state_at, with};
+use nalgebra::Vector3;
+use sprung::integrate::{Adaptivity, Method, Sampling, Statistics, Status, run_adaptive};
+use sprung::integrate::{ImplicitOptions, Outcome};
+use sprung::linear::SolverChoice;
+use sprung::system::Axes;
+use sprung::{Constraint, Motion, Spring, State, Stiffness, System, SystemBuilder};
+use std::ops::ControlFlow;
+
+fn run(system: &System, start: &State, options: &ImplicitOptions, how: &Adaptivity) -> (State, Outcome, Statistics) {
+    let mut state = start.clone();
+    let mut stepper = Method::W2.adaptive_stepper(system, &state, options).unwrap().unwrap();
+    let outcome = run_adaptive(&mut *stepper, system, &mut state, how, |_, _| ControlFlow::Continue(()));
+    assert_eq!(outcome.status(), Status::Completed, "{outcome:?}");
+    (state, outcome, *stepper.statistics())
+}
+
+const SCENES: [&str; 8] = [
+    "spherical pendulum",
+    "elastic pendulum",
+    "damped tetrahedron",
+    "undamped tetrahedron",
+    "falling damped tetrahedron",
+    "pendulum on a moving anchor",
+    "pendulum on a roller",
+    "stiffer spherical pendulum",
+];
+
+fn adaptivity(duration: f64, rtol: f64) -> Adaptivity {
+    Adaptivity { duration, rtol, first_step: 0.01, sampling: Sampling::Steps }
+}
+
+#[test]
+fn the_error_at_the_end_follows_the_tolerance() {
+    for name in SCENES {
+        let case = case("trajectories", name);
+        let (system, start) = build(&case);
+        for (duration, tolerances) in [(0.5, &[1e-3, 1e-4, 1e-5, 1e-6, 1e-7][..]), (2.0, &[1e-3, 1e-4, 1e-5])] {
+            let end = state_at(&case, duration);
+            for policy in policies() {
+                let ratio = |&rtol: &f64| {
+                    let (state, ..) = run(&system, &start, &with(policy), &adaptivity(duration, rtol));
+                    distance(&state.positions, &end.positions) / norm(&end.positions) / rtol
+                };
+                let ratios: Vec<f64> = tolerances.iter().map(ratio).collect();
+                println!("{name}, {}, {duration} s: {ratios:.3?}", policy.name());
+                assert!(ratios.iter().all(|&ratio| ratio <= 5.0), "{name}, {}: {ratios:?}", policy.name());
+                // Proportional: over four decades of rtol the ratio changes little.
+                let (least, most) = ratios.iter().fold((f64::MAX, 0.0f64), |(a, b), &r| (a.min(r), b.max(r)));
+                assert!(most < 5.0 * least, "{name}, {}: {ratios:?}", policy.name());
+            }
+        }
+    }
+}
+
+/// A pendulum on a stiff damped link that hangs still but for a slow swing, until its anchor is flicked aside.
+fn flicked_pendulum() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.gravity(0.0, -9.81, 0.0);
+    let anchor = builder.particle([0.0, 0.0, 0.0], 1.0);
+    let bob = builder.particle([0.1, -1.0, 0.0], 0.7);
+    let tail = builder.particle([0.15, -2.1, 0.05], 0.4);
+    builder.spring(anchor, bob, Spring { stiffness: 9000.0, rest_length: 1.004, damping: 20.0 });
+    builder.spring(bob, tail, Spring { stiffness: 4000.0, rest_length: 1.1, damping: 15.0 });
+    let offsets = vec![Vector3::zeros(), Vector3::zeros(), Vector3::new(0.15, 0.05, 0.1)];
+    let motion = Motion::Path { times: vec![0.0, 1.0, 1.01], offsets };
+    builder.constrain(Constraint { particles: vec![anchor], axes: Axes::ALL, motion });
+    builder.build().unwrap()
+}
+
+#[test]
+fn a_stiff_transient_costs_fewer_solves_than_any_fixed_step() {
+    let (system, start) = flicked_pendulum();
+    let duration = 3.0;
+    let options = with(Stiffness::Full);
+    let reference = after(&system, &start, Method::W2, &options, duration, 300_000);
+    let error = |state: &State| distance(&state.positions, &reference.positions) / norm(&reference.positions);
+    let fixed: Vec<(u64, f64)> = (0..9)
+        .map(|power| 150 << power)
+        .map(|steps| (2 * steps, error(&after(&system, &start, Method::W2, &options, duration, steps))))
+        .collect();
+    println!("fixed {fixed:.2?}");
+    for rtol in [1e-3, 1e-4, 1e-5] {
+        let (state, outcome, statistics) = run(&system, &start, &options, &adaptivity(duration, rtol));
+        let mine = error(&state);
+        let solves = statistics.work.solves;
+        let best = fixed.iter().filter(|(_, error)| *error <= mine).map(|(solves, _)| *solves).min();
+        println!(
+            "rtol {rtol:e}: error {mine:.2e}, {solves} solves, {} steps, {} rejected, {} factorizations; best fixed {best:?}",
+            outcome.steps, statistics.rejected_steps, statistics.work.factorizations
+        );
+        assert!(best.is_none_or(|best| solves < best), "rtol {rtol:e}: {solves} solves, fixed {best:?}");
+        assert!(statistics.rejected_steps > 0);
+        assert_eq!(statistics.work.force_evaluations, 3 * (outcome.steps + statistics.rejected_steps));
+        assert!(statistics.work.factorizations < outcome.steps);
+    }
+}
+
+#[test]
+fn steps_land_on_kinks_and_on_the_end() {
+    let (system, start) = flicked_pendulum();
+    let mut state = start.clone();
+    let mut times = Vec::new();
+    let mut stepper = Method::W2.adaptive_stepper(&system, &state, &with(Stiffness::Tension)).unwrap().unwrap();
+    let outcome = run_adaptive(&mut *stepper, &system, &mut state, &adaptivity(1.7, 1e-3), |count, state| {
+        times.push(state.time);
+        assert_eq!(count as usize, times.len());
+        ControlFlow::Continue(())
+    });
+    assert_eq!(outcome.steps as usize, times.len());
+    assert!(times.is_sorted_by(|a, b| a < b));
+    assert!(times.contains(&1.0) && times.contains(&1.01));
+    assert_eq!(times.last(), Some(&1.7));
+    assert_eq!(state.positions[0], Vector3::new(0.15, 0.05, 0.1));
+}
+
+#[test]
+fn samples_between_steps_are_as_good_as_the_steps() {
+    let case = case("trajectories", "damped tetrahedron");
+    let (system, start) = build(&case);
+    let mut state = start.clone();
+    let mut stepper = Method::W2.adaptive_stepper(&system, &state, &with(Stiffness::Full)).unwrap().unwrap();
+    let how = Adaptivity { sampling: Sampling::Every(0.1), ..adaptivity(0.55, 1e-4) };
+    let mut times = Vec::new();
+    run_adaptive(&mut *stepper, &system, &mut state, &how, |_, sample| {
+        times.push(sample.time);
+        for known in [0.1, 0.5] {
+            if (sample.time - known).abs() < 1e-12 {
+                let known = state_at(&case, known);
+                assert!(distance(&sample.positions, &known.positions) < 1e-4 * norm(&known.positions));
+                assert!(distance(&sample.velocities, &known.velocities) < 1e-3 * norm(&known.velocities));
+            }
+        }
+        ControlFlow::Continue(())
+    });
+    let expected = [0.1, 0.2, 0.3, 0.4, 0.5, 0.55];
+    assert_eq!(times.len(), expected.len(), "{times:?}");
+    assert!(times.iter().zip(expected).all(|(time, expected)| (time - expected).abs() < 1e-12), "{times:?}");
+    // A whole number of intervals: the end is seen once.
+    let mut count = 0;
+    let mut state = start.clone();
+    let how = Adaptivity { sampling: Sampling::Every(0.1), ..adaptivity(0.3, 1e-4) };
+    run_adaptive(&mut *stepper, &system, &mut state, &how, |_, _| {
+        count += 1;
+        ControlFlow::Continue(())
+    });
+    assert_eq!((count, state.time), (3, 0.3));
+}
+
+#[test]
+fn an_indefinite_first_step_is_tried_again_shorter() {
+    let mut builder = SystemBuilder::new();
+    let particles = [[0.0, 0.0, 0.0], [0.5, 0.02, 0.0], [1.0, 0.0, 0.01]].map(|x| builder.particle(x, 1.0));
+    for pair in particles.windows(2) {
+        builder.spring(pair[0], pair[1], Spring { stiffness: 100.0, rest_length: 0.9, damping: 0.1 });
+    }
+    let (system, start) = builder.build().unwrap();
+    let mut options = with(Stiffness::Full);
+    options.linear.solver = SolverChoice::Llt;
+    let how = Adaptivity { first_step: 1.0, ..adaptivity(1.0, 1e-3) };
+    let (_, _, statistics) = run(&system, &start, &options, &how);
+    assert!(statistics.rejected_steps > 0);
+}
+
+#[test]
+fn an_unreachable_tolerance_is_an_outcome() {
+    let (system, start) = build(&case("trajectories", "elastic pendulum"));
+    let mut state = start.clone();
+    let mut stepper = Method::W2.adaptive_stepper(&system, &state, &with(Stiffness::Full)).unwrap().unwrap();
+    let outcome =
+        run_adaptive(&mut *stepper, &system, &mut state, &adaptivity(1.0, 1e-40), |_, _| ControlFlow::Continue(()));
+    assert_eq!(outcome.status(), Status::NotConverged);
+    assert_eq!(outcome.steps, 0);
+    assert_eq!(state, start);
+}
+
+#[test]
+fn a_run_can_be_stopped() {
+    let (system, start) = build(&case("trajectories", "elastic pendulum"));
+    let mut state = start.clone();
+    let mut stepper = Method::W2.adaptive_stepper(&system, &state, &with(Stiffness::Full)).unwrap().unwrap();
+    let outcome =
+        run_adaptive(&mut *stepper, &system, &mut state, &adaptivity(1.0, 1e-3), |_, _| ControlFlow::Break(()));
+    assert_eq!((outcome.status(), outcome.steps), (Status::Interrupted, 1));
+}

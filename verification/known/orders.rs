@@ -1,0 +1,74 @@
+//! Observed orders of convergence towards a known state.
+
+use super::compare::vector;
+use nalgebra::Vector3;
+use serde::Deserialize;
+use sprung::integrate::{ImplicitOptions, Method, Schedule, Status, StiffnessPolicy, run};
+use sprung::linear::{SolverChoice, SolverOptions};
+use sprung::verify::{Check, ErrorCurve, Subject, order_checks};
+use sprung::{State, Stiffness};
+use std::ops::ControlFlow;
+
+/// A known state.
+#[derive(Deserialize)]
+pub struct Known {
+    pub time: f64,
+    pub positions: Vec<Vec<f64>>,
+    pub velocities: Vec<Vec<f64>>,
+}
+
+/// How often the coarsest step is halved; the last two runs give the order.
+const HALVINGS: u32 = 3;
+
+/// Every method towards a known state: the observed order within 0.2 of theory, with the curves.
+pub fn towards(subject: &Subject, known: &Known) -> Result<Vec<Check>, Box<dyn std::error::Error>> {
+    let mut curves = Vec::new();
+    for method in Method::ALL {
+        let always = Stiffness::ALL.map(StiffnessPolicy::Always);
+        let policies = if method.is_implicit() { &always[..] } else { &always[..1] };
+        for &policy in policies {
+            curves.push(curve(subject, known, method, policy)?);
+        }
+        if method.is_implicit() {
+            curves.push(curve(subject, known, method, StiffnessPolicy::OnDemand)?);
+        }
+    }
+    let name = format!("order towards the known state at {} s", known.time);
+    Ok(order_checks(&name, &subject.name, "error, m", curves))
+}
+
+fn curve(
+    subject: &Subject,
+    known: &Known,
+    method: Method,
+    stiffness: StiffnessPolicy,
+) -> Result<ErrorCurve, Box<dyn std::error::Error>> {
+    let Subject { system, state, .. } = subject;
+    let linear = SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() };
+    let options = ImplicitOptions { stiffness, linear };
+    let name = match method.is_implicit() {
+        true => format!("{}, {}", method.name(), stiffness.name()),
+        false => method.name().to_owned(),
+    };
+    // z = ω h ≤ 1/16 resolves every vibration of the start twofold over what the order needs.
+    let first = (known.time / (subject.resolving_step() / 8.0)).ceil() as u64;
+    let mut points = Vec::new();
+    for halving in 0..=HALVINGS {
+        let dt = known.time / (first << halving) as f64;
+        let mut end = state.clone();
+        let mut stepper = method.stepper(system, state, &options)?;
+        let schedule = Schedule::duration(dt, known.time);
+        let outcome = run(&mut *stepper, &mut end, &schedule, |_, _| ControlFlow::Continue(()));
+        if outcome.status() != Status::Completed {
+            return Err(format!("{name}: {outcome:?}").into());
+        }
+        points.push((dt, distance(&end, known)));
+    }
+    Ok(ErrorCurve { method: name, order: method.order(), points })
+}
+
+/// The Euclidean distance of all positions from the known ones.
+fn distance(state: &State, known: &Known) -> f64 {
+    let apart = |(x, row): (&Vector3<f64>, &Vec<f64>)| (x - vector(row)).norm_squared();
+    state.positions.iter().zip(&known.positions).map(apart).sum::<f64>().sqrt()
+}
