@@ -81,9 +81,11 @@ pub(super) fn indefinite(subject: &Subject) -> Outcome {
         "a solution is given only with a backward error of at most 1e-12, whatever rounding does to an unpivoted LDLᵀ";
     checks.push(Check::new(Claim::Failure, "LDLᵀ vouches for its solution", &twin.name, value, 1e-12, why));
 
-    for kind in [PreconditionerKind::None, PreconditionerKind::Jacobi, PreconditionerKind::BlockJacobi] {
+    use PreconditionerKind::{BlockJacobi, Jacobi, Multigrid, None};
+    for kind in [None, Jacobi, BlockJacobi, Multigrid] {
         let mut preconditioner = Preconditioner::new(kind, system)?;
-        // A diagonal block that is not definite is found before the first iteration: reported already.
+        preconditioner.place(&twin.state.positions);
+        // A diagonal block or coarse matrix that is not definite is found before the first iteration: reported already.
         let reported = match preconditioner.update(&a, &mut Work::default()) {
             Err(_) => true,
             Ok(()) => {
