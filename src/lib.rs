@@ -12,6 +12,7 @@
 //! | [`assembly`] | explicit sparse matrices from 3×3 blocks: the pattern once, the values many times |
 //! | [`linear`] | conjugate gradients, sparse Cholesky and LDLᵀ behind one trait |
 //! | [`integrate`] | time stepping methods, the run loop, and the matrices of one step |
+//! | [`inspect`] | definiteness: inertia, spectrum, critical steps, and the springs behind negative curvature |
 //! | [`figure`] | pictures as plain data |
 //! | [`verify`] | checks as plain data: value, bound, and why the bound |
 //! | [`report`] | checks and pictures as HTML, SVG, JSON, JUnit and text |
@@ -39,8 +40,10 @@ pub mod force;
 pub mod inspect;
 pub mod integrate;
 pub mod linear;
+pub mod multigrid;
 pub mod operator;
 pub mod output;
+mod parallel;
 pub mod report;
 pub mod scene;
 pub mod spring;

@@ -126,19 +126,23 @@ fn describe_solver(solver: SolverChoice) -> &'static str {
     }
 }
 
-const PRECONDITIONERS: [PreconditionerChoice; 4] = [
+const PRECONDITIONERS: [PreconditionerChoice; 5] = [
     PreconditionerChoice::Auto,
     PreconditionerChoice::Kind(PreconditionerKind::None),
     PreconditionerChoice::Kind(PreconditionerKind::Jacobi),
     PreconditionerChoice::Kind(PreconditionerKind::BlockJacobi),
+    PreconditionerChoice::Kind(PreconditionerKind::Multigrid),
 ];
 
 fn describe_preconditioner(choice: PreconditionerChoice) -> &'static str {
     match choice {
-        PreconditionerChoice::Auto => "the one that suits the system",
+        PreconditionerChoice::Auto => "block-jacobi as long as it is quick, then multigrid",
         PreconditionerChoice::Kind(PreconditionerKind::None) => "no preconditioner",
         PreconditionerChoice::Kind(PreconditionerKind::Jacobi) => "the diagonal of A",
         PreconditionerChoice::Kind(PreconditionerKind::BlockJacobi) => "the 3×3 diagonal block of every particle",
+        PreconditionerChoice::Kind(PreconditionerKind::Multigrid) => {
+            "algebraic multigrid: few iterations whatever the size, each costing as much as several others"
+        }
     }
 }
 
@@ -227,6 +231,15 @@ impl Plan {
             || Error::Usage(format!("--rtol needs an error estimate, and {} has none: use w2", method.name()));
         let stepper = method.adaptive_stepper(system, state, options)?.ok_or_else(without)?;
         Ok(Stepper::Adaptive { stepper, rtol })
+    }
+
+    /// The option of the matrices that a failed solve was given, and the dt of the first one of a step.
+    pub fn failed_matrix(&self, step: f64) -> (Stiffness, f64) {
+        let option = match self.configuration.options.stiffness {
+            StiffnessPolicy::Always(option) => option,
+            StiffnessPolicy::OnDemand => Stiffness::Full,
+        };
+        (option, self.configuration.method.matrix_dt(step))
     }
 }
 

@@ -3,6 +3,8 @@
 mod chart;
 mod common;
 mod console;
+mod failure;
+mod inspect;
 mod interrupt;
 mod matrix;
 mod method;
@@ -37,6 +39,7 @@ enum Command {
     Run(run::Run),
     Matrix(matrix::Matrix),
     Chart(chart::Chart),
+    Inspect(inspect::Inspect),
     Verify(verify::Verify),
     New(new::New),
 }
@@ -74,6 +77,7 @@ pub fn main() -> ExitCode {
         Command::Run(run) => run.execute(&console),
         Command::Matrix(matrix) => matrix.execute(&console),
         Command::Chart(chart) => chart.execute(&console),
+        Command::Inspect(inspect) => inspect.execute(&console),
         Command::Verify(verify) => verify.execute(&console),
         Command::New(new) => new.execute(&console),
     };

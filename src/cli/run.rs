@@ -2,6 +2,7 @@
 
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
+use super::failure::Failed;
 use super::method::{MethodArguments, Plan};
 use super::recorder::Recorder;
 use super::values::{count, positive, positive_count};
@@ -188,6 +189,7 @@ impl Run {
             dofs: system.dofs().len(),
             wall_seconds: start.elapsed().as_secs_f64(),
             statistics: *stepper.statistics(),
+            factor: stepper.factor(),
             energy: recorder.energy(),
             choice,
             reductions: reductions.iter().map(ToString::to_string).collect(),
@@ -201,6 +203,15 @@ impl Run {
             .and_then(|()| summary.write(folder.join("summary.json")));
         written.map_err(Stop::Broken)?;
         console.result(&summary, text(&summary, &folder, self.frames.is_some()))?;
+        if let Some(FailureReport { step, time, message }) = &summary.failure {
+            error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));
+        }
+        if summary.status == Status::Indefinite {
+            let step = schedule.step(summary.steps).unwrap_or(schedule.dt());
+            let (option, matrix_dt) = plan.failed_matrix(step);
+            let failed = Failed { scene: &summary.scene, system: &system, state: &state, steps: summary.steps, step };
+            failed.explain(console, option, matrix_dt, &folder.join("failure")).map_err(Stop::Broken)?;
+        }
         Ok(summary)
     }
 }

@@ -25,11 +25,13 @@
 //! larger than the definite one. At a state that is no equilibrium at all both hold for the motion relative to the
 //! trajectory, as long as the springs' directions and lengths change little.
 //!
-//! **The search.** A factorization `P = L D Lᵀ` with D > 0 is Cholesky's and proves P definite, to rounding: the oracle. Where a
-//! pivot `d_j` is negative, `u = L⁻ᵀe_j` has `uᵀPu = d_j < 0`, and the root of the scalar quadratic `uᵀP(s)u` in s is a
-//! better lower bound for s*; near s* it converges quadratically, because then u nears the null vector. Bisection between
-//! what was refused and what was accepted takes over where this does not at least halve the interval. The interval ends at
-//! the oracle's own rounding: a relative width of `4u + 4u‖P‖/(s d(uᵀPu)/ds)`, for `‖u‖ = 1`.
+//! **The search.** A factorization `P = L D Lᵀ` with D > 0 is Cholesky's and proves P definite, to rounding: the oracle. Where it
+//! refuses, or where a vector u with `uᵀP(s)u ≤ 0` is known, P is not definite. Along any u the scalar quadratic `uᵀP(s)u` has a
+//! root that is a lower bound for s*, and an excellent one if u is nearly the null vector of P(s*). Such a u comes from a Krylov
+//! space of `−M^{-1/2} C M^{-1/2}`, by products alone, and gets better by inverse iteration with every factorization, accepted or
+//! refused: they are all of matrices near P(s*). Bisection takes over where this does not at least halve the interval between
+//! the bound and what was accepted. The interval ends at the oracle's own rounding: a relative width of
+//! `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
 
 use super::family::{Family, Requirement};
 use super::inertia::InertiaCounter;
@@ -52,7 +54,8 @@ pub enum LargestStep {
     UpTo {
         /// The longest step at which a factorization proved it, in s.
         dt: f64,
-        /// The shortest step at which a factorization refused it, in s; as near to `dt` as rounding allows.
+        /// A longer step for which it is known to be lost, by a factorization that refused or by a direction of negative
+        /// curvature, in s; as near to `dt` as rounding allows.
         refused: f64,
     },
 }
@@ -63,15 +66,6 @@ impl LargestStep {
         match *self {
             Self::Every => None,
             Self::UpTo { dt, .. } => Some(dt),
-        }
-    }
-
-    /// The more demanding of two limits.
-    pub fn min(self, other: Self) -> Self {
-        match (self, other) {
-            (Self::UpTo { dt: a, .. }, Self::UpTo { dt: b, .. }) if a <= b => self,
-            (Self::UpTo { .. }, Self::UpTo { .. }) => other,
-            (Self::Every, limit) | (limit, Self::Every) => limit,
         }
     }
 }
@@ -86,11 +80,12 @@ pub struct CriticalSteps<'s> {
     pub work: Work,
 }
 
-/// Bisection alone ends in 64 halvings after at most ten to find both ends: a search that takes longer has a defect.
+/// Bisection alone ends in 64 halvings: a search that takes longer has a defect.
 const LONGEST_SEARCH: usize = 100;
 
-/// Inverse iterations that bring a direction of negative curvature nearer to the null vector.
-const INVERSE_ITERATIONS: usize = 2;
+/// Inverse iterations with one factorization, as long as the bound still rises by this part of the interval.
+const INVERSE_ITERATIONS: usize = 6;
+const WORTH: f64 = 0.02;
 
 impl<'s> CriticalSteps<'s> {
     /// At a state.
@@ -108,10 +103,13 @@ impl<'s> CriticalSteps<'s> {
 
     /// The largest step that keeps the requirement under an option, certified by factorizations on both sides.
     pub fn largest_step(&mut self, requirement: Requirement, option: Stiffness) -> LargestStep {
-        let definite = self.search(Requirement::Definite, option);
-        match requirement {
-            Requirement::Definite => definite,
-            Requirement::Stable => definite.min(self.search(Requirement::Stable, option)),
+        match (requirement, option) {
+            // S(s) is A(2s): semidefinite as far as A is, and beyond.
+            (Requirement::Definite, _) | (Requirement::Stable, Stiffness::Full) => {
+                self.search(Requirement::Definite, option)
+            }
+            // A is positive definite for every s.
+            (Requirement::Stable, Stiffness::Tension | Stiffness::Axial) => self.search(Requirement::Stable, option),
         }
     }
 
@@ -122,48 +120,42 @@ impl<'s> CriticalSteps<'s> {
             return LargestStep::Every;
         }
         let mut accepted = self.family.surely_definite(requirement);
-        self.matrix.refill(self.family.operator());
-        self.work.assemblies += 1;
-        if self.inertia.count(self.matrix.matrix(), &mut self.work).negative == 0 {
+        let mut u = self.family.softest_direction();
+        let mut bound = Bound { s: 0.0, rounding: 4.0 * f64::EPSILON };
+        if !self.raise(requirement, option, &mut bound, &u) && !self.has_negative_curvature(option, requirement, &mut u)
+        {
             return LargestStep::Every;
         }
-        // From the sure bound down by ever larger factors until one is refused.
-        let mut factor = 2.0;
-        let mut refused = accepted / factor;
-        while self.is_definite(requirement, option, refused) {
-            accepted = refused;
-            factor *= factor;
-            refused /= factor;
-            if refused == 0.0 {
-                return LargestStep::Every;
-            }
-        }
-        let mut worst = vec![0.0; self.matrix.matrix().dofs().len()];
-        let first = self.bound_along_worst(requirement, option, refused, &mut worst);
-        let mut margin = first.s / refused - 1.0;
-        let mut rounding = first.rounding;
-        refused = first.s.min(accepted);
+        self.raise(requirement, option, &mut bound, &u);
+        let mut margin: f64 = 1e-3;
         for _ in 0..LONGEST_SEARCH {
-            if accepted / refused - 1.0 <= rounding {
+            let gap = accepted / bound.s - 1.0;
+            if gap <= bound.rounding {
                 break;
             }
-            // As far above the last bound as that was above the one before, if this at least halves the interval.
-            let trial = (refused * (1.0 + margin.max(rounding / 2.0))).min((refused * accepted).sqrt());
-            if trial <= refused || trial >= accepted {
+            // Above the bound by what it is thought to be short of s*, if this at least halves the interval.
+            let trial = (bound.s * (1.0 + margin.max(bound.rounding / 2.0))).min((bound.s * accepted).sqrt());
+            if trial <= bound.s || trial >= accepted {
                 break;
             }
+            let before = bound.s;
             if self.is_definite(requirement, option, trial) {
                 accepted = trial;
-                margin /= 16.0;
+                let short = self.improve(requirement, option, &mut bound, &mut u, accepted);
+                margin = (4.0 * short).min(margin / 8.0);
             } else {
-                let bound = self.bound_along_worst(requirement, option, trial, &mut worst);
-                let reached = if bound.s < accepted { bound.s } else { trial };
-                margin = reached / refused - 1.0;
-                rounding = bound.rounding;
-                refused = reached;
+                let mut worst = vec![0.0; u.len()];
+                if self.factorization.negative_direction(&mut worst)
+                    && self.raise(requirement, option, &mut bound, &worst)
+                {
+                    u = worst;
+                }
+                bound.s = bound.s.max(trial);
+                let short = self.improve(requirement, option, &mut bound, &mut u, accepted);
+                margin = (bound.s / before - 1.0).max(2.0 * margin).min(4.0 * margin).max(4.0 * short);
             }
         }
-        LargestStep::UpTo { dt: 1.0 / accepted, refused: 1.0 / refused }
+        LargestStep::UpTo { dt: 1.0 / accepted, refused: 1.0 / bound.s }
     }
 
     /// The oracle: whether P(s) has a Cholesky factorization.
@@ -175,31 +167,67 @@ impl<'s> CriticalSteps<'s> {
         self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive()
     }
 
-    /// After a refusal at s: a better lower bound for s*, from directions in which P(s) curves downwards.
-    fn bound_along_worst(&mut self, requirement: Requirement, option: Stiffness, s: f64, u: &mut [f64]) -> Bound {
-        let norm = self.matrix.matrix().norm_inf(u);
-        let mut best = Bound { s, rounding: 4.0 * f64::EPSILON };
-        if !self.factorization.negative_direction(u) {
-            return best;
+    /// Whether C has negative eigenvalues, where no direction is known; if so, sets u to one along which it curves downwards.
+    fn has_negative_curvature(&mut self, option: Stiffness, requirement: Requirement, u: &mut [f64]) -> bool {
+        self.family.set(requirement, option, 0.0);
+        self.matrix.refill(self.family.operator());
+        self.work.assemblies += 1;
+        if self.inertia.count(self.matrix.matrix(), &mut self.work).negative == 0 {
+            return false;
         }
-        for iteration in 0..=INVERSE_ITERATIONS {
-            if iteration > 0 {
-                self.factorization.solve_in_place(u);
-                self.work.solves += 1;
+        self.work.factorizations += 1;
+        self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.negative_direction(u)
+    }
+
+    /// Raises the bound to the root along u where that is higher; says whether it is.
+    fn raise(&mut self, requirement: Requirement, option: Stiffness, bound: &mut Bound, u: &[f64]) -> bool {
+        let curvature = self.family.curvature(requirement, option, u);
+        match curvature.root().filter(|&root| root.is_finite() && root > bound.s) {
+            Some(root) => {
+                let slope = (2.0 * curvature.mass * root + curvature.damping) * root;
+                let norm = self.family.norm_bound(root, requirement) * dot(u, u);
+                *bound = Bound { s: root, rounding: 2.0 * f64::EPSILON * (2.0 + norm / slope) };
+                true
             }
-            let length = dot(u, u).sqrt();
-            u.iter_mut().for_each(|u| *u /= length);
-            let curvature = self.family.curvature(requirement, option, u);
-            if let Some(root) = curvature.root().filter(|&root| root >= best.s) {
-                let slope = 2.0 * curvature.mass * root * root + curvature.damping * root;
-                best = Bound { s: root, rounding: 2.0 * f64::EPSILON * (2.0 + norm / slope) };
+            None => false,
+        }
+    }
+
+    /// Inverse iteration with the last factorization, as long as it pays; returns the last relative rise of the bound, which
+    /// tells what it may still be short of s*.
+    fn improve(
+        &mut self,
+        requirement: Requirement,
+        option: Stiffness,
+        bound: &mut Bound,
+        u: &mut Vec<f64>,
+        accepted: f64,
+    ) -> f64 {
+        let mut rise = 0.0;
+        for _ in 0..INVERSE_ITERATIONS {
+            let mut next = u.clone();
+            self.factorization.solve_in_place(&mut next);
+            self.work.solves += 1;
+            let length = dot(&next, &next).sqrt();
+            next.iter_mut().for_each(|u| *u /= length);
+            let before = bound.s;
+            if !length.is_finite() || !self.raise(requirement, option, bound, &next) {
+                break;
+            }
+            // Rounding may lift the root above what a factorization has accepted; the bracket must stay one.
+            bound.s = bound.s.min(accepted);
+            *u = next;
+            rise = bound.s / before - 1.0;
+            if rise < WORTH * (accepted / bound.s - 1.0) {
+                break;
             }
         }
-        best
+        rise
     }
 }
 
 /// A lower bound for s*, and how finely the oracle can tell near it, relatively.
+#[derive(Debug, Clone, Copy)]
 struct Bound {
     s: f64,
     rounding: f64,

@@ -6,6 +6,7 @@
 //! stable:    μ = 4, γ = 2, C = −2 K_opt + K        P = S = 4M/dt² − 2G/dt − 2K_opt + K
 //! ```
 
+use super::krylov::Krylov;
 use crate::force::Extensions;
 use crate::linear::dot;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
@@ -38,6 +39,10 @@ impl Requirement {
         }
     }
 }
+
+/// Relative residual of the direction found by products alone, and the most steps for it.
+const FIRST_RESIDUAL: f64 = 1e-6;
+const FIRST_STEPS: usize = 150;
 
 /// P(s) of a system at one state, as an operator.
 pub(super) struct Family<'s> {
@@ -106,6 +111,44 @@ impl<'s> Family<'s> {
         self.operator.apply(u, &mut self.product);
         let constant = dot(u, &self.product);
         Curvature { mass: requirement.mass() * kinetic, damping: requirement.damping() * damping, constant }
+    }
+
+    /// A vector along which `uᵀCu/uᵀMu` is nearly lowest, from a Krylov space of `−M^{-1/2} C M^{-1/2}`; expects the operator at
+    /// s = 0.
+    pub fn softest_direction(&mut self) -> Vec<f64> {
+        let n = self.system.dofs().len();
+        let mut scale = vec![0.0; n];
+        for (particle, mass) in self.system.masses().iter().enumerate() {
+            scale[self.system.dofs().rows(particle)].fill(mass.sqrt().recip());
+        }
+        let Self { operator, product, .. } = self;
+        let mut apply = |x: &[f64], y: &mut [f64]| {
+            for ((p, x), scale) in product.iter_mut().zip(x).zip(&scale) {
+                *p = x * scale;
+            }
+            operator.apply(product, y);
+            for (y, scale) in y.iter_mut().zip(&scale) {
+                *y *= -scale;
+            }
+        };
+        let found = Krylov::new(n, 1, &mut apply).iterate(FIRST_RESIDUAL, FIRST_STEPS, &mut apply);
+        let mut u = found.into_iter().next().map_or_else(|| vec![0.0; n], |pair| pair.vector);
+        for (u, scale) in u.iter_mut().zip(&scale) {
+            *u *= scale;
+        }
+        u
+    }
+
+    /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a particle. Expects the operator
+    /// at s = 0, so that damping is left out.
+    pub fn norm_bound(&self, s: f64, requirement: Requirement) -> f64 {
+        let mut sums: Vec<f64> = self.system.masses().iter().map(|m| requirement.mass() * s * s * m).collect();
+        for ((_, [i, j], _), block) in self.system.active().zip(self.blocks()) {
+            let norm = 2.0 * block.transverse.abs().max(block.axial.abs());
+            sums[i] += norm;
+            sums[j] += norm;
+        }
+        sums.into_iter().fold(0.0, f64::max)
     }
 
     /// An s at which P is positive definite for certain; expects the operator at s = 0.

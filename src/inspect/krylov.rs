@@ -16,8 +16,8 @@ use rand_chacha::rand_core::SeedableRng;
 /// Vectors by which the basis grows at a time: the largest multiplicity that is found at once.
 const BLOCK: usize = 4;
 
-/// Steps after which the search stops without having converged.
-const LONGEST_SEARCH: usize = 400;
+/// Steps after which a search stops, converged or not.
+pub(super) const LONGEST_SEARCH: usize = 1000;
 
 /// A Ritz pair: an approximate eigenvalue with its unit vector and what bounds its error.
 #[derive(Debug, Clone)]
@@ -35,6 +35,8 @@ pub(super) struct Krylov {
     /// Orthonormal columns and their products with the operator; the first `size` count.
     basis: DMatrix<f64>,
     products: DMatrix<f64>,
+    /// `VᵀBV`.
+    projected: DMatrix<f64>,
     size: usize,
     rng: ChaCha8Rng,
 }
@@ -43,17 +45,19 @@ impl Krylov {
     /// A space spanned by random vectors.
     pub fn new(n: usize, wanted: usize, apply: &mut dyn FnMut(&[f64], &mut [f64])) -> Self {
         let wanted = wanted.min(n);
-        let capacity = (2 * wanted + 8 * BLOCK).min(n);
-        let (basis, products) = (DMatrix::zeros(n, capacity), DMatrix::zeros(n, capacity));
-        let mut space = Self { n, wanted, basis, products, size: 0, rng: ChaCha8Rng::seed_from_u64(1) };
+        let capacity = (2 * wanted + 12 * BLOCK).min(n);
+        let zeros = |rows| DMatrix::zeros(rows, capacity);
+        let (basis, products, projected) = (zeros(n), zeros(n), zeros(capacity));
+        let mut space = Self { n, wanted, basis, products, projected, size: 0, rng: ChaCha8Rng::seed_from_u64(1) };
         space.refresh(apply);
         space
     }
 
     /// Adds random vectors, making room first.
     pub fn refresh(&mut self, apply: &mut dyn FnMut(&[f64], &mut [f64])) {
-        if self.size + BLOCK > self.basis.ncols() {
-            self.compress(&self.ritz_vectors());
+        if self.size > BLOCK && self.size + BLOCK > self.basis.ncols() {
+            let (values, vectors) = self.ritz_pairs();
+            self.compress(&values, &vectors);
         }
         for _ in 0..BLOCK {
             let mut fresh = vec![0.0; self.n];
@@ -62,10 +66,11 @@ impl Krylov {
         }
     }
 
-    /// Iterates until the residuals of the wanted pairs are below `tolerance` times the largest |θ|. Returns the pairs, largest
-    /// first; their residuals tell whether they have converged.
-    pub fn iterate(&mut self, tolerance: f64, apply: &mut dyn FnMut(&[f64], &mut [f64])) -> Vec<Ritz> {
-        for _ in 0..LONGEST_SEARCH {
+    /// Iterates until the residuals of the wanted pairs are below `tolerance` times the largest |θ|, or `longest` steps have
+    /// been taken. Returns the pairs, largest first; their residuals bound their errors.
+    pub fn iterate(&mut self, tolerance: f64, longest: usize, apply: &mut dyn FnMut(&[f64], &mut [f64])) -> Vec<Ritz> {
+        let mut step = 0;
+        loop {
             let (values, vectors) = self.ritz_pairs();
             let scale = values.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
             let count = self.wanted.min(self.size);
@@ -75,13 +80,13 @@ impl Krylov {
             for (k, &value) in values.iter().take(count).enumerate() {
                 residuals.column_mut(k).axpy(-value, &x.column(k), 1.0);
             }
-            let open: Vec<usize> =
-                (0..count).filter(|&k| residuals.column(k).norm() > tolerance * scale).take(BLOCK).collect();
-            let ended = open.is_empty() || self.size == self.n;
+            let is_open = |&k: &usize| residuals.column(k).norm() > tolerance * scale;
+            let open: Vec<usize> = (0..count).filter(is_open).take(BLOCK).collect();
+            step += 1;
             let mut grown = false;
-            if !ended {
+            if self.size < self.n && step <= longest {
                 if self.size + open.len() > self.basis.ncols() {
-                    self.compress(&vectors);
+                    self.compress(&values, &vectors);
                 }
                 for &k in &open {
                     grown |= self.extend(residuals.column(k).as_slice().to_vec(), apply);
@@ -96,7 +101,6 @@ impl Krylov {
                 return (0..count).map(pair).collect();
             }
         }
-        Vec::new()
     }
 
     /// Orthonormalises a vector against the basis and adds it with its product; not if nothing of it is left.
@@ -115,23 +119,31 @@ impl Krylov {
             }
         }
         let after = crate::linear::norm(&vector);
-        // What is left of a dependent vector is rounding; a NaN fails this test too.
-        if !(after > 1e-12 * before) {
+        // What is left of a dependent vector is rounding.
+        if after.is_nan() || after <= 1e-12 * before {
             return false;
         }
         for (target, v) in self.basis.column_mut(self.size).as_mut_slice().iter_mut().zip(&vector) {
             *target = v / after;
         }
         apply(self.basis.column(self.size).as_slice(), self.products.column_mut(self.size).as_mut_slice());
+        let product = self.products.column(self.size);
+        for k in 0..=self.size {
+            let entry = crate::linear::dot(self.basis.column(k).as_slice(), product.as_slice());
+            self.projected[(k, self.size)] = entry;
+            self.projected[(self.size, k)] = entry;
+        }
         self.size += 1;
         true
     }
 
     /// Eigenpairs of `VᵀBV`, largest first.
     fn ritz_pairs(&self) -> (Vec<f64>, DMatrix<f64>) {
-        let projected = self.basis.columns(0, self.size).tr_mul(&self.products.columns(0, self.size));
-        let symmetric = (&projected + projected.transpose()) * 0.5;
-        let Some(eigen) = SymmetricEigen::try_new(symmetric, f64::EPSILON, 10_000) else {
+        if self.size == 0 {
+            return (Vec::new(), DMatrix::zeros(0, 0));
+        }
+        let projected = self.projected.view((0, 0), (self.size, self.size)).into_owned();
+        let Some(eigen) = SymmetricEigen::try_new(projected, f64::EPSILON, 10_000) else {
             return (vec![f64::NAN; self.size], DMatrix::identity(self.size, self.size));
         };
         let mut order: Vec<usize> = (0..self.size).collect();
@@ -140,18 +152,18 @@ impl Krylov {
         (values, eigen.eigenvectors.select_columns(&order))
     }
 
-    fn ritz_vectors(&self) -> DMatrix<f64> {
-        self.ritz_pairs().1
-    }
-
     /// Shrinks the basis to its best Ritz vectors.
-    fn compress(&mut self, vectors: &DMatrix<f64>) {
+    fn compress(&mut self, values: &[f64], vectors: &DMatrix<f64>) {
         let kept = (self.wanted + BLOCK).min(self.size.saturating_sub(BLOCK)).max(1);
         let y = vectors.columns(0, kept);
         let basis = self.basis.columns(0, self.size) * y;
         let products = self.products.columns(0, self.size) * y;
         self.basis.columns_mut(0, kept).copy_from(&basis);
         self.products.columns_mut(0, kept).copy_from(&products);
+        self.projected.fill(0.0);
+        for (k, &value) in values.iter().take(kept).enumerate() {
+            self.projected[(k, k)] = value;
+        }
         self.size = kept;
     }
 }

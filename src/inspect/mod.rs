@@ -5,20 +5,24 @@
 //! [`spectrum()`] the ends of the spectrum, [`direction`] the springs behind an eigenvector, [`smallest_set()`] the springs whose
 //! transverse terms must go.
 
+mod along;
 mod critical;
 mod culprits;
 mod family;
 mod inertia;
 mod inspection;
 mod krylov;
+mod picture;
 mod random;
 mod smallest_set;
 mod spectrum;
 
+pub use along::{DefinitenessWatch, Loss};
 pub use critical::{CriticalSteps, LargestStep};
 pub use culprits::{Cluster, Culprit, Direction, Mover, clusters, direction};
 pub use family::Requirement;
 pub use inertia::{Inertia, InertiaCounter, InertiaMethod};
 pub use inspection::{Inspection, OptionInspection};
+pub use picture::Pictures;
 pub use smallest_set::{DropSet, Minimality, smallest_set};
-pub use spectrum::{Eigenpair, Spectrum, spectrum};
+pub use spectrum::{Eigenpair, Spectrum, smallest_eigenvalue, spectrum};

@@ -11,14 +11,14 @@
 //! For every pair (λ, x) the residual bounds the error: A has an eigenvalue within `‖Ax − λx‖` of λ.
 
 use super::inertia::Inertia;
-use super::krylov::{Krylov, Ritz};
+use super::krylov::{Krylov, LONGEST_SEARCH, Ritz};
 use crate::assembly::SymmetricMatrix;
 use crate::error::Result;
 use crate::linear::{Ldlt, norm};
 use crate::operator::LinearOperator;
 use crate::work::Work;
 use faer::Par;
-use nalgebra::{DMatrix, SymmetricEigen};
+use nalgebra::{DMatrix, Dyn, SymmetricEigen};
 
 /// An eigenvalue with its unit vector.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,8 +57,12 @@ impl Spectrum {
 /// Up to this order a matrix is diagonalised whole.
 const LARGEST_DENSE: usize = 240;
 
-/// Residuals relative to the largest eigenvalue of the operator at which a search ends.
+/// Residuals of searches with solves, relative to the largest eigenvalue of the inverse.
 const TOLERANCE: f64 = 1e-8;
+
+/// Residual of the search with products, relative to λ_max: a bound for the relative error of λ_max, whose actual error is
+/// nearer to its square.
+const RESIDUAL: f64 = 1e-6;
 
 /// The lowest `wanted` eigenpairs (all, for a small matrix), the largest eigenvalue and the condition number. `inertia` is
 /// that of A. Where A has up to `wanted` negative eigenvalues, all of them are found.
@@ -79,7 +83,7 @@ pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par,
     let mut search = Search { a, factorization: Ldlt::analyse(a.pattern(), par)?, work };
     search.work.symbolic_factorizations += 1;
     let largest = search.largest();
-    let lowest = search.lowest(inertia, wanted.clamp(1, n), largest);
+    let lowest = search.lowest(inertia.negative, wanted.clamp(1, n), largest);
     let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
     let nearest = match () {
         () if inertia.zero > 0 => 0.0,
@@ -89,15 +93,40 @@ pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par,
     Ok(Spectrum { condition: largest.abs().max(smallest.abs()) / nearest, lowest, largest })
 }
 
-/// All eigenpairs of a small matrix.
-fn dense(a: &SymmetricMatrix, inertia: &Inertia) -> Option<Spectrum> {
+/// λ_min alone, in N/m; NaN where A is empty or has entries that are not finite.
+///
+/// # Errors
+/// A matrix that is too large to factor.
+pub fn smallest_eigenvalue(a: &SymmetricMatrix, par: Par, work: &mut Work) -> Result<f64> {
+    let n = a.dofs().len();
+    if n == 0 || !a.norm_inf(&mut vec![0.0; n]).is_finite() {
+        return Ok(f64::NAN);
+    }
+    if n <= LARGEST_DENSE
+        && let Some(eigen) = diagonalise(a)
+    {
+        return Ok(eigen.eigenvalues.min());
+    }
+    let mut search = Search { a, factorization: Ldlt::analyse(a.pattern(), par)?, work };
+    search.work.symbolic_factorizations += 1;
+    let largest = search.largest();
+    Ok(search.lowest(0, 1, largest).first().map_or(f64::NAN, |pair| pair.value))
+}
+
+fn diagonalise(a: &SymmetricMatrix) -> Option<SymmetricEigen<f64, Dyn>> {
     let n = a.dofs().len();
     let mut matrix = DMatrix::zeros(n, n);
     for (row, column, value) in a.iter() {
         matrix[(row, column)] = value;
         matrix[(column, row)] = value;
     }
-    let eigen = SymmetricEigen::try_new(matrix, f64::EPSILON, 100 * n)?;
+    SymmetricEigen::try_new(matrix, f64::EPSILON, 100 * n)
+}
+
+/// All eigenpairs of a small matrix.
+fn dense(a: &SymmetricMatrix, inertia: &Inertia) -> Option<Spectrum> {
+    let n = a.dofs().len();
+    let eigen = diagonalise(a)?;
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
     let pair = |&k: &usize| eigenpair(a, eigen.eigenvalues[k], eigen.eigenvectors.column(k).as_slice().to_vec());
@@ -129,15 +158,15 @@ impl Search<'_> {
     }
 
     fn largest(&self) -> f64 {
-        // The value's error is of the order of the square of the residual's.
         let mut apply = |x: &[f64], y: &mut [f64]| self.a.apply(x, y);
-        let pairs = Krylov::new(self.n(), 1, &mut apply).iterate(1e-7, &mut apply);
+        let pairs = Krylov::new(self.n(), 1, &mut apply).iterate(RESIDUAL, LONGEST_SEARCH, &mut apply);
         pairs.first().map_or(f64::NAN, |pair| pair.value)
     }
 
     /// The lowest pairs, by solves with `A − σ`.
-    fn lowest(&mut self, inertia: &Inertia, wanted: usize, largest: f64) -> Vec<Eigenpair> {
-        let Some(shift) = self.factor_below_spectrum(inertia, largest) else { return Vec::new() };
+    /// As many of them as Sylvester's count says are negative, `negative`, are not missed for being multiple.
+    fn lowest(&mut self, negative: usize, wanted: usize, largest: f64) -> Vec<Eigenpair> {
+        let Some(shift) = self.factor_below_spectrum(largest) else { return Vec::new() };
         let Self { a, factorization, work } = self;
         let mut solve = |x: &[f64], y: &mut [f64]| {
             work.solves += 1;
@@ -145,27 +174,24 @@ impl Search<'_> {
             factorization.solve_in_place(y);
         };
         let mut space = Krylov::new(a.dofs().len(), wanted, &mut solve);
-        let mut found = space.iterate(TOLERANCE, &mut solve);
-        // Sylvester's count says how many negative ones there are: look again for copies of multiple eigenvalues.
-        let due = inertia.negative.min(wanted);
-        let negative = |pairs: &[Ritz]| pairs.iter().filter(|pair| shift + 1.0 / pair.value < 0.0).count();
+        let mut found = space.iterate(TOLERANCE, LONGEST_SEARCH, &mut solve);
+        let due = negative.min(wanted);
+        let missed = |pairs: &[Ritz]| pairs.iter().filter(|pair| shift + 1.0 / pair.value < 0.0).count() < due;
         for _ in 0..due {
-            if negative(&found) >= due {
+            if !missed(&found) {
                 break;
             }
             space.refresh(&mut solve);
-            found = space.iterate(TOLERANCE, &mut solve);
+            found = space.iterate(TOLERANCE, LONGEST_SEARCH, &mut solve);
         }
         found.into_iter().map(|pair| eigenpair(a, shift + 1.0 / pair.value, pair.vector)).collect()
     }
 
     /// Factors `A − σ` with a σ below the spectrum, and returns σ.
-    fn factor_below_spectrum(&mut self, inertia: &Inertia, largest: f64) -> Option<f64> {
-        if inertia.is_definite() {
-            self.work.factorizations += 1;
-            if self.factorization.factor(self.a).is_ok() && self.factorization.is_positive() {
-                return Some(0.0);
-            }
+    fn factor_below_spectrum(&mut self, largest: f64) -> Option<f64> {
+        self.work.factorizations += 1;
+        if self.factorization.factor(self.a).is_ok() && self.factorization.is_positive() {
+            return Some(0.0);
         }
         // The lowest eigenvalue of A is what λ_max − A has as its largest, from the other side.
         let mut apply = |x: &[f64], y: &mut [f64]| {
@@ -174,7 +200,7 @@ impl Search<'_> {
                 *y = largest * x - *y;
             }
         };
-        let pairs = Krylov::new(self.n(), 1, &mut apply).iterate(1e-4, &mut apply);
+        let pairs = Krylov::new(self.n(), 1, &mut apply).iterate(1e-4, LONGEST_SEARCH, &mut apply);
         let estimate = pairs.first()?;
         let lowest = largest - estimate.value;
         let mut margin = estimate.residual.max(0.05 * lowest.abs()).max(1e-8 * largest.abs());
@@ -204,7 +230,7 @@ impl Search<'_> {
             factorization.solve_in_place(y);
             factorization.solve_in_place(y);
         };
-        let pairs = Krylov::new(a.dofs().len(), 1, &mut solve).iterate(TOLERANCE, &mut solve);
+        let pairs = Krylov::new(a.dofs().len(), 1, &mut solve).iterate(TOLERANCE, LONGEST_SEARCH, &mut solve);
         pairs.first().map_or(f64::NAN, |pair| pair.value.abs().sqrt().recip())
     }
 }

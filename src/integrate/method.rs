@@ -60,6 +60,15 @@ impl Method {
         }
     }
 
+    /// The dt of the matrix `A = M/dt² − G/dt − K` with which a step of length `step` begins, both in s.
+    pub fn matrix_dt(self, step: f64) -> f64 {
+        match self {
+            Self::W2 => WMethod::GAMMA * step,
+            Self::ImplicitMidpoint => 0.5 * step,
+            Self::LinearBackwardEuler | Self::BackwardEuler | Self::ForwardEuler | Self::SymplecticEuler => step,
+        }
+    }
+
     /// A stepper for runs with error control; `None` for a method without an error estimate.
     ///
     /// # Errors

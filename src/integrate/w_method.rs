@@ -43,14 +43,12 @@ use super::implicit::{ImplicitOptions, LinearSystem};
 use super::{AdaptiveStepper, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+use crate::linear::FactorReport;
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
 use crate::system::{State, System};
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
-
-/// γ = 1 − 1/√2.
-const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
 
 /// Second order with the matrix of linearised backward Euler; A- and L-stable with the full stiffness.
 #[doc(alias = "Rosenbrock")]
@@ -94,6 +92,11 @@ pub struct ErrorEstimate<'a> {
     pub velocities: &'a [Vector3<f64>],
 }
 
+impl WMethod<'_> {
+    /// γ = 1 − 1/√2: the matrix of a step of length h is that of backward Euler for γ h.
+    pub const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
+}
+
 impl<'s> WMethod<'s> {
     /// Prepares everything that stays the same from step to step: pattern, slot map, ordering, symbolic analysis.
     ///
@@ -123,14 +126,14 @@ impl<'s> WMethod<'s> {
     fn prepare(&mut self, state: &State, h: f64) -> Result<(), StepFailure> {
         self.held = None;
         self.linear.set_extensions(&state.positions)?;
-        self.linear.prepare(self.linear.policy, Combination::step(GAMMA * h))?;
+        self.linear.prepare(self.linear.policy, Combination::step(Self::GAMMA * h))?;
         self.held = Some(Held { h, uses: 0 });
         Ok(())
     }
 
     /// Computes `next` from a state with the matrix last prepared, which must be one for the same h.
     fn advance(&mut self, state: &State, h: f64) -> Result<(), StepFailure> {
-        let tau = GAMMA * h;
+        let tau = Self::GAMMA * h;
         let system = self.linear.system;
         self.velocities.copy_from_slice(&state.velocities);
         system.prescribed().set_mean_velocities(state.time + h, h, &state.positions, &mut self.velocities);
@@ -139,7 +142,7 @@ impl<'s> WMethod<'s> {
         self.forces.copy_from_slice(&self.s);
         system.prescribed().displacement(state.time + h, &state.positions, &mut self.first);
         for ((k, minus_r), v) in self.first.iter_mut().zip(&mut self.minus_r).zip(&self.velocities) {
-            *k *= GAMMA;
+            *k *= Self::GAMMA;
             *minus_r = -v;
         }
         solve_stage(&mut self.linear, tau, &self.minus_r, &mut self.s, &mut self.first)?;
@@ -173,7 +176,7 @@ impl<'s> WMethod<'s> {
     /// Estimates the error of the step just computed, with one more force evaluation and one more solve.
     fn estimate(&mut self, h: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
         const E: f64 = 6.0 + SQRT_2;
-        let tau = GAMMA * h;
+        let tau = Self::GAMMA * h;
         self.set_force(Point::Next)?;
         for (p, mass) in self.linear.system.masses().iter().enumerate() {
             let (v, v_mid, v_next) = (self.velocities[p], self.middle.velocities[p], self.next.velocities[p]);
@@ -254,6 +257,10 @@ impl TimeStepper for WMethod<'_> {
 
     fn preconditioner(&self) -> Option<&'static str> {
         self.linear.preconditioner()
+    }
+
+    fn factor(&self) -> Option<FactorReport> {
+        self.linear.factor()
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {

@@ -69,7 +69,7 @@ impl PivotedLdlt {
 
     /// Factors a matrix on the analysed pattern. Never fails: what went wrong shows in the pivots and in the error.
     pub fn factor(&mut self, a: &SymmetricMatrix) {
-        let Self { analysis: Analysis { symbolic, values, memory, par }, subdiagonal, forward, inverse } = self;
+        let Self { analysis: Analysis { symbolic, values, memory, par, .. }, subdiagonal, forward, inverse } = self;
         let stack = MemStack::new(memory);
         let spec = Spec::default();
         symbolic.factorize_numeric_intranode_lblt(

@@ -4,6 +4,7 @@
 
 mod atomic;
 mod energy;
+mod failure_bundle;
 mod final_state;
 mod frames;
 mod matrix_market;
@@ -11,6 +12,7 @@ mod summary;
 
 pub use atomic::AtomicFile;
 pub use energy::EnergyLog;
+pub use failure_bundle::{BUNDLE, FailedStep};
 pub use final_state::write_final_state;
 pub use frames::{Frames, write_frame};
 pub use matrix_market::{write_dofs, write_symmetric, write_vector};

@@ -5,6 +5,7 @@ use crate::accuracy::{Choice, Pace};
 use crate::error::Result;
 use crate::force::Energy;
 use crate::integrate::{RunFailure, Statistics, Status};
+use crate::linear::FactorReport;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -41,6 +42,9 @@ pub struct Summary {
     /// `work` and `max_relative_residual`, and how many solves met an indefinite A.
     #[serde(flatten)]
     pub statistics: Statistics,
+    /// Size of the factor of A and the time it took, for a solver that factors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub factor: Option<FactorReport>,
     /// Total energy at both ends of the run.
     pub energy: EnergyChange,
     /// Why this method and step, where they were chosen by the program.

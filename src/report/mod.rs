@@ -7,7 +7,9 @@ mod canvas;
 mod chart_html;
 mod check_html;
 pub mod drawing;
+mod faults;
 mod html;
+pub mod inspection;
 mod json;
 mod junit;
 pub mod number;
@@ -17,6 +19,7 @@ pub mod plot;
 mod projection;
 mod ruler;
 mod shares;
+pub mod spy;
 mod text;
 pub mod tiles;
 

@@ -97,6 +97,13 @@ impl System {
         self.active.iter().map(|&s| (s as usize, self.pair(s as usize), &self.springs[s as usize]))
     }
 
+    /// As [`active`](Self::active), from a position on.
+    #[inline]
+    pub(crate) fn active_from(&self, first: usize) -> impl Iterator<Item = (usize, [usize; 2], &Spring)> + '_ {
+        let springs = self.active.get(first..).unwrap_or_default();
+        springs.iter().map(|&s| (s as usize, self.pair(s as usize), &self.springs[s as usize]))
+    }
+
     /// The map between (particle, axis) and the rows of reduced vectors and matrices.
     pub fn dofs(&self) -> &DofMap {
         &self.dofs

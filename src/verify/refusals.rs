@@ -82,13 +82,13 @@ pub(super) fn indefinite(subject: &Subject) -> Outcome {
     checks.push(Check::new(Claim::Failure, "LDLᵀ vouches for its solution", &twin.name, value, 1e-12, why));
 
     for kind in [PreconditionerKind::None, PreconditionerKind::Jacobi, PreconditionerKind::BlockJacobi] {
-        let mut preconditioner = Preconditioner::new(kind, system.dofs());
+        let mut preconditioner = Preconditioner::new(kind, system)?;
         // A diagonal block that is not definite is found before the first iteration: reported already.
-        let reported = match preconditioner.update(&a) {
+        let reported = match preconditioner.update(&a, &mut Work::default()) {
             Err(_) => true,
             Ok(()) => {
                 let mut cg = ConjugateGradient::new(n, 1e-12);
-                let report = cg.solve(&a, &preconditioner, &b, &mut vec![0.0; n]);
+                let report = cg.solve(&a, &mut preconditioner, &b, &mut vec![0.0; n]);
                 let p = DVector::from_column_slice(cg.direction());
                 matches!(report.outcome, CgOutcome::NegativeCurvature { .. }) && p.dot(&(&dense * &p)) <= 0.0
             }
@@ -111,20 +111,20 @@ pub(super) fn conjugate_gradients(subject: &Subject) -> Outcome {
     let extensions = Extensions::at(system, &subject.state.positions)?;
     let a = SystemOperator::new(system, &extensions, Stiffness::Tension, Combination::step(subject.dt));
     let b = reference::free(system, &field(system));
-    let identity = Preconditioner::new(PreconditionerKind::None, system.dofs());
+    let mut identity = Preconditioner::Identity;
     let check = |name: &str, value: f64, why: &str| Check::new(Claim::Failure, name, &subject.name, value, 0.0, why);
     let mut checks = Vec::new();
 
     let mut cg = ConjugateGradient::new(n, 1e-10);
     cg.iteration_limit = 0;
-    let report = cg.solve(&a, &identity, &b, &mut vec![0.0; n]);
+    let report = cg.solve(&a, &mut identity, &b, &mut vec![0.0; n]);
     let why = "no iteration is allowed, and zero is not the solution";
     checks.push(check("iteration limit is reported", silent(report.outcome == CgOutcome::IterationLimit), why));
 
     // A tolerance far below rounding, which only an exact solution could meet.
     let mut cg = ConjugateGradient::new(n, 1e-30);
     let mut x = vec![0.0; n];
-    let report = cg.solve(&a, &identity, &b, &mut x);
+    let report = cg.solve(&a, &mut identity, &b, &mut x);
     let exact = report.outcome == CgOutcome::Converged && report.relative_residual <= 1e-30;
     let gave_up = matches!(report.outcome, CgOutcome::Stagnated | CgOutcome::IterationLimit);
     let why = "a residual of 1e-30 of the right-hand side is below rounding: only an exact solution may claim it";
@@ -141,7 +141,7 @@ pub(super) fn conjugate_gradients(subject: &Subject) -> Outcome {
 
     let mut poisoned = b.clone();
     poisoned[n / 2] = f64::NAN;
-    let report = ConjugateGradient::new(n, 1e-10).solve(&a, &identity, &poisoned, &mut vec![0.0; n]);
+    let report = ConjugateGradient::new(n, 1e-10).solve(&a, &mut identity, &poisoned, &mut vec![0.0; n]);
     let why = "a right-hand side with a NaN has no solution";
     checks.push(check("NaN is reported", silent(report.outcome == CgOutcome::NonFinite), why));
     Ok(checks)

@@ -1,0 +1,48 @@
+//! Sparsity patterns.
+
+use serde::Serialize;
+
+/// Which entries of a square matrix are not zero, counted in square cells.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Spy {
+    /// What the matrix is.
+    pub title: String,
+    /// The order of the matrix.
+    pub order: usize,
+    /// Entries in the lower triangle, the diagonal included.
+    pub entries: usize,
+    /// Cells along a side.
+    pub cells: usize,
+    /// Rows and columns in a cell; the last one may have fewer.
+    pub rows_per_cell: usize,
+    /// Entries in every cell, by rows of cells from above.
+    pub counts: Vec<u32>,
+}
+
+impl Spy {
+    /// The most cells along a side: larger matrices are counted in larger cells.
+    pub const MOST_CELLS: usize = 180;
+
+    /// From the entries (row, column) of the lower triangle.
+    pub fn lower(title: impl Into<String>, order: usize, entries: impl Iterator<Item = (usize, usize)>) -> Self {
+        let rows_per_cell = order.div_ceil(Self::MOST_CELLS).max(1);
+        let cells = order.div_ceil(rows_per_cell);
+        let mut counts = vec![0u32; cells * cells];
+        let mut total = 0;
+        for (row, column) in entries {
+            if let Some(count) = counts.get_mut(row / rows_per_cell * cells + column / rows_per_cell) {
+                *count = count.saturating_add(1);
+                total += 1;
+            }
+        }
+        Self { title: title.into(), order, entries: total, cells, rows_per_cell, counts }
+    }
+
+    /// The part of a cell that is filled, from 0 to 1.
+    pub fn share(&self, row: usize, column: usize) -> f64 {
+        let count = self.counts.get(row * self.cells + column).copied().unwrap_or(0);
+        let side = |cell: usize| self.rows_per_cell.min(self.order - (cell * self.rows_per_cell).min(self.order));
+        let area = if row == column { side(row) * (side(row) + 1) / 2 } else { side(row) * side(column) };
+        f64::from(count) / area.max(1) as f64
+    }
+}

@@ -1,0 +1,90 @@
+//! Watching definiteness along a run: when it is first lost, and where.
+
+use super::culprits::{Culprit, direction};
+use super::spectrum::Eigenpair;
+use crate::assembly::{SpringPattern, SystemMatrix};
+use crate::error::Result;
+use crate::force::{DegenerateSpring, Extensions};
+use crate::linear::{Ldlt, dot};
+use crate::operator::{Combination, LinearOperator, SystemOperator};
+use crate::spring::Stiffness;
+use crate::system::{State, System};
+use faer::Par;
+use std::sync::Arc;
+
+/// A state at which A is not positive definite.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loss {
+    /// Steps done before it.
+    pub step: u64,
+    /// Its time, in s.
+    pub time: f64,
+    /// The option of A.
+    pub option: Stiffness,
+    /// Negative pivots of A, the number of directions of negative curvature where the factorization has not lost its digits.
+    pub negative: usize,
+    /// `uᵀAu` of the unit vector u along which the culprits were found, in N/m.
+    pub curvature: f64,
+    /// The springs behind that curvature, worst first.
+    pub culprits: Vec<Culprit>,
+}
+
+/// Looks at A for one step length and option, state after state: one factorization each, no symbolic analysis after the first.
+pub struct DefinitenessWatch<'s> {
+    system: &'s System,
+    option: Stiffness,
+    combination: Combination,
+    extensions: Extensions,
+    operator: SystemOperator<'s>,
+    matrix: SystemMatrix,
+    factorization: Ldlt,
+    direction: Vec<f64>,
+}
+
+impl<'s> DefinitenessWatch<'s> {
+    /// For steps of length dt of a system in a state like the given one.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring; a matrix that is too large.
+    pub fn new(system: &'s System, state: &State, option: Stiffness, dt: f64, par: Par) -> Result<Self> {
+        let combination = Combination::step(dt);
+        let extensions = Extensions::at(system, &state.positions)?;
+        let operator = SystemOperator::new(system, &extensions, option, combination);
+        let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
+        let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
+        let direction = vec![0.0; system.dofs().len()];
+        Ok(Self { system, option, combination, extensions, operator, matrix, factorization, direction })
+    }
+
+    /// What is lost at a state; `None` where A is positive definite.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring.
+    pub fn look(&mut self, step: u64, state: &State) -> Result<Option<Loss>, DegenerateSpring> {
+        self.extensions.update(self.system, &state.positions)?;
+        self.operator.update(&self.extensions, self.option, self.combination);
+        self.matrix.refill(&self.operator);
+        let factored = self.factorization.factor(self.matrix.matrix()).is_ok();
+        if factored && self.factorization.is_positive() {
+            return Ok(None);
+        }
+        let negative = self.factorization.pivots().filter(|&(_, d)| d < 0.0).count();
+        let option = self.option;
+        let mut loss = Loss { step, time: state.time, option, negative, curvature: f64::NAN, culprits: Vec::new() };
+        let mut u = std::mem::take(&mut self.direction);
+        if factored && self.factorization.negative_direction(&mut u) {
+            // One inverse iteration brings out the eigenvector nearest to zero, the one that has just been lost.
+            self.factorization.solve_in_place(&mut u);
+            let length = dot(&u, &u).sqrt();
+            u.iter_mut().for_each(|u| *u /= length);
+            let mut product = vec![0.0; u.len()];
+            self.operator.apply(&u, &mut product);
+            loss.curvature = dot(&u, &product);
+            let pair = Eigenpair { value: loss.curvature, residual: f64::NAN, vector: u };
+            loss.culprits = direction(self.system, &self.extensions, self.option, &pair).culprits;
+            u = pair.vector;
+        }
+        self.direction = u;
+        Ok(Some(loss))
+    }
+}

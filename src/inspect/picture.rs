@@ -1,0 +1,155 @@
+//! What an inspection shows, as pictures.
+
+use super::inspection::Inspection;
+use super::spectrum::smallest_eigenvalue;
+use crate::assembly::{SpringPattern, SystemMatrix};
+use crate::error::Result;
+use crate::figure::{Axis, Drawing, Guide, Plot, Series, Spy};
+use crate::force::Extensions;
+use crate::linear::Ldlt;
+use crate::operator::{Combination, SystemOperator};
+use crate::spring::Stiffness;
+use crate::system::{State, System};
+use crate::work::Work;
+use faer::Par;
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// The pictures of an inspection.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pictures {
+    /// The springs by strain, the worst culprits singled out, the lowest eigenvector as arrows.
+    pub scene: Drawing,
+    /// `λ_min(dt)·dt²/m_min` over dt under the three options; `None` for a system too large for so many eigenvalues.
+    pub curve: Option<Plot>,
+    /// The low end of the spectrum.
+    pub spectrum: Plot,
+    /// The sparsity pattern of A.
+    pub matrix: Spy,
+    /// The sparsity pattern of its factor L, in the order of elimination.
+    pub factor: Spy,
+}
+
+/// Culprits that are singled out in the drawing.
+const LABELLED: usize = 6;
+
+/// Degrees of freedom up to which λ_min is computed for many steps.
+const LARGEST_CURVE: usize = 3000;
+
+/// Steps at which λ_min is computed, for a small and for a larger system.
+const CURVE_POINTS: [usize; 2] = [49, 17];
+
+impl Pictures {
+    /// Of an inspection of this state.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring; a matrix that is too large.
+    pub fn of(system: &System, state: &State, inspection: &Inspection, par: Par) -> Result<Self> {
+        let extensions = Extensions::at(system, &state.positions)?;
+        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+        let operator = SystemOperator::new(system, &extensions, inspection.option, Combination::step(inspection.dt));
+        let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
+        let n = system.dofs().len();
+        let entries = a.iter().filter(|&(_, _, value)| value != 0.0);
+        let matrix = Spy::lower("A, rows by particle", n, entries.map(|(row, column, _)| (row, column)));
+        let factorization = Ldlt::analyse(a.pattern(), par)?;
+        let diagonal = (0..n).map(|k| (k, k));
+        let factor = Spy::lower("L of A = L D Lᵀ, rows as eliminated", n, factorization.pattern().chain(diagonal));
+        let curve = match n {
+            1..=LARGEST_CURVE => Some(curve(system, &extensions, &pattern, inspection, par)?),
+            _ => None,
+        };
+        Ok(Self { scene: scene(system, state, inspection), curve, spectrum: low_end(inspection), matrix, factor })
+    }
+}
+
+fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {
+    let title = match inspection.directions.first() {
+        Some(lowest) => format!("Strain, and the eigenvector of λ_min = {:.3e} N/m", lowest.eigenvalue),
+        None => "Strain".into(),
+    };
+    let mut drawing = Drawing::strains(title, system, state);
+    if let Some(lowest) = inspection.directions.first() {
+        for culprit in lowest.culprits.iter().take(LABELLED) {
+            let [i, j] = culprit.particles;
+            let (strain, share) = (100.0 * culprit.strain, 100.0 * culprit.share);
+            let label = format!(
+                "spring {} ({i}–{j}): strain {strain:.1} %, {share:.0} % of the negative curvature",
+                culprit.spring
+            );
+            drawing = drawing.highlight(culprit.spring, label);
+        }
+    }
+    match inspection.spectrum.lowest.first() {
+        Some(pair) => {
+            let mut arrows = vec![Vector3::zeros(); system.particles()];
+            system.dofs().scatter(&pair.vector, &mut arrows);
+            drawing.with_arrows(&arrows)
+        }
+        None => drawing,
+    }
+}
+
+/// λ_min over dt, scaled so that it begins at 1 for small steps: `A dt² → M`.
+fn curve(
+    system: &System,
+    extensions: &Extensions,
+    pattern: &Arc<SpringPattern>,
+    inspection: &Inspection,
+    par: Par,
+) -> Result<Plot> {
+    let limits = || inspection.options.iter().flat_map(|o| [o.critical.dt(), o.stable.dt()]).flatten();
+    let middle = inspection.options[0].critical.dt().unwrap_or(inspection.dt);
+    let low = limits().fold(middle, f64::min).min(inspection.dt) / 30.0;
+    let high = limits().fold(middle, f64::max).max(inspection.dt) * 3.0;
+    let points = CURVE_POINTS[usize::from(system.dofs().len() > 240)];
+    let steps = (0..points).map(|k| low * (high / low).powf(k as f64 / (points - 1) as f64));
+    let dofs = system.dofs();
+    let free = system.masses().iter().enumerate().filter(|(p, _)| !dofs.rows(*p).is_empty());
+    let lightest = free.map(|(_, &mass)| mass).fold(f64::INFINITY, f64::min);
+    let mut work = Work::default();
+    let mut plot = Plot::new(
+        "Lowest eigenvalue of A over the time step",
+        Axis::logarithmic("dt, s"),
+        Axis::linear("λ_min dt²/m, m the smallest mass"),
+    );
+    for option in Stiffness::ALL {
+        let mut values = Vec::with_capacity(points);
+        for dt in steps.clone() {
+            let operator = SystemOperator::new(system, extensions, option, Combination::step(dt));
+            let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
+            let scaled = smallest_eigenvalue(&a, par, &mut work)? * dt * dt / lightest;
+            // Far below zero only the sign matters; the axis is kept for what happens around it.
+            values.push((dt, scaled.max(-1.5)));
+        }
+        plot = plot.with_series(Series::line(option.name(), values));
+    }
+    for option in &inspection.options {
+        let name = option.option.name();
+        if let Some(dt) = option.critical.dt() {
+            plot = plot.with_guide(Guide::Vertical { x: dt, label: format!("{name} definite up to {dt:.3e} s") });
+        }
+        if let Some(dt) = option.stable.dt().filter(|&dt| option.critical.dt() != Some(dt)) {
+            plot = plot.with_guide(Guide::Vertical { x: dt, label: format!("{name} stable up to {dt:.3e} s") });
+        }
+    }
+    let here = Guide::Vertical { x: inspection.dt, label: format!("inspected: {:.3e} s", inspection.dt) };
+    Ok(plot.with_guide(here).with_guide(Guide::Level { y: 0.0, label: "definite above".into() }))
+}
+
+/// Eigenvalues in the low end's plot.
+const LOW_END: usize = 40;
+
+fn low_end(inspection: &Inspection) -> Plot {
+    let lowest = inspection.spectrum.lowest.iter().take(LOW_END).enumerate();
+    let points: Vec<(f64, f64)> = lowest.map(|(k, pair)| (k as f64, pair.value)).collect();
+    let title = format!("Lowest eigenvalues of A ({})", inspection.option.name());
+    let (negative, positive): (Vec<_>, Vec<_>) = points.into_iter().partition(|&(_, value)| value < 0.0);
+    let mut plot = Plot::new(title, Axis::linear("number, from 0"), Axis::linear("λ, N/m"));
+    for (name, points) in [("positive", positive), ("negative", negative)] {
+        if !points.is_empty() {
+            plot = plot.with_series(Series::scatter(name, points));
+        }
+    }
+    plot.with_guide(Guide::Level { y: 0.0, label: "zero".into() })
+}

@@ -1,0 +1,56 @@
+//! Why a run ended with an indefinite matrix, in three lines.
+
+use crate::inspect::{Culprit, Inspection, LargestStep};
+use crate::report::number::{count, plain};
+
+/// Culprits that are named.
+const NAMED: usize = 3;
+
+/// Which springs, how large a step would have been definite, and what would carry on. `inspection` is that of the last good
+/// state under the run's option and step.
+pub fn explain(inspection: &Inspection) -> [String; 3] {
+    [blame(inspection), limit(inspection), remedy(inspection)]
+}
+
+fn blame(inspection: &Inspection) -> String {
+    let inertia = &inspection.examined().inertia;
+    let culprits = inspection.directions.first().map_or(&[][..], |lowest| &lowest.culprits);
+    if inertia.is_definite() || culprits.is_empty() {
+        return format!(
+            "A is positive definite at the start of the step; it was lost on the way, with {} compressed",
+            count(inspection.compressed_springs, "spring")
+        );
+    }
+    let name = |culprit: &Culprit| {
+        let Culprit { spring, particles: [i, j], strain, share, .. } = culprit;
+        format!("spring {spring} ({i}–{j}, {} % compressed, {:.0} % of it)", plain(-100.0 * strain), 100.0 * share)
+    };
+    let named: Vec<String> = culprits.iter().take(NAMED).map(name).collect();
+    let more = match culprits.len() - named.len() {
+        0 => String::new(),
+        more => format!(" and {}", count(more, "other")),
+    };
+    let directions = count(inertia.negative, "direction");
+    format!("A curves downwards in {directions}; along the worst because of {}{more}", named.join(", "))
+}
+
+fn limit(inspection: &Inspection) -> String {
+    let dt = plain(inspection.dt);
+    match inspection.examined().critical {
+        LargestStep::Every => format!("at this state A is positive definite for every dt (it was {dt} s)"),
+        LargestStep::UpTo { dt: critical, .. } => {
+            format!("at this state A is positive definite up to dt = {} s (it was {dt} s)", plain(critical))
+        }
+    }
+}
+
+fn remedy(inspection: &Inspection) -> String {
+    let Inspection { smallest_set, compressed_springs, .. } = inspection;
+    let drops = match smallest_set {
+        Some(set) if set.springs.len() < set.tension => {
+            format!(" ({} of the {} transverse terms that tension drops are enough)", set.springs.len(), set.tension)
+        }
+        Some(_) | None => format!(" ({} compressed)", count(*compressed_springs, "spring")),
+    };
+    format!("--stiffness on-demand carries on{drops}; so does --stiffness tension or a smaller --dt")
+}

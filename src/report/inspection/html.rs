@@ -1,0 +1,168 @@
+//! An inspection as a page with pictures.
+
+use crate::inspect::{Culprit, Inspection, LargestStep, Loss, Minimality, Pictures};
+use crate::report::number::{count, pretty};
+use crate::report::{drawing, page, plot, spy};
+use maud::{Markup, html};
+
+/// Rows of the tables of culprits and of clusters.
+const ROWS: usize = 15;
+
+/// The pictures as SVG, each with the name of its file.
+pub fn pictures(pictures: &Pictures) -> Vec<(&'static str, String)> {
+    let mut files = vec![("scene.svg", drawing::svg(&pictures.scene))];
+    files.extend(pictures.curve.as_ref().map(|curve| ("lambda-min.svg", plot::svg(curve))));
+    files.push(("spectrum.svg", plot::svg(&pictures.spectrum)));
+    files.push(("pattern-A.svg", spy::svg(&pictures.matrix)));
+    files.push(("pattern-L.svg", spy::svg(&pictures.factor)));
+    files
+}
+
+/// The whole inspection as one HTML page without scripts and without anything to load.
+pub fn html(
+    scene: &str,
+    step: u64,
+    time: f64,
+    inspection: &Inspection,
+    loss: Option<&Loss>,
+    pictures: &Pictures,
+) -> String {
+    let when =
+        if step == 0 { "at the initial state".into() } else { format!("after {} steps, t = {} s", step, pretty(time)) };
+    let lead = format!(
+        "{scene} {when}, A = M/dt² − G/dt − K with dt = {} s and stiffness {}.",
+        pretty(inspection.dt),
+        inspection.option.name()
+    );
+    let body = html! {
+        (banner(inspection))
+        (page::section("steps", &html! { "Which steps are safe" }, &steps(inspection, pictures)))
+        (page::section("culprits", &html! { "Which springs spoil it" }, &culprits(inspection, loss, pictures)))
+        (page::section("matrix", &html! { "The matrix" }, &matrix(inspection, pictures)))
+    };
+    page::page("Definiteness", &lead, &body)
+}
+
+fn banner(inspection: &Inspection) -> Markup {
+    let inertia = &inspection.examined().inertia;
+    let counts = format!(
+        "{} negative, {} zero and {} positive eigenvalues, from {} to {} N/m.",
+        inertia.negative,
+        inertia.zero,
+        inertia.positive,
+        pretty(inspection.examined().smallest),
+        pretty(inspection.examined().largest)
+    );
+    html! {
+        @if inertia.is_definite() {
+            div.banner.passed { strong { "✓ A is positive definite" } p { (counts) } }
+        } @else {
+            div.banner.failed {
+                strong { @if inertia.negative > 0 { "✗ A is indefinite" } @else { "✗ A is singular to working precision" } }
+                p { (counts) }
+            }
+        }
+    }
+}
+
+fn limit(step: LargestStep) -> String {
+    step.dt().map_or("every step".into(), |dt| format!("{} s", pretty(dt)))
+}
+
+fn steps(inspection: &Inspection, pictures: &Pictures) -> Markup {
+    html! {
+        table.full {
+            thead { tr {
+                th scope="col" { "stiffness" } th.number scope="col" { "definite up to" } th.number scope="col" { "stable up to" }
+                th.number scope="col" { "λ" sub { "min" } ", N/m" } th.number scope="col" { "λ" sub { "max" } ", N/m" } th.number scope="col" { "condition" }
+            } }
+            tbody { @for option in &inspection.options {
+                tr class=[(!option.inertia.is_definite()).then_some("failed-row")] {
+                    td { (option.option.name()) }
+                    td.number { (limit(option.critical)) } td.number { (limit(option.stable)) }
+                    td.number { (pretty(option.smallest)) } td.number { (pretty(option.largest)) } td.number { (pretty(option.condition)) }
+                }
+            } }
+        }
+        p.quiet {
+            "Each limit lies between a step at which a Cholesky factorization exists and one at which it does not, or a direction of negative curvature is known. "
+            "“Stable” means that linearised backward Euler adds no instability of its own at this state."
+            @if inspection.growing_modes > 0 {
+                " The motion itself has " (count(inspection.growing_modes, "growing mode")) " here: no step makes these stable."
+            }
+        }
+        @if let Some(curve) = &pictures.curve {
+            (page::figures(&[page::figure(plot::svg(curve), &html! {
+                "The curves fall with dt: once lost, definiteness does not come back. Values below −1.5 are drawn at −1.5."
+            })]))
+        }
+    }
+}
+
+fn culprits(inspection: &Inspection, loss: Option<&Loss>, pictures: &Pictures) -> Markup {
+    let lowest = inspection.directions.first();
+    let named = lowest.map_or(&[][..], |lowest| &lowest.culprits);
+    html! {
+        p { (count(inspection.compressed_springs, "spring")) " shorter than at rest." }
+        @if let Some(loss) = loss {
+            p { "Along the run definiteness was first lost after " (count(loss.step as usize, "step")) ", at t = " (pretty(loss.time)) " s." }
+        }
+        @if !named.is_empty() { (table(named)) }
+        @if let Some(set) = &inspection.smallest_set {
+            p {
+                "Dropping the transverse terms of " (count(set.springs.len(), "spring")) " makes A definite"
+                @match set.minimality {
+                    Minimality::Irredundant => " (none of them can be spared)",
+                    Minimality::Enough => " (perhaps some could be spared)",
+                }
+                "; option " code { "tension" } " drops " (set.tension) ": "
+                @for (k, spring) in set.springs.iter().take(ROWS).enumerate() { @if k > 0 { ", " } (spring) }
+                @if set.springs.len() > ROWS { " …" } "."
+            }
+        }
+        @if inspection.clusters.len() > 1 {
+            p { "Culprits that hang together, the worst group first:" }
+            ul { @for cluster in inspection.clusters.iter().take(ROWS) {
+                li {
+                    (count(cluster.springs.len(), "spring")) " on " (count(cluster.particles.len(), "particle")) ", strain down to " (pretty(cluster.strain)) ": springs "
+                    @for (k, spring) in cluster.springs.iter().take(ROWS).enumerate() { @if k > 0 { ", " } (spring) }
+                    @if cluster.springs.len() > ROWS { " …" }
+                }
+            } }
+        }
+        (page::figures(&[page::figure(drawing::svg(&pictures.scene), &html! { "Arrows: the direction in which A curves least, to a scale of their own." })]))
+    }
+}
+
+fn table(culprits: &[Culprit]) -> Markup {
+    html! {
+        table.full {
+            thead { tr {
+                th scope="col" { "spring" } th scope="col" { "particles" } th.number scope="col" { "strain" } th.number scope="col" { "share of the negative curvature" }
+                th.number scope="col" { "uᵀAu without its transverse term, N/m" }
+            } }
+            tbody { @for culprit in culprits.iter().take(ROWS) {
+                tr {
+                    td { (culprit.spring) } td { (culprit.particles[0]) "–" (culprit.particles[1]) } td.number { (pretty(culprit.strain)) }
+                    td.number { (pretty(culprit.share)) } td.number { (pretty(culprit.relieved)) }
+                }
+            } }
+        }
+        @if culprits.len() > ROWS { p.quiet { "and " (culprits.len() - ROWS) " more" } }
+    }
+}
+
+fn matrix(inspection: &Inspection, pictures: &Pictures) -> Markup {
+    let inertia = &inspection.examined().inertia;
+    html! {
+        p.quiet {
+            "Signs of eigenvalues are counted from a factorization whose error was measured, at most "
+            (pretty(inertia.factorization_error)) " of the norm; eigenvalues within " (pretty(inertia.band)) " of the norm of the equilibrated matrix would count as zero."
+        }
+        (page::figures(&[
+            page::figure(plot::svg(&pictures.spectrum), &html! { "The low end of the spectrum." }),
+            page::figure(spy::svg(&pictures.matrix), &html! { "Entries of A that are not zero." }),
+            page::figure(spy::svg(&pictures.factor), &html! { "Stored entries of its factor." }),
+        ]))
+    }
+}

@@ -1,0 +1,201 @@
+//! An inspection as JSON.
+
+use crate::inspect::{Cluster, Culprit, Direction, DropSet, Inertia, Inspection, Loss, Minimality, OptionInspection};
+use serde::Serialize;
+
+/// An inspection as it is written to JSON. A number that is not finite becomes `null`; so does a step without limit.
+#[derive(Debug, Clone, Serialize)]
+pub struct InspectionRecord<'a> {
+    scene: &'a str,
+    step: u64,
+    time: f64,
+    dt: f64,
+    stiffness: &'static str,
+    dofs: usize,
+    #[serde(flatten)]
+    examined: OptionRecord,
+    growing_modes: usize,
+    compressed_springs: usize,
+    culprits: Vec<CulpritRecord>,
+    directions: Vec<DirectionRecord>,
+    clusters: Vec<ClusterRecord<'a>>,
+    smallest_set: Option<SetRecord<'a>>,
+    options: OptionRecords,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    first_loss: Option<LossRecord>,
+}
+
+impl<'a> InspectionRecord<'a> {
+    /// Of an inspection of a scene's state after `step` steps, at a time in s.
+    pub fn new(scene: &'a str, step: u64, time: f64, inspection: &'a Inspection) -> Self {
+        let Inspection { dt, option, options: [full, tension, axial], directions, .. } = inspection;
+        let examined = inspection.examined();
+        let inertia = examined.inertia;
+        Self {
+            scene,
+            step,
+            time,
+            dt: *dt,
+            stiffness: option.name(),
+            dofs: inertia.negative + inertia.zero + inertia.positive,
+            examined: OptionRecord::of(examined),
+            growing_modes: inspection.growing_modes,
+            compressed_springs: inspection.compressed_springs,
+            culprits: directions.first().map_or(Vec::new(), |lowest| culprits(&lowest.culprits)),
+            directions: directions.iter().map(DirectionRecord::of).collect(),
+            clusters: inspection.clusters.iter().map(ClusterRecord::of).collect(),
+            smallest_set: inspection.smallest_set.as_ref().map(SetRecord::of),
+            options: OptionRecords {
+                full: OptionRecord::of(full),
+                tension: OptionRecord::of(tension),
+                axial: OptionRecord::of(axial),
+            },
+            first_loss: None,
+        }
+    }
+
+    /// Adds where along a run definiteness was first lost.
+    pub fn with_first_loss(self, loss: Option<&Loss>) -> Self {
+        Self { first_loss: loss.map(LossRecord::of), ..self }
+    }
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct OptionRecords {
+    full: OptionRecord,
+    tension: OptionRecord,
+    axial: OptionRecord,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct OptionRecord {
+    inertia: InertiaRecord,
+    definite: bool,
+    lambda_min: f64,
+    lambda_max: f64,
+    condition: f64,
+    critical_dt: Option<f64>,
+    stable_dt: Option<f64>,
+}
+
+impl OptionRecord {
+    fn of(option: &OptionInspection) -> Self {
+        Self {
+            inertia: InertiaRecord::of(&option.inertia),
+            definite: option.inertia.is_definite(),
+            lambda_min: option.smallest,
+            lambda_max: option.largest,
+            condition: option.condition,
+            critical_dt: option.critical.dt(),
+            stable_dt: option.stable.dt(),
+        }
+    }
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct InertiaRecord {
+    negative: usize,
+    zero: usize,
+    positive: usize,
+    band: f64,
+}
+
+impl InertiaRecord {
+    fn of(inertia: &Inertia) -> Self {
+        let Inertia { negative, zero, positive, band, .. } = *inertia;
+        Self { negative, zero, positive, band }
+    }
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct CulpritRecord {
+    spring: usize,
+    particles: [usize; 2],
+    strain: f64,
+    share: f64,
+    curvature: f64,
+    without_transverse: f64,
+}
+
+fn culprits(culprits: &[Culprit]) -> Vec<CulpritRecord> {
+    let record = |culprit: &Culprit| {
+        let Culprit { spring, particles, strain, share, curvature, relieved } = *culprit;
+        CulpritRecord { spring, particles, strain, share, curvature, without_transverse: relieved }
+    };
+    culprits.iter().map(record).collect()
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct DirectionRecord {
+    eigenvalue: f64,
+    stiffness_curvature: f64,
+    culprits: Vec<CulpritRecord>,
+    particles: Vec<MoverRecord>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct MoverRecord {
+    particle: usize,
+    displacement: [f64; 3],
+}
+
+impl DirectionRecord {
+    fn of(direction: &Direction) -> Self {
+        let mover =
+            |m: &crate::inspect::Mover| MoverRecord { particle: m.particle, displacement: m.displacement.into() };
+        Self {
+            eigenvalue: direction.eigenvalue,
+            stiffness_curvature: direction.stiffness_curvature,
+            culprits: culprits(&direction.culprits),
+            particles: direction.movers.iter().map(mover).collect(),
+        }
+    }
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct ClusterRecord<'a> {
+    springs: &'a [usize],
+    particles: &'a [usize],
+    eigenvalue: f64,
+    strain: f64,
+}
+
+impl<'a> ClusterRecord<'a> {
+    fn of(cluster: &'a Cluster) -> Self {
+        let Cluster { springs, particles, eigenvalue, strain } = cluster;
+        Self { springs, particles, eigenvalue: *eigenvalue, strain: *strain }
+    }
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct SetRecord<'a> {
+    springs: &'a [usize],
+    minimality: &'static str,
+    tension_drops: usize,
+}
+
+impl<'a> SetRecord<'a> {
+    fn of(set: &'a DropSet) -> Self {
+        let minimality = match set.minimality {
+            Minimality::Irredundant => "irredundant",
+            Minimality::Enough => "enough",
+        };
+        Self { springs: &set.springs, minimality, tension_drops: set.tension }
+    }
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct LossRecord {
+    step: u64,
+    time: f64,
+    stiffness: &'static str,
+    negative: usize,
+    culprits: Vec<CulpritRecord>,
+}
+
+impl LossRecord {
+    fn of(loss: &Loss) -> Self {
+        let Loss { step, time, negative, .. } = *loss;
+        Self { step, time, stiffness: loss.option.name(), negative, culprits: culprits(&loss.culprits) }
+    }
+}

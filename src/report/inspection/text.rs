@@ -1,0 +1,130 @@
+//! An inspection for the terminal.
+
+use crate::inspect::{Culprit, Direction, Inspection, LargestStep, Loss, Minimality};
+use crate::report::number::{count, plain};
+
+/// Culprits, directions, clusters and springs of a set that are listed.
+const LISTED: usize = 6;
+
+/// Everything that matters about an inspection, a screen long.
+pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, loss: Option<&Loss>) -> String {
+    let Inspection { dt, option, .. } = inspection;
+    let examined = inspection.examined();
+    let inertia = &examined.inertia;
+    let verdict = match (inertia.negative, inertia.zero) {
+        (0, 0) => "positive definite",
+        (0, _) => "singular to working precision",
+        _ => "INDEFINITE",
+    };
+    let at = if step > 0 {
+        format!(" after {}, t = {} s", count(step as usize, "step"), plain(time))
+    } else {
+        String::new()
+    };
+    let mut lines = vec![format!("{scene}{at}: A is {verdict} (stiffness {}, dt = {dt:?} s)", option.name())];
+    lines.push(format!(
+        "  eigenvalues  {} negative, {} zero, {} positive; from {} to {} N/m, condition {}",
+        inertia.negative,
+        inertia.zero,
+        inertia.positive,
+        plain(examined.smallest),
+        plain(examined.largest),
+        plain(examined.condition),
+    ));
+    lines.push(format!("  {:<12} {:<24} {:<24} {}", "stiffness", "definite up to", "stable up to", "λ_min at this dt"));
+    for each in &inspection.options {
+        let name = each.option.name();
+        let smallest = plain(each.smallest);
+        lines.push(format!("  {name:<12} {:<24} {:<24} {smallest} N/m", limit(each.critical), limit(each.stable)));
+    }
+    lines.push(format!("  compressed   {}", count(inspection.compressed_springs, "spring")));
+    if inspection.growing_modes > 0 {
+        let modes = count(inspection.growing_modes, "mode");
+        lines.push(format!("  growing      {modes} of the motion itself, whatever the step: the state is not stable"));
+    }
+    if let Some(lowest) = inspection.directions.first().filter(|lowest| !lowest.culprits.is_empty()) {
+        lines.extend(culprits(lowest));
+    }
+    let negative: Vec<&Direction> = inspection.directions.iter().filter(|d| d.eigenvalue < 0.0).collect();
+    if negative.len() > 1 {
+        lines.push(format!("  directions   {} of {} examined:", negative.len(), inertia.negative));
+        for direction in negative.iter().take(LISTED) {
+            let worst: Vec<String> = direction.culprits.iter().take(3).map(|c| c.spring.to_string()).collect();
+            let moving: Vec<String> = direction.movers.iter().take(3).map(|m| m.particle.to_string()).collect();
+            let value = plain(direction.eigenvalue);
+            lines.push(format!(
+                "    λ = {value} N/m: springs {}; moves particles {}",
+                worst.join(", "),
+                moving.join(", ")
+            ));
+        }
+        lines.extend(more(negative.len()));
+    }
+    if !inspection.clusters.is_empty() {
+        lines.push(format!("  clusters     {}:", count(inspection.clusters.len(), "group") + " of culprits"));
+        for cluster in inspection.clusters.iter().take(LISTED) {
+            let what =
+                format!("{} on {}", count(cluster.springs.len(), "spring"), count(cluster.particles.len(), "particle"));
+            lines.push(format!("    {what}, strain down to {}: {}", plain(cluster.strain), list(&cluster.springs)));
+        }
+        lines.extend(more(inspection.clusters.len()));
+    }
+    if let Some(set) = &inspection.smallest_set {
+        let how = match set.minimality {
+            Minimality::Irredundant => "are enough, none can be spared",
+            Minimality::Enough => "are enough, perhaps more than needed",
+        };
+        let terms = count(set.springs.len(), "transverse term");
+        lines.push(format!("  drop         {terms} {how} (tension drops {}): {}", set.tension, list(&set.springs)));
+    }
+    if let Some(loss) = loss {
+        let worst: Vec<String> = loss.culprits.iter().take(3).map(|c| c.spring.to_string()).collect();
+        let when = if loss.step == 0 {
+            "at the start".to_owned()
+        } else {
+            format!("after {}", count(loss.step as usize, "step"))
+        };
+        lines.push(format!(
+            "  first lost   {when}, t = {} s, under {}: springs {}",
+            plain(loss.time),
+            loss.option.name(),
+            worst.join(", ")
+        ));
+    }
+    lines.join("\n")
+}
+
+fn limit(step: LargestStep) -> String {
+    match step {
+        LargestStep::Every => "every step".into(),
+        LargestStep::UpTo { dt, .. } => format!("{dt:.9e} s"),
+    }
+}
+
+fn culprits(lowest: &Direction) -> Vec<String> {
+    let mut lines = vec!["  culprits     along the lowest eigenvector:".to_owned()];
+    for culprit in lowest.culprits.iter().take(LISTED) {
+        let Culprit { spring, particles: [i, j], strain, share, relieved, .. } = culprit;
+        let after = if *relieved > 0.0 { "enough" } else { "not enough alone" };
+        lines.push(format!(
+            "    spring {spring} ({i}–{j}): strain {}, share {}; without its transverse term uᵀAu = {} N/m, {after}",
+            plain(*strain),
+            plain(*share),
+            plain(*relieved),
+        ));
+    }
+    lines.extend(more(lowest.culprits.len()));
+    let moving: Vec<String> = lowest.movers.iter().take(LISTED).map(|m| m.particle.to_string()).collect();
+    lines.push(format!("    moves most: particles {}", moving.join(", ")));
+    lines
+}
+
+fn more(total: usize) -> Option<String> {
+    (total > LISTED).then(|| format!("    and {} more", total - LISTED))
+}
+
+fn list(numbers: &[usize]) -> String {
+    let shown: Vec<String> = numbers.iter().take(LISTED).map(usize::to_string).collect();
+    let rest = if numbers.len() > LISTED { format!(" and {} more", numbers.len() - LISTED) } else { String::new() };
+    format!("{}{rest}", shown.join(", "))
+}
