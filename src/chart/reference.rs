@@ -85,7 +85,9 @@ impl Reference {
                     two.into_iter().flatten().last().map(|two| (two.0, settled(two), "held to that of doubled steps"))
                 }
             };
-            if let Some((state, difference, held_to)) = candidate
+            // Every step rounds the positions, and extrapolation does not take that off.
+            let rounding = 0.5 * f64::EPSILON * steps;
+            if let Some((state, difference, held_to)) = candidate.map(|(state, d, to)| (state, d.max(rounding), to))
                 && best.as_ref().is_none_or(|best| difference < best.error_estimate)
             {
                 let method = format!("Richardson extrapolation of w2 with {steps} steps, {held_to}");
