@@ -10,12 +10,18 @@
 //! | [`force`] | sums over springs: forces, energies, momenta |
 //! | [`operator`] | matrices known by their products: A·w spring by spring |
 //! | [`assembly`] | explicit sparse matrices from 3×3 blocks: the pattern once, the values many times |
+//! | [`multigrid`] | smoothed-aggregation multigrid on the assembled matrix, for `linear` to precondition with |
 //! | [`linear`] | conjugate gradients, sparse Cholesky and LDLᵀ behind one trait |
 //! | [`integrate`] | time stepping methods, the run loop, and the matrices of one step |
+//! | [`inspect`] | definiteness: inertia, spectrum, critical steps, and the springs behind negative curvature |
+//! | [`accuracy`] | the cheapest way to a given accuracy, and what a scene does not need |
 //! | [`figure`] | pictures as plain data |
 //! | [`verify`] | checks as plain data: value, bound, and why the bound |
+//! | [`chart`] | speed against accuracy, and maps of stability |
 //! | [`report`] | checks and pictures as HTML, SVG, JSON, JUnit and text |
 //! | [`output`] | results of runs as files, whole or not at all |
+//!
+//! [`error`] and [`work`] (counters) serve all rooms.
 //!
 //! `K = ∂f_el/∂x` and `G = ∂f_d/∂v` are negative (semidefinite) where the system is stable, `K^s` is the positive block
 //! of one spring, and `A = M/dt² − G/dt − K`. SI units everywhere; particles and springs are numbered from 0.
@@ -30,15 +36,19 @@
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]
 
+pub mod accuracy;
 pub mod assembly;
+pub mod chart;
 pub mod error;
 pub mod figure;
 pub mod force;
 pub mod inspect;
 pub mod integrate;
 pub mod linear;
+pub mod multigrid;
 pub mod operator;
 pub mod output;
+mod parallel;
 pub mod report;
 pub mod scene;
 pub mod spring;

@@ -17,6 +17,10 @@ pub struct Work {
     pub solves: u64,
     /// Products with A inside conjugate gradients.
     pub cg_iterations: u64,
+    /// Solves by conjugate gradients that started from earlier solutions.
+    pub warm_starts: u64,
+    /// Computations of the coarse levels of multigrid, refused ones included.
+    pub multigrid_setups: u64,
     /// Newton iterations of nonlinear methods.
     pub newton_iterations: u64,
 }

@@ -2,7 +2,15 @@
 
 use sprung::integrate::*;
 use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions};
+use sprung::scene::builtin;
 use sprung::{Spring, Stiffness, SystemBuilder};
+
+const PRECONDITIONERS: [PreconditionerKind; 4] = [
+    PreconditionerKind::None,
+    PreconditionerKind::Jacobi,
+    PreconditionerKind::BlockJacobi,
+    PreconditionerKind::Multigrid,
+];
 
 #[test]
 fn a_step_after_the_first_allocates_nothing() {
@@ -20,7 +28,7 @@ fn a_step_after_the_first_allocates_nothing() {
 
     let policies = [StiffnessPolicy::OnDemand, Stiffness::Tension.into()];
     for solver in [SolverChoice::Llt, SolverChoice::Ldlt, SolverChoice::Cg, SolverChoice::CgAssembled] {
-        for kind in [PreconditionerKind::None, PreconditionerKind::Jacobi, PreconditionerKind::BlockJacobi] {
+        for kind in PRECONDITIONERS {
             for stiffness in policies {
                 let linear = SolverOptions { solver, preconditioner: Some(kind), ..Default::default() };
                 let options = ImplicitOptions { stiffness, linear };
@@ -46,4 +54,22 @@ fn a_step_after_the_first_allocates_nothing() {
             }
         }
     }
+}
+
+/// Enough particles for coarse levels, which are also recomputed in these steps.
+#[test]
+fn multigrid_allocates_nothing_after_the_first_step() {
+    let (system, start) = builtin::cloth(20).unwrap().build().unwrap();
+    let linear = SolverOptions {
+        solver: SolverChoice::Cg,
+        preconditioner: Some(PreconditionerKind::Multigrid),
+        ..Default::default()
+    };
+    let options = ImplicitOptions { stiffness: Stiffness::Tension.into(), linear };
+    let mut stepper = LinearBackwardEuler::new(&system, &start, &options).unwrap();
+    let mut state = start.clone();
+    stepper.step(&mut state, 0.01).unwrap();
+    let counted = allocation_counter::measure(|| (0..10).for_each(|_| stepper.step(&mut state, 0.01).unwrap()));
+    assert_eq!(counted.count_total, 0);
+    assert!(stepper.statistics().work.multigrid_setups > 1);
 }

@@ -74,9 +74,17 @@ fn the_summary_says_what_was_done() {
     }
     let work = json!({
         "force_evaluations": 10, "assemblies": 10, "symbolic_factorizations": 1, "factorizations": 10, "solves": 10,
-        "cg_iterations": 0, "newton_iterations": 0,
+        "cg_iterations": 0, "warm_starts": 0, "multigrid_setups": 0, "newton_iterations": 0,
     });
     assert_eq!(summary["work"], work);
+    // Two particles of three axes: one dense triangle.
+    let factor = &summary["factor"];
+    assert_eq!(factor["flops"], json!(91.0));
+    assert_eq!(factor["ordering"], json!("minimum-degree"));
+    assert!(factor["entries"].as_u64().unwrap() >= 21);
+    for time in ["analysis_seconds", "factor_seconds", "solve_seconds"] {
+        assert!(factor[time].as_f64().unwrap() > 0.0, "{time}");
+    }
     assert!(summary["wall_seconds"].as_f64().unwrap() > 0.0);
     assert!(summary["max_relative_residual"].as_f64().unwrap() < 1e-12);
 }
@@ -156,7 +164,7 @@ fn every_method_stiffness_solver_and_preconditioner_runs_and_is_named() {
         assert_eq!(summary["preconditioner"], if solver.starts_with("cg") { "block-jacobi" } else { "none" });
         assert_eq!(summary["work"]["cg_iterations"] != 0, solver.starts_with("cg"));
     }
-    for preconditioner in ["none", "jacobi", "block-jacobi"] {
+    for preconditioner in ["none", "jacobi", "block-jacobi", "multigrid"] {
         let summary = summary(&["--solver", "cg", "--preconditioner", preconditioner]);
         assert_eq!(summary["preconditioner"], preconditioner);
     }

@@ -151,6 +151,9 @@ fn points_without_a_place_are_counted_or_railed() {
     let plot = Plot::log_log("", "", "").with_series(Series::line("measured", points));
     assert!(report::plot::svg(&plot).contains("measured (2 points without a place on the axes)"));
     let plot = Plot::log_log("", "", "").with_series(Series::failures("broke down", vec![(1.0, f64::INFINITY)]));
+    // Once in the legend, once in its lane.
+    assert_eq!(report::plot::svg(&plot).matches(">\nbroke down\n<").count(), 2);
+    let plot = Plot::log_log("", "", "").with_series(Series::failures("broke down", vec![(f64::INFINITY, 1.0)]));
     assert!(report::plot::svg(&plot).contains(">\nfailed\n<"));
 }
 

@@ -7,7 +7,7 @@ use sprung::operator::LinearOperator;
 use sprung::scene::{Kind, builtin};
 use sprung::spring::Extension;
 use sprung::verify::*;
-use sprung::{Spring, State, Stiffness, System, SystemBuilder};
+use sprung::{Scene, Spring, State, Stiffness, System, SystemBuilder};
 
 /// Five particles, one held, nothing equal, no rest length 1; some springs stretched, some compressed.
 fn crooked() -> (System, State) {
@@ -260,18 +260,38 @@ fn coincident_ends_fail_with_the_spring_named() {
     assert!(f.iter().all(|f| f.is_nan()));
 }
 
+/// All families of derivatives on one subject.
+fn derivatives(name: &str, system: System, state: State) -> Vec<Check> {
+    let subject = Subject { name: name.to_owned(), system, state, dt: 0.01 };
+    let families = FAMILIES.iter().filter(|f| ["jacobian", "dropped_terms", "derivatives"].contains(&f.name));
+    families.flat_map(|family| family.check(&subject)).collect()
+}
+
 #[test]
 fn a_hundred_thousand_particles_take_seconds() {
     let (system, state) = builtin(Kind::Cloth, 316).unwrap().build().unwrap();
     let start = std::time::Instant::now();
     let k = stiffness(&system, &state, Stiffness::Full);
-    let assembled = start.elapsed();
+    println!("assembled and expanded: {:?}", start.elapsed());
     let check = stiffness_entries(&system, &state, elastic_force(&system, &state), &k, "cloth 316");
-    println!("assembled {assembled:?}, differences {:?}: {} {}", start.elapsed(), check.value, check.why);
+    println!("and compared: {:?}, {}", start.elapsed(), check.why);
     passes(&check);
     passes(&stiffness_against_duals(&system, &state, &k, "cloth 316"));
-    println!("duals {:?}", start.elapsed());
+    println!("and with dual numbers: {:?}", start.elapsed());
     assert!(start.elapsed().as_secs() < 60);
+}
+
+#[test]
+fn all_families_of_derivatives_pass_on_every_scene() {
+    for (scene, system, state) in everything() {
+        let checks = derivatives(&scene, system, state);
+        assert!(checks.len() >= 12, "{scene}");
+        checks.iter().for_each(passes);
+    }
+    let (system, mut state) = crooked();
+    state.positions[3] = state.positions[1];
+    let failed = derivatives("crooked", system, state);
+    assert!(failed.iter().all(|check| !check.passed() && check.why.contains("spring 4")), "{failed:#?}");
 }
 
 fn everything() -> Vec<(String, System, State)> {
@@ -280,8 +300,15 @@ fn everything() -> Vec<(String, System, State)> {
         let (system, state) = builtin(kind, kind.default_size()).unwrap().build().unwrap();
         (kind.name().to_owned(), system, state)
     });
+    let mut files: Vec<_> =
+        std::fs::read_dir("verification/scenes").unwrap().map(|file| file.unwrap().path()).collect();
+    files.sort();
+    let files = files.into_iter().filter(|file| file.extension().is_some_and(|end| end == "toml")).map(|file| {
+        let (system, state) = Scene::load(&file).unwrap().build().unwrap();
+        (file.file_stem().unwrap().to_string_lossy().into_owned(), system, state)
+    });
     let (system, state) = crooked();
-    hard.chain(ready).chain([("crooked".to_owned(), system, state)]).collect()
+    hard.chain(files).chain(ready).chain([("crooked".to_owned(), system, state)]).collect()
 }
 
 fn elastic(system: &System, state: &State) -> Vec<f64> {

@@ -7,6 +7,7 @@
 //! the verdicts and write their own report.
 
 mod collect;
+mod failures;
 mod known;
 mod scenes;
 
@@ -19,6 +20,7 @@ fn main() {
     let mut trials = Vec::new();
     trials.extend(scenes::trials(&mut collector));
     trials.extend(known::trials(&mut collector));
+    trials.extend(failures::trials(&mut collector));
     let conclusion = libtest_mimic::run(&arguments, trials);
     if !arguments.list && conclusion.num_filtered_out == 0 {
         collector.report();

@@ -37,6 +37,11 @@ impl SymmetricMatrix {
         &self.values
     }
 
+    /// The stored values, by columns.
+    pub(super) fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
     /// Sets all values to zero.
     pub fn set_zero(&mut self) {
         self.values.fill(0.0);
@@ -86,22 +91,14 @@ impl SymmetricMatrix {
     #[inline]
     pub fn add_block(&mut self, slot: BlockSlot, block: &Matrix3<f64>) {
         if slot.transposed {
-            self.add_below(slot, &block.transpose(), 1.0);
+            self.add_below(slot, &block.transpose());
         } else {
-            self.add_below(slot, block, 1.0);
+            self.add_below(slot, block);
         }
     }
 
-    /// Stamps a symmetric block B between two particles: +B on both diagonal blocks, −B on the off-diagonal ones.
     #[inline]
-    pub fn stamp(&mut self, [i, j]: [usize; 2], slot: BlockSlot, block: &Matrix3<f64>) {
-        self.add_diagonal_block(i, block);
-        self.add_diagonal_block(j, block);
-        self.add_below(slot, block, -1.0);
-    }
-
-    #[inline]
-    fn add_below(&mut self, slot: BlockSlot, block: &Matrix3<f64>, sign: f64) {
+    fn add_below(&mut self, slot: BlockSlot, block: &Matrix3<f64>) {
         let dofs = self.pattern.dofs();
         let (row_axes, column_axes) = (dofs.free_axes(slot.row as usize), dofs.free_axes(slot.column as usize));
         let columns = column_axes.count();
@@ -109,7 +106,7 @@ impl SymmetricMatrix {
             let start = self.pattern.column(slot.column as usize, column).start;
             let first = start + (columns - column) + slot.offset as usize;
             for (value, r) in self.values[first..].iter_mut().zip(row_axes.iter()) {
-                *value += sign * block[(r, c)];
+                *value += block[(r, c)];
             }
         }
     }

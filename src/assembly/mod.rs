@@ -10,6 +10,7 @@
 //!
 //! Matrices are symmetric and store the lower triangle by compressed columns with 32-bit indices.
 
+mod fill;
 mod matrix;
 mod pattern;
 mod system_matrix;

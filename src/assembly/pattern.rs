@@ -83,6 +83,18 @@ impl BlockPattern {
         Some(BlockSlot { row, column, offset: below[at].1, transposed: i < j })
     }
 
+    /// The particles of higher number that a particle is coupled to, ascending.
+    pub fn neighbours_above(&self, particle: usize) -> impl Iterator<Item = usize> + '_ {
+        let range = self.starts[particle] as usize..self.starts[particle + 1] as usize;
+        self.neighbours[range].iter().map(|&(neighbour, _)| neighbour as usize)
+    }
+
+    /// Number of values in the columns of the particles before this one.
+    #[inline]
+    pub(super) fn values_before(&self, particle: usize) -> usize {
+        self.symbolic.col_ptr()[self.dofs.first_row(particle)] as usize
+    }
+
     /// Positions of the values in column `local` of a particle.
     #[inline]
     pub(super) fn column(&self, particle: usize, local: usize) -> Range<usize> {

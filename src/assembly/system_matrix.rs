@@ -1,19 +1,23 @@
 //! A system's M, G, K and A as assembled matrices.
 
+use super::fill::{Filling, Incidence, Place};
 use super::triplets::{BlockTriplet, assemble};
 use super::{BlockPattern, BlockSlot, SymmetricMatrix};
 use crate::error::Result;
 use crate::operator::SystemOperator;
-use crate::system::System;
+use crate::system::{Axes, System};
 use nalgebra::Matrix3;
 use std::sync::Arc;
 
-/// The pattern of a system's matrices and the slot of every spring that enters it: the slot map.
+/// The pattern of a system's matrices and, for every particle, its springs and where their blocks go: the slot map.
 #[derive(Debug, Clone)]
 pub struct SpringPattern {
     pattern: Arc<BlockPattern>,
-    /// Positions among the active springs, ends and slot of every spring in the pattern.
-    springs: Vec<(u32, [u32; 2], BlockSlot)>,
+    /// The springs of particle p are `incidences[starts[p]..starts[p + 1]]`, ascending.
+    starts: Vec<u32>,
+    incidences: Vec<Incidence>,
+    /// Whether a particle and its neighbours in its columns are free along all three axes.
+    free: Vec<bool>,
 }
 
 impl SpringPattern {
@@ -46,12 +50,61 @@ impl SpringPattern {
         // Iterators handed to BlockPattern must be Clone; a list of pairs is, and it is short-lived.
         let pairs: Vec<[usize; 2]> = chosen().map(|(_, (_, pair, _))| pair).collect();
         let pattern = BlockPattern::new(system.dofs(), pairs.iter().copied())?;
-        let slots = chosen().filter_map(|(position, (_, [i, j], _))| {
-            pattern.slot(i, j).map(|slot| (position, [i as u32, j as u32], slot))
-        });
-        let springs = slots.collect();
-        Ok(Self { pattern: Arc::new(pattern), springs })
+        let (starts, mut ends) = row_starts(system.particles(), &pairs);
+        let nothing = Incidence { spring: 0, place: Place::ROW };
+        let mut incidences = vec![nothing; 2 * pairs.len()];
+        let is_free = |particle: usize| system.dofs().free_axes(particle) == Axes::ALL;
+        let mut free: Vec<bool> = (0..system.particles()).map(is_free).collect();
+        for (position, (_, [i, j], _)) in chosen() {
+            let Some(BlockSlot { row, column, offset, .. }) = pattern.slot(i, j) else { continue };
+            free[column as usize] &= is_free(row as usize);
+            let earlier = &incidences[starts[column as usize] as usize..ends[column as usize] as usize];
+            let is_repeat = earlier.iter().any(|at| at.place.offset() == Some(offset));
+            for (particle, place) in [(column, Place::column(offset, is_repeat)), (row, Place::ROW)] {
+                let end = &mut ends[particle as usize];
+                incidences[*end as usize] = Incidence { spring: position, place };
+                *end += 1;
+            }
+        }
+        Ok(Self { pattern: Arc::new(pattern), starts, incidences, free })
     }
+
+    /// The springs of a particle.
+    #[inline]
+    pub(super) fn incidences(&self, particle: usize) -> &[Incidence] {
+        &self.incidences[self.starts[particle] as usize..self.starts[particle + 1] as usize]
+    }
+
+    /// As many incidences as the particle has, `distance` further on.
+    #[inline]
+    pub(super) fn incidences_ahead(&self, particle: usize, distance: usize) -> &[Incidence] {
+        let [start, end] = [particle, particle + 1].map(|p| self.starts[p] as usize + distance);
+        self.incidences.get(start..end).unwrap_or_default()
+    }
+
+    /// Whether a particle and its neighbours in its columns are free along all three axes.
+    #[inline]
+    pub(super) fn is_free(&self, particle: usize) -> bool {
+        self.free[particle]
+    }
+
+    /// The pattern of the entries.
+    pub(super) fn pattern(&self) -> &BlockPattern {
+        &self.pattern
+    }
+}
+
+/// How often every particle is an end, as running sums; twice, the second for counting up to the next particle's.
+fn row_starts(particles: usize, pairs: &[[usize; 2]]) -> (Vec<u32>, Vec<u32>) {
+    let mut starts = vec![0u32; particles + 1];
+    for end in pairs.iter().flatten() {
+        starts[end + 1] += 1;
+    }
+    for particle in 0..particles {
+        starts[particle + 1] += starts[particle];
+    }
+    let ends = starts.clone();
+    (starts, ends)
 }
 
 /// A system's matrix with the slot map that refills it.
@@ -75,20 +128,10 @@ impl SystemMatrix {
         matrix
     }
 
-    /// Recomputes all values from the operator's blocks, without sorting, searching or allocating.
+    /// Recomputes all values from the operator's blocks, without sorting, searching or allocating; in parallel, with the
+    /// same bits for any number of threads.
     pub fn refill(&mut self, operator: &SystemOperator) {
-        self.matrix.set_zero();
-        let mass = operator.mass_factor();
-        if mass != 0.0 {
-            for (particle, m) in operator.system().masses().iter().enumerate() {
-                self.matrix.add_to_diagonal(particle, mass * m);
-            }
-        }
-        let blocks = operator.blocks();
-        for &(position, pair, slot) in &self.springs.springs {
-            let block = blocks[position as usize].matrix();
-            self.matrix.stamp(pair.map(|p| p as usize), slot, &block);
-        }
+        Filling { springs: &self.springs, operator }.fill_all(self.matrix.values_mut());
     }
 
     /// The matrix.

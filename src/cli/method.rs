@@ -3,6 +3,7 @@
 use super::console::Console;
 use super::values::{choice, fraction};
 use faer::Par;
+use sprung::accuracy::{Configuration, Requirement, preset};
 use sprung::integrate::{
     AdaptiveStepper, Adaptivity, ImplicitOptions, Method, Outcome, Sampling, Schedule, StiffnessPolicy, TimeStepper,
     run, run_adaptive,
@@ -14,10 +15,15 @@ use std::ops::ControlFlow;
 /// How to simulate. Options that are not given are `None`, so that those given in vain can be told.
 #[derive(Debug, clap::Args)]
 pub struct MethodArguments {
-    /// Time integration method [default: linear-backward-euler; with --rtol: w2]
+    /// Time integration method [default: linear-backward-euler; with --rtol: w2; with --accuracy: auto]
     #[arg(long)]
-    #[arg(value_parser = choice(&Method::ALL, Method::name, describe_method))]
-    method: Option<Method>,
+    #[arg(value_parser = choice(&METHODS, MethodChoice::name, describe_choice))]
+    method: Option<MethodChoice>,
+
+    /// Choose method, option, solver and step: the cheapest that keeps the relative position error at the end below R. Found by
+    /// pilot runs; a method, stiffness or solver that is given is kept
+    #[arg(long, value_name = "R", value_parser = fraction, conflicts_with_all = ["rtol", "steps"])]
+    accuracy: Option<f64>,
 
     /// Adaptive steps, short enough for a relative error of positions of about R at the end. --dt is then the first step to try
     /// and the interval of records, which --frames counts. For methods with an error estimate: w2
@@ -41,6 +47,39 @@ pub struct MethodArguments {
     /// Conjugate gradients stop at ‖b − A·δx‖ ≤ R·‖b‖ [default: 1e-10]
     #[arg(long, value_name = "R", value_parser = fraction)]
     tolerance: Option<f64>,
+}
+
+/// A method, or the one that suits the scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum MethodChoice {
+    Named(Method),
+    Auto,
+}
+
+const METHODS: [MethodChoice; Method::ALL.len() + 1] = {
+    let mut all = [MethodChoice::Auto; Method::ALL.len() + 1];
+    let mut i = 0;
+    while i < Method::ALL.len() {
+        all[i] = MethodChoice::Named(Method::ALL[i]);
+        i += 1;
+    }
+    all
+};
+
+impl MethodChoice {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Named(method) => method.name(),
+            Self::Auto => "auto",
+        }
+    }
+}
+
+fn describe_choice(choice: MethodChoice) -> &'static str {
+    match choice {
+        MethodChoice::Named(method) => describe_method(method),
+        MethodChoice::Auto => "w2 where its matrix is safely definite, else linear-backward-euler; see --accuracy",
+    }
 }
 
 fn describe_method(method: Method) -> &'static str {
@@ -87,19 +126,23 @@ fn describe_solver(solver: SolverChoice) -> &'static str {
     }
 }
 
-const PRECONDITIONERS: [PreconditionerChoice; 4] = [
+const PRECONDITIONERS: [PreconditionerChoice; 5] = [
     PreconditionerChoice::Auto,
     PreconditionerChoice::Kind(PreconditionerKind::None),
     PreconditionerChoice::Kind(PreconditionerKind::Jacobi),
     PreconditionerChoice::Kind(PreconditionerKind::BlockJacobi),
+    PreconditionerChoice::Kind(PreconditionerKind::Multigrid),
 ];
 
 fn describe_preconditioner(choice: PreconditionerChoice) -> &'static str {
     match choice {
-        PreconditionerChoice::Auto => "the one that suits the system",
+        PreconditionerChoice::Auto => "block-jacobi as long as it is quick, then multigrid",
         PreconditionerChoice::Kind(PreconditionerKind::None) => "no preconditioner",
         PreconditionerChoice::Kind(PreconditionerKind::Jacobi) => "the diagonal of A",
         PreconditionerChoice::Kind(PreconditionerKind::BlockJacobi) => "the 3×3 diagonal block of every particle",
+        PreconditionerChoice::Kind(PreconditionerKind::Multigrid) => {
+            "algebraic multigrid: few iterations whatever the size, each costing as much as several others"
+        }
     }
 }
 
@@ -165,49 +208,109 @@ impl Stepper<'_> {
     }
 }
 
-impl MethodArguments {
-    fn method(&self) -> Method {
-        self.method.unwrap_or(if self.rtol.is_some() { Method::W2 } else { Method::LinearBackwardEuler })
-    }
+/// How a run is to be done.
+pub struct Plan {
+    pub configuration: Configuration,
+    /// For adaptive steps.
+    pub rtol: Option<f64>,
+    /// Why, where the program chose.
+    pub reason: Option<&'static str>,
+}
 
-    /// The stepper asked for. Call inside the pool of threads that is to compute.
+impl Plan {
+    /// A stepper that follows the plan.
     ///
     /// # Errors
     /// Coincident ends of a spring in `state`; a matrix that is too large; a method without an error estimate for --rtol.
     pub fn stepper<'s>(&self, system: &'s System, state: &State) -> Result<Stepper<'s>> {
-        let defaults = ImplicitOptions::default();
-        let linear = SolverOptions {
-            solver: self.solver.unwrap_or(defaults.linear.solver),
-            preconditioner: self.preconditioner.and_then(PreconditionerChoice::kind),
-            tolerance: self.tolerance.unwrap_or(defaults.linear.tolerance),
-            par: parallelism(system),
-        };
-        let options = ImplicitOptions { stiffness: self.stiffness.unwrap_or(defaults.stiffness), linear };
-        let method = self.method();
+        let Configuration { method, options } = &self.configuration;
         let Some(rtol) = self.rtol else {
-            return method.stepper(system, state, &options).map(Stepper::Scheduled);
+            return method.stepper(system, state, options).map(Stepper::Scheduled);
         };
         let without =
             || Error::Usage(format!("--rtol needs an error estimate, and {} has none: use w2", method.name()));
-        let stepper = method.adaptive_stepper(system, state, &options)?.ok_or_else(without)?;
+        let stepper = method.adaptive_stepper(system, state, options)?.ok_or_else(without)?;
         Ok(Stepper::Adaptive { stepper, rtol })
-    }
-
-    /// Name of the stiffness policy in effect; `none` for a method without matrices.
-    pub fn stiffness(&self) -> &'static str {
-        match self.method().is_implicit() {
-            true => self.stiffness.unwrap_or(ImplicitOptions::default().stiffness).name(),
-            false => "none",
-        }
     }
 
     /// The option of the matrices that a failed solve was given, and the dt of the first one of a step.
     pub fn failed_matrix(&self, step: f64) -> (Stiffness, f64) {
-        let option = match self.stiffness.unwrap_or(ImplicitOptions::default().stiffness) {
+        let Configuration { method, options } = &self.configuration;
+        let option = match options.stiffness {
             StiffnessPolicy::Always(option) => option,
             StiffnessPolicy::OnDemand => Stiffness::Full,
         };
-        (option, self.method().matrix_dt(step))
+        (option, method.matrix_dt(step))
+    }
+}
+
+impl MethodArguments {
+    /// The method asked for by name, or the one that stands for none; `None` for the program's own choice.
+    fn method(&self) -> Option<Method> {
+        match self.method {
+            Some(MethodChoice::Named(method)) => Some(method),
+            Some(MethodChoice::Auto) => None,
+            None if self.accuracy.is_some() => None,
+            None if self.rtol.is_some() => Some(Method::W2),
+            None => Some(Method::LinearBackwardEuler),
+        }
+    }
+
+    /// Whether what cannot move is to be looked for and left out.
+    pub fn reduces(&self) -> bool {
+        self.accuracy.is_some() || self.method == Some(MethodChoice::Auto)
+    }
+
+    fn linear(&self, system: &System) -> SolverOptions {
+        let defaults = SolverOptions::default();
+        SolverOptions {
+            solver: self.solver.unwrap_or(defaults.solver),
+            preconditioner: self.preconditioner.and_then(PreconditionerChoice::kind),
+            tolerance: self.tolerance.unwrap_or(defaults.tolerance),
+            par: parallelism(system),
+        }
+    }
+
+    /// How to run with steps of dt seconds. Call inside the pool of threads that is to compute.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `state`; a matrix that is too large.
+    pub fn plan(&self, system: &System, state: &State, dt: f64) -> Result<Plan> {
+        let linear = self.linear(system);
+        let (mut configuration, reason) = match (self.method(), self.rtol) {
+            (Some(method), _) => {
+                let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
+                (Configuration { method, options }, None)
+            }
+            (None, Some(_)) => {
+                let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
+                (Configuration { method: Method::W2, options }, Some("the method with an error estimate"))
+            }
+            (None, None) => {
+                let (configuration, reason) = preset(system, state, dt, linear)?;
+                (configuration, Some(reason))
+            }
+        };
+        configuration.options.stiffness = self.stiffness.unwrap_or(configuration.options.stiffness);
+        Ok(Plan { configuration, rtol: self.rtol, reason })
+    }
+
+    /// What `--accuracy` asks for, if it is given.
+    pub fn requirement(&self, system: &System, duration: f64) -> Option<Requirement> {
+        let linear = self.linear(system);
+        Some(Requirement {
+            accuracy: self.accuracy?,
+            duration,
+            par: linear.par,
+            method: self.method(),
+            stiffness: self.stiffness,
+            solver: self.solver,
+        })
+    }
+
+    /// The accuracy asked for.
+    pub fn accuracy(&self) -> Option<f64> {
+        self.accuracy
     }
 
     /// Names the options that the method or the solver asked for does not use.
@@ -218,8 +321,9 @@ impl MethodArguments {
             ("preconditioner", self.preconditioner.is_some()),
             ("tolerance", self.tolerance.is_some()),
         ];
+        let explicit = self.method().filter(|method| !method.is_implicit());
         let (with, unused) = match self.solver {
-            _ if !self.method().is_implicit() => (self.method().name(), &given[..]),
+            _ if explicit.is_some() => (explicit.map_or("", Method::name), &given[..]),
             Some(solver @ (SolverChoice::Llt | SolverChoice::Ldlt)) => (solver.name(), &given[2..]),
             _ => return,
         };

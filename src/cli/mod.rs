@@ -1,5 +1,6 @@
 //! The command line: arguments, progress and exit statuses. One file per command.
 
+mod chart;
 mod common;
 mod console;
 mod failure;
@@ -38,6 +39,7 @@ enum Command {
     Run(run::Run),
     Matrix(matrix::Matrix),
     Inspect(inspect::Inspect),
+    Chart(chart::Chart),
     Verify(verify::Verify),
     New(new::New),
 }
@@ -58,6 +60,8 @@ pub enum Stop {
     Unusable(Error),
     /// A result could not be written.
     Broken(Error),
+    /// The computation failed before there was a result to write.
+    Computation(String),
 }
 
 impl From<Error> for Stop {
@@ -73,12 +77,17 @@ pub fn main() -> ExitCode {
         Command::Run(run) => run.execute(&console),
         Command::Matrix(matrix) => matrix.execute(&console),
         Command::Inspect(inspect) => inspect.execute(&console),
+        Command::Chart(chart) => chart.execute(&console),
         Command::Verify(verify) => verify.execute(&console),
         Command::New(new) => new.execute(&console),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Failed) => ExitCode::from(1),
+        Err(Stop::Computation(message)) => {
+            console::error(message);
+            ExitCode::from(1)
+        }
         Err(Stop::Broken(error)) => {
             console::error(error);
             ExitCode::from(1)

@@ -3,17 +3,18 @@
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
 use super::failure::Failed;
-use super::method::MethodArguments;
+use super::method::{MethodArguments, Plan};
 use super::recorder::Recorder;
 use super::values::{count, positive, positive_count};
 use super::{Outcome, Stop, interrupt};
-use sprung::Result;
+use sprung::accuracy::{Pace, Reduction, choose, reduce};
 use sprung::integrate::{Schedule, Status};
-use sprung::output::{FailureReport, Summary, write_final_state};
+use sprung::output::{ChoiceReport, FailureReport, Summary, write_final_state};
+use sprung::{Error, Result};
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// Simulate a scene
@@ -55,19 +56,44 @@ pub struct Run {
     out: Option<PathBuf>,
 }
 
+/// What is to be run and how.
+struct Prepared {
+    schedule: Schedule,
+    plan: Plan,
+    choice: Option<ChoiceReport>,
+}
+
 const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
 
 impl Run {
     pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
-        let scene = self.scene.load()?;
-        let schedule = self.schedule(&scene)?;
+        let mut scene = self.scene.load()?;
         self.method.note_unused(console);
-        let summary = self.threads.install(|| self.simulate(console, scene, &schedule))?;
+        if self.method.accuracy().is_some() && self.dt.is_some() {
+            console.note("--dt has no effect with --accuracy");
+        }
+        let schedule = if self.method.accuracy().is_none() { Some(self.schedule(&scene)?) } else { None };
+        let interrupted = interrupt::flag();
+        let summary = self.threads.install(|| {
+            let mut reductions = Vec::new();
+            if self.method.reduces() {
+                let reduced = reduce(&scene.system, &scene.state);
+                scene.system = reduced.system;
+                reductions = reduced.reductions;
+            }
+            let prepared = self.prepare(&scene, schedule, &interrupted)?;
+            self.simulate(console, scene, prepared, &reductions, &interrupted)
+        })?;
+        let missed = |choice: &ChoiceReport| choice.accuracy < choice.estimated_error;
+        let missed = summary.choice.as_ref().is_some_and(missed);
+        if missed {
+            error("the accuracy asked for was not reached; the result is the most accurate one that was found");
+        }
         if summary.statistics.indefinite_solves > 0 {
             let solves = summary.statistics.indefinite_solves;
             console.note(format_args!("A was indefinite in {solves} solves: the motion may look right and be wrong"));
         }
-        Ok(if summary.status == Status::Completed { Outcome::Done } else { Outcome::Failed })
+        Ok(if summary.status == Status::Completed && !missed { Outcome::Done } else { Outcome::Failed })
     }
 
     fn schedule(&self, scene: &LoadedScene) -> Result<Schedule> {
@@ -78,13 +104,56 @@ impl Run {
         }
     }
 
+    /// Decides what is modelled and how, by pilot runs where an accuracy is asked for.
+    fn prepare(
+        &self,
+        scene: &LoadedScene,
+        schedule: Option<Schedule>,
+        interrupted: &AtomicBool,
+    ) -> Result<Prepared, Stop> {
+        let LoadedScene { system, state, .. } = scene;
+        let in_file = |error: Error| error.in_file(&scene.file);
+        if let Some(schedule) = schedule {
+            let plan = self.method.plan(system, state, schedule.dt()).map_err(in_file)?;
+            let choice = plan.reason.map(|reason| ChoiceReport::of_preset(reason.into()));
+            return Ok(Prepared { schedule, plan, choice });
+        }
+        let duration = scene.or_given(self.duration, scene.time.duration, "duration")?;
+        let Some(requirement) = self.method.requirement(system, duration) else {
+            return Err(Error::Usage("--accuracy is missing".into()).into());
+        };
+        let go_on = || !interrupted.load(Ordering::Relaxed);
+        let Some(choice) = choose(system, state, &requirement, &go_on).map_err(in_file)? else {
+            let why = if go_on() { "no method converges on this motion" } else { "interrupted" };
+            return Err(Stop::Computation(format!(
+                "{why}: no way to an accuracy of {:e} was found",
+                requirement.accuracy
+            )));
+        };
+        let (schedule, rtol) = match choice.pace {
+            Pace::Step(dt) => (Schedule::duration(dt, duration), None),
+            Pace::Adaptive { rtol, first_step } => (Schedule::duration(first_step, duration), Some(rtol)),
+        };
+        let plan = Plan { configuration: choice.configuration, rtol, reason: None };
+        let choice = Some(ChoiceReport::of_choice(&choice, requirement.accuracy));
+        Ok(Prepared { schedule, plan, choice })
+    }
+
     /// Runs, writes and reports the results.
-    fn simulate(&self, console: &Console, scene: LoadedScene, schedule: &Schedule) -> Result<Summary, Stop> {
+    fn simulate(
+        &self,
+        console: &Console,
+        scene: LoadedScene,
+        prepared: Prepared,
+        reductions: &[Reduction],
+        interrupted: &AtomicBool,
+    ) -> Result<Summary, Stop> {
         let folder = scene.folder(&self.out);
+        let Prepared { schedule, plan, choice } = prepared;
+        let schedule = &schedule;
         let LoadedScene { file, name, system, mut state, .. } = scene;
         let start = Instant::now();
-        let mut stepper = self.method.stepper(&system, &state).map_err(|error| error.in_file(&file))?;
-        let interrupted = interrupt::flag();
+        let mut stepper = plan.stepper(&system, &state).map_err(|error| error.in_file(&file))?;
         check_writable(&folder, &FILES)?;
         let mut recorder = Recorder::start(console, &folder, self.frames, schedule, &system, &state)?;
 
@@ -105,7 +174,7 @@ impl Run {
             scene: name,
             status: outcome.status(),
             method: stepper.name(),
-            stiffness: self.method.stiffness(),
+            stiffness: plan.configuration.stiffness(),
             solver: stepper.solver().unwrap_or("none"),
             preconditioner: stepper.preconditioner().unwrap_or("none"),
             dt: schedule.dt(),
@@ -116,7 +185,10 @@ impl Run {
             dofs: system.dofs().len(),
             wall_seconds: start.elapsed().as_secs_f64(),
             statistics: *stepper.statistics(),
+            factor: stepper.factor(),
             energy: recorder.energy(),
+            choice,
+            reductions: reductions.iter().map(ToString::to_string).collect(),
             failure: outcome.end.as_ref().err().map(FailureReport::from),
         };
         let written = recorder
@@ -132,7 +204,7 @@ impl Run {
         }
         if summary.status == Status::Indefinite {
             let step = schedule.step(summary.steps).unwrap_or(schedule.dt());
-            let (option, matrix_dt) = self.method.failed_matrix(step);
+            let (option, matrix_dt) = plan.failed_matrix(step);
             let failed = Failed { scene: &summary.scene, system: &system, state: &state, steps: summary.steps, step };
             failed.explain(console, option, matrix_dt, &folder.join("failure")).map_err(Stop::Broken)?;
         }
@@ -160,6 +232,13 @@ fn text(summary: &Summary, folder: &Path, frames: bool) -> String {
         ));
         lines.push(format!("  residual  at most {:.1e} of the right-hand side", statistics.max_relative_residual));
     }
+    if let Some(choice) = &summary.choice {
+        lines.push(format!("  chosen    {}", choice.reason));
+        if let (Some(pilots), Some(cost)) = (choice.pilot_runs, choice.pilot_cost) {
+            lines.push(format!("  pilots    {pilots} runs for the work of {cost:.0} force evaluations"));
+        }
+    }
+    lines.extend(summary.reductions.iter().map(|reduction| format!("  reduced   {reduction}")));
     if statistics.rejected_steps > 0 {
         lines.push(format!("  rejected  {} steps with too large an error", statistics.rejected_steps));
     }

@@ -5,7 +5,9 @@
 mod drawing;
 mod plot;
 mod spy;
+mod tiles;
 
 pub use drawing::{Arrow, Drawing, Segment};
 pub use plot::{Axis, Guide, Mark, Plot, Scale, Series};
 pub use spy::Spy;
+pub use tiles::Tiles;

@@ -1,5 +1,6 @@
 //! Direction and length of every active spring at one configuration, computed once and used by all formulas.
 
+use crate::parallel::try_pieces;
 use crate::spring::Extension;
 use crate::system::System;
 use nalgebra::Vector3;
@@ -31,16 +32,18 @@ impl Extensions {
         system.active().map(extension).collect::<Result<_, _>>().map(Self)
     }
 
-    /// Recomputes for new positions of the same system, without allocating.
+    /// Recomputes for new positions of the same system, in parallel and without allocating.
     ///
     /// # Errors
     /// As [`at`](Self::at); the extensions are then partly old and partly new.
     pub fn update(&mut self, system: &System, positions: &[Vector3<f64>]) -> Result<(), DegenerateSpring> {
-        for ((spring, pair, _), at) in system.active().zip(&mut self.0) {
-            let [i, j] = pair;
-            *at = Extension::between(&positions[i], &positions[j]).ok_or(DegenerateSpring { spring, pair })?;
-        }
-        Ok(())
+        try_pieces(&mut self.0, &|first, piece| {
+            for ((spring, pair, _), at) in system.active_from(first).zip(piece) {
+                let [i, j] = pair;
+                *at = Extension::between(&positions[i], &positions[j]).ok_or(DegenerateSpring { spring, pair })?;
+            }
+            Ok(())
+        })
     }
 
     /// As a slice, in the order of the active springs.

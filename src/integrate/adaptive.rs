@@ -48,7 +48,7 @@ pub trait AdaptiveStepper: TimeStepper {
 pub struct Adaptivity {
     /// Length of the run, in s; positive.
     pub duration: f64,
-    /// The relative error allowed at the end, in the sense of the [module](self)'s formula.
+    /// About the error of positions at the end, relative to their distance from their centre (root mean squares).
     pub rtol: f64,
     /// The first step to try, in s.
     pub first_step: f64,

@@ -1,12 +1,13 @@
 //! Backward Euler with the nonlinear equations solved to convergence.
 //!
-//! `M (v' − v)/dt = f_el(x') + f_d(x', v') + g` with `x' = x + δx`, `v' = δx/dt`, by [Newton's method](super::newton) in δx.
+//! `M (v' − v)/dt = f_el(x') + f_d(x', v') + g` with `x' = x + δx`, `v' = δx/dt`, by Newton's method in δx.
 
 use super::implicit::ImplicitOptions;
 use super::linear_backward_euler::advance;
 use super::newton::{Newton, NewtonOptions};
 use super::{Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
+use crate::linear::FactorReport;
 use crate::system::{State, System};
 
 /// Backward Euler, first order, nonlinear.
@@ -33,6 +34,10 @@ impl TimeStepper for BackwardEuler<'_> {
 
     fn preconditioner(&self) -> Option<&'static str> {
         self.0.linear.preconditioner()
+    }
+
+    fn factor(&self) -> Option<FactorReport> {
+        self.0.linear.factor()
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {

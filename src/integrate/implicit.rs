@@ -3,7 +3,9 @@
 use super::{Softening, Statistics};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Extensions};
-use crate::linear::{Definiteness, Evidence, LinearSolver, Solution, SolveFailure, SolverOptions, select};
+use crate::linear::{
+    Definiteness, Evidence, FactorReport, LinearSolver, Solution, SolveFailure, SolverOptions, select,
+};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -128,7 +130,12 @@ impl<'s> LinearSystem<'s> {
         self.solver.preconditioner()
     }
 
+    pub fn factor(&self) -> Option<FactorReport> {
+        self.solver.factor()
+    }
+
     pub fn set_extensions(&mut self, positions: &[Vector3<f64>]) -> Result<(), DegenerateSpring> {
+        self.solver.place(positions);
         self.extensions.update(self.system, positions)
     }
 

@@ -2,16 +2,17 @@
 //!
 //! `x' = x + h v_mid`, `M (v' − v)/h = f_el(x_mid) + f_d(x_mid, v_mid) + g` at the means `x_mid = (x + x')/2`,
 //! `v_mid = (v + v')/2`. Since `x_mid = x + (h/2) v_mid` and `M (v_mid − v)/(h/2) = f(x_mid, v_mid)`, the midpoint is a backward
-//! Euler step of length h/2, solved by [Newton's method](super::newton); then `x' = 2x_mid − x`, `v' = 2v_mid − v`.
+//! Euler step of length h/2, solved by Newton's method; then `x' = 2x_mid − x`, `v' = 2v_mid − v`.
 //!
 //! Second order, symmetric and symplectic; conserves linear and angular momentum exactly, and energy up to bounded
 //! oscillations. A-stable without damping of its own: stiff modes ring on. Prescribed coordinates go by the chord of their
-//! motion over the step, as in the [W-method](super::WMethod), which keeps the order where the motion has kinks.
+//! motion over the step, as in the W-method, which keeps the order where the motion has kinks.
 
 use super::implicit::ImplicitOptions;
 use super::newton::{Newton, NewtonOptions};
 use super::{Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
+use crate::linear::FactorReport;
 use crate::system::{State, System};
 
 /// The implicit midpoint rule, second order, nonlinear.
@@ -41,6 +42,10 @@ impl TimeStepper for ImplicitMidpoint<'_> {
 
     fn preconditioner(&self) -> Option<&'static str> {
         self.newton.linear.preconditioner()
+    }
+
+    fn factor(&self) -> Option<FactorReport> {
+        self.newton.linear.factor()
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {

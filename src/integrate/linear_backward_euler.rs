@@ -14,6 +14,7 @@ use super::implicit::{ImplicitOptions, LinearSystem};
 use super::{Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::{add_elastic_force, add_weight};
+use crate::linear::FactorReport;
 use crate::operator::Combination;
 use crate::system::{State, System};
 use nalgebra::Vector3;
@@ -47,6 +48,10 @@ impl TimeStepper for LinearBackwardEuler<'_> {
 
     fn preconditioner(&self) -> Option<&'static str> {
         self.linear.preconditioner()
+    }
+
+    fn factor(&self) -> Option<FactorReport> {
+        self.linear.factor()
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {

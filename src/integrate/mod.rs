@@ -4,6 +4,7 @@ mod adaptive;
 mod backward_euler;
 mod explicit;
 mod failure;
+mod forcing;
 mod implicit;
 mod implicit_midpoint;
 mod linear_backward_euler;
@@ -32,6 +33,7 @@ pub use softening::Softening;
 pub use statistics::Statistics;
 pub use w_method::{ErrorEstimate, WMethod};
 
+use crate::linear::FactorReport;
 use crate::system::State;
 
 /// A method that advances a system's state.
@@ -46,6 +48,11 @@ pub trait TimeStepper {
 
     /// The preconditioner really used; `None` where there is none to choose.
     fn preconditioner(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Size and times of the factorization; `None` where there is none.
+    fn factor(&self) -> Option<FactorReport> {
         None
     }
 

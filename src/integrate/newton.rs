@@ -13,9 +13,8 @@
 //! solved by refinement, `A Δ₀ = −r`, `A Δ_{i+1} = D Δ_i`, `Δ = Σ Δ_i`, each a solve with the matrix at hand. The stiffness
 //! option is the filter that keeps A positive definite; with `full` the convergence is quadratic, damped or not.
 //!
-//! **How exactly.** `‖J Δ + r‖ ≤ η ‖r‖` with Eisenstat and Walker's second forcing term (1996), `η = 0.9 (‖r‖/‖r_last‖)²`,
-//! which keeps the convergence quadratic. It is the tolerance of conjugate gradients (in place of the one that the user
-//! sets, which is its floor), and ends the refinement. Before the last iteration η is as large as the remaining decrease.
+//! **How exactly.** `‖J Δ + r‖ ≤ η ‖r‖` with a [`Forcing`] term η that keeps the convergence quadratic. It is the tolerance of
+//! conjugate gradients (in place of the one that the user sets, which is its floor), and ends the refinement.
 //!
 //! **Globalisation.** Without damping r is the gradient of the incremental potential
 //!
@@ -29,10 +28,13 @@
 //! "approximate Wolfe" condition of Hager and Zhang, 2005). The iteration starts from the lower one in Φ of staying (δ = 0) and
 //! coasting (δ = dt v): from δ = 0 its first full step is the linearised step.
 //!
-//! **Axial matrices that are too soft.** The option `axial` leaves out the transverse stiffness of stretched springs, which may
-//! be thousands of times `M/dt²`: its directions are then too long by this factor, and shortening them starves all other
-//! modes. When a step must be cut below a quarter the rest of the time step is solved with `tension`.
+//! **Filters that do not fit.** The option `axial` leaves out the transverse stiffness of stretched springs, which may be
+//! thousands of times `M/dt²`: its directions are then too long by this factor, and shortening them starves all other modes.
+//! `tension` leaves out what compressed springs take away: its directions are too short, and the convergence is linear. When a
+//! step must be cut below a quarter, or r does not fall to a quarter, the rest of the time step is solved `on-demand`: with the
+//! full stiffness wherever it is definite. All lead to the same solution.
 
+use super::forcing::Forcing;
 use super::implicit::{ImplicitOptions, LinearSystem, StiffnessPolicy};
 use super::{NotSolved, StepFailure};
 use crate::error::Result;
@@ -55,7 +57,7 @@ pub struct NewtonOptions {
 
 impl Default for NewtonOptions {
     fn default() -> Self {
-        Self { tolerance: 1e-10, iteration_limit: 100 }
+        Self { tolerance: 1e-10, iteration_limit: 200 }
     }
 }
 
@@ -65,8 +67,11 @@ const SUFFICIENT_DECREASE: f64 = 1e-4;
 /// How often a step is shortened before the line search gives up.
 const SHORTENINGS: usize = 40;
 
-/// A step below this part of a direction says that the axial matrix is too soft.
+/// A step below this part of a direction says that the matrix is too soft.
 const TOO_SOFT: f64 = 0.25;
+
+/// A residual above this part of the last says that the matrix is too stiff.
+const TOO_STIFF: f64 = 0.25;
 
 /// How often a direction is refined by the change of damping directions.
 const REFINEMENTS: usize = 8;
@@ -159,8 +164,9 @@ impl<'s> Newton<'s> {
             let Some((step, next)) = self.line_search(state, dt, point) else {
                 return failed(NotSolved::LineSearch);
             };
-            if step < TOO_SOFT && policy == StiffnessPolicy::Always(Stiffness::Axial) {
-                policy = Stiffness::Tension.into();
+            let is_slow = step < TOO_SOFT || next.residual > TOO_STIFF * point.residual;
+            if is_slow && policy != StiffnessPolicy::Always(Stiffness::Full) {
+                policy = StiffnessPolicy::OnDemand;
             }
             point = next;
         }
@@ -333,33 +339,6 @@ impl Point {
     fn shortening(&self, from: &Self) -> f64 {
         let zero = from.slope / (from.slope - self.slope);
         if self.slope > 0.0 { zero.clamp(0.1, 0.5) } else { 0.5 }
-    }
-}
-
-/// Eisenstat and Walker's second choice of the forcing term, with their safeguard against falling too fast.
-struct Forcing {
-    floor: f64,
-    last: Option<(f64, f64)>,
-}
-
-impl Forcing {
-    fn new(floor: f64) -> Self {
-        Self { floor, last: None }
-    }
-
-    /// η for a residual norm that is to come down to a target.
-    fn next(&mut self, residual: f64, target: f64) -> f64 {
-        let wanted = match self.last {
-            None => 0.1,
-            Some((last, eta)) => {
-                let safeguard = 0.9 * eta * eta;
-                let wanted = 0.9 * (residual / last).powi(2);
-                if safeguard > 0.1 { wanted.max(safeguard) } else { wanted }
-            }
-        };
-        let eta = wanted.min(0.5).max(0.5 * target / residual).max(self.floor);
-        self.last = Some((residual, eta));
-        eta
     }
 }
 

@@ -7,6 +7,7 @@
 
 use super::norms::{dot, norm};
 use super::preconditioner::Preconditioner;
+use super::vector::{conjugate, descend, subtract};
 use crate::operator::LinearOperator;
 
 /// How conjugate gradients ended.
@@ -37,6 +38,8 @@ pub struct CgReport {
     pub outcome: CgOutcome,
     /// Products with A made for search directions; the iteration in which an outcome was met.
     pub iterations: u64,
+    /// `‖b − A x‖/‖b‖` of the first guess.
+    pub first_residual: f64,
     /// `‖b − A x‖/‖b‖`, recomputed from x at the end; zero for b = 0 and x = 0.
     pub relative_residual: f64,
 }
@@ -77,7 +80,7 @@ impl ConjugateGradient {
     pub fn solve(
         &mut self,
         a: &impl LinearOperator,
-        preconditioner: &Preconditioner,
+        preconditioner: &mut Preconditioner,
         b: &[f64],
         x: &mut [f64],
     ) -> CgReport {
@@ -85,6 +88,8 @@ impl ConjugateGradient {
         let target = self.tolerance * scale;
         let mut iterations = 0;
         let mut residual = self.set_true_residual(a, b, x);
+        let relative = |residual: f64| if residual == 0.0 { 0.0 } else { residual / scale };
+        let first_residual = relative(residual);
         let mut last = f64::INFINITY;
         let outcome = loop {
             if !residual.is_finite() {
@@ -106,15 +111,14 @@ impl ConjugateGradient {
                 None => {}
             }
         };
-        let relative_residual = if residual == 0.0 { 0.0 } else { residual / scale };
-        CgReport { outcome, iterations, relative_residual }
+        CgReport { outcome, iterations, first_residual, relative_residual: relative(residual) }
     }
 
     /// Iterates from the residual until its recurrence reaches the target (`None`) or something stops it.
     fn iterate(
         &mut self,
         a: &impl LinearOperator,
-        preconditioner: &Preconditioner,
+        preconditioner: &mut Preconditioner,
         x: &mut [f64],
         target: f64,
         iterations: &mut u64,
@@ -123,9 +127,10 @@ impl ConjugateGradient {
         preconditioner.apply(r, z);
         p.copy_from_slice(z);
         let mut rz = dot(r, z);
+        let mut size = norm(r);
         // Further down than rounding the recurrence knows nothing of the true residual, and would end in underflow.
-        let floor = target.max(f64::EPSILON * norm(r));
-        while norm(r) > floor {
+        let floor = target.max(f64::EPSILON * size);
+        while size > floor {
             if *iterations >= self.iteration_limit {
                 return Some(CgOutcome::IterationLimit);
             }
@@ -139,19 +144,12 @@ impl ConjugateGradient {
             }
             *iterations += 1;
             let alpha = rz / curvature;
-            for (x, p) in x.iter_mut().zip(p.iter()) {
-                *x += alpha * p;
-            }
-            for (r, q) in r.iter_mut().zip(q.iter()) {
-                *r -= alpha * q;
-            }
+            size = descend(alpha, p, q, x, r).sqrt();
             preconditioner.apply(r, z);
             let next = dot(r, z);
             let beta = next / rz;
             rz = next;
-            for (p, z) in p.iter_mut().zip(z.iter()) {
-                *p = z + beta * *p;
-            }
+            conjugate(beta, z, p);
         }
         None
     }
@@ -159,9 +157,6 @@ impl ConjugateGradient {
     /// `r = b − A x`; returns its norm. The search direction is left alone: it may be asked for.
     fn set_true_residual(&mut self, a: &impl LinearOperator, b: &[f64], x: &[f64]) -> f64 {
         a.apply(x, &mut self.product);
-        for ((r, b), q) in self.residual.iter_mut().zip(b).zip(&self.product) {
-            *r = b - q;
-        }
-        norm(&self.residual)
+        subtract(b, &self.product, &mut self.residual).sqrt()
     }
 }

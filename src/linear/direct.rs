@@ -1,7 +1,7 @@
 //! The sparse factorizations as a time step's solvers: refill, refactor, solve, and measure the residual.
 
 use super::LinearSolver;
-use super::factorization::{Cholesky, FactorSize, Ldlt, NonPositivePivot};
+use super::factorization::{Cholesky, FactorReport, FactorSize, Ldlt, NonPositivePivot};
 use super::norms::{backward_error, norm};
 use super::outcome::{Definiteness, Evidence, Solution, SolveFailure};
 use crate::assembly::{SpringPattern, SystemMatrix};
@@ -76,6 +76,10 @@ impl LinearSolver for CholeskySolver {
         "llt"
     }
 
+    fn factor(&self) -> Option<FactorReport> {
+        Some(self.factorization.report())
+    }
+
     fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
         self.assembled.matrix.refill(a);
         work.factorizations += 1;
@@ -125,6 +129,10 @@ impl LdltSolver {
 impl LinearSolver for LdltSolver {
     fn name(&self) -> &'static str {
         "ldlt"
+    }
+
+    fn factor(&self) -> Option<FactorReport> {
+        Some(self.factorization.report())
     }
 
     fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {

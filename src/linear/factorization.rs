@@ -3,6 +3,7 @@
 //! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that
 //! both take microseconds, and only one convention for the index of a failed pivot is then in play.
 
+use super::ordering::{Ordering, OrderingMethod};
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::error::{Error, Result};
 use crate::system::Dof;
@@ -10,12 +11,15 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltError;
 use faer::linalg::cholesky::llt::factor::LltError;
 use faer::mat::MatMut;
+use faer::perm::PermRef;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
 use faer::{Conj, Par, Side, Spec};
+use serde::Serialize;
+use std::time::Instant;
 
 /// Right-hand sides that are solved for together: the factor is read once for all of them.
 pub const SOLVE_COLUMNS: usize = 4;
@@ -30,16 +34,42 @@ pub struct NonPositivePivot {
 }
 
 /// What a factorization costs, known from the pattern alone.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FactorSize {
     /// Stored values of L, the zeros inside supernodes included.
     pub entries: usize,
     /// Floating-point operations of a numeric factorization.
     pub flops: f64,
+    /// How the rows were ordered.
+    pub ordering: OrderingMethod,
+}
+
+/// The time a factorization has taken so far, in s, all calls together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct FactorTimes {
+    /// Ordering and symbolic analysis, once.
+    pub analysis_seconds: f64,
+    /// Numeric factorizations.
+    pub factor_seconds: f64,
+    /// Solves.
+    pub solve_seconds: f64,
+}
+
+/// Size and times of a factorization.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct FactorReport {
+    /// What it costs.
+    #[serde(flatten)]
+    pub size: FactorSize,
+    /// What it has taken.
+    #[serde(flatten)]
+    pub times: FactorTimes,
 }
 
 /// Ordering, symbolic analysis and memory, shared by both factorizations.
 pub(super) struct Analysis {
+    ordering: OrderingMethod,
+    times: FactorTimes,
     pub symbolic: SymbolicCholesky<u32>,
     pub values: Vec<f64>,
     pub memory: MemBuffer,
@@ -52,7 +82,10 @@ impl Analysis {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             ..Default::default()
         };
-        let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, SymmetricOrdering::Amd, params)
+        let start = Instant::now();
+        let Ordering { method, forward, inverse } = Ordering::of(pattern);
+        let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
+        let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, ordering, params)
             .map_err(|error| Error::Usage(format!("the matrix is too large to factor: {error:?}")))?;
         let values = vec![0.0; symbolic.len_val()];
         // One buffer serves numeric factorization of any kind and solves.
@@ -63,11 +96,16 @@ impl Analysis {
             .or(symbolic.solve_in_place_scratch::<f64>(SOLVE_COLUMNS, par));
         let memory = MemBuffer::try_new(scratch)
             .map_err(|_| Error::Usage("the matrix is too large to factor: out of memory".into()))?;
-        Ok(Self { symbolic, values, memory, par })
+        let times = FactorTimes { analysis_seconds: start.elapsed().as_secs_f64(), ..FactorTimes::default() };
+        Ok(Self { ordering: method, times, symbolic, values, memory, par })
+    }
+
+    fn report(&self) -> FactorReport {
+        FactorReport { size: self.size(), times: self.times }
     }
 
     fn size(&self) -> FactorSize {
-        FactorSize { entries: self.values.len(), flops: flops(&self.symbolic) }
+        FactorSize { entries: self.values.len(), flops: flops(&self.symbolic), ordering: self.ordering }
     }
 
     /// `forward[k]` is the row of A that is eliminated as number k; `None` when the order is A's own.
@@ -130,7 +168,7 @@ fn flops(symbolic: &SymbolicCholesky<u32>) -> f64 {
 pub struct Cholesky(Analysis);
 
 impl Cholesky {
-    /// Orders (approximate minimum degree) and analyses a pattern.
+    /// Orders (approximate minimum degree or nested dissection, whichever costs less) and analyses a pattern.
     ///
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
@@ -143,26 +181,35 @@ impl Cholesky {
         self.0.size()
     }
 
+    /// The size and the times so far.
+    pub fn report(&self) -> FactorReport {
+        self.0.report()
+    }
+
     /// Factors a matrix on the analysed pattern.
     ///
     /// # Errors
     /// The first pivot that is not positive.
     pub fn factor(&mut self, a: &SymmetricMatrix) -> Result<(), NonPositivePivot> {
-        let Analysis { symbolic, values, memory, par } = &mut self.0;
+        let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
+        let start = Instant::now();
         let stack = MemStack::new(memory);
         let regularization = Default::default();
         let done = symbolic
             .factorize_numeric_llt(values, a.as_faer(), Side::Lower, regularization, *par, stack, Spec::default())
             .map(|_| ());
+        times.factor_seconds += start.elapsed().as_secs_f64();
         done.map_err(|LltError::NonPositivePivot { index }| self.0.pivot(a.pattern(), index))
     }
 
     /// `x ← A⁻¹ x` with the last factored matrix.
     pub fn solve_in_place(&mut self, x: &mut [f64]) {
-        let Analysis { symbolic, values, memory, par } = &mut self.0;
+        let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
+        let start = Instant::now();
         let rows = x.len();
         let x = MatMut::from_column_major_slice_mut(x, rows, 1);
         LltRef::new(symbolic, values).solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
+        times.solve_seconds += start.elapsed().as_secs_f64();
     }
 }
 
@@ -184,17 +231,24 @@ impl Ldlt {
         self.0.size()
     }
 
+    /// The size and the times so far.
+    pub fn report(&self) -> FactorReport {
+        self.0.report()
+    }
+
     /// Factors a matrix on the analysed pattern.
     ///
     /// # Errors
     /// A pivot that is exactly zero, or not finite.
     pub fn factor(&mut self, a: &SymmetricMatrix) -> Result<(), NonPositivePivot> {
-        let Analysis { symbolic, values, memory, par } = &mut self.0;
+        let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
+        let start = Instant::now();
         let stack = MemStack::new(memory);
         let regularization = Default::default();
         let done = symbolic
             .factorize_numeric_ldlt(values, a.as_faer(), Side::Lower, regularization, *par, stack, Spec::default())
             .map(|_| ());
+        times.factor_seconds += start.elapsed().as_secs_f64();
         done.map_err(|LdltError::ZeroPivot { index }| self.0.pivot(a.pattern(), index))
     }
 
@@ -261,12 +315,14 @@ impl Ldlt {
 
     /// `X ← A⁻¹ X` for a matrix of n rows, n the order of A, stored by columns: [`SOLVE_COLUMNS`] at a time.
     pub fn solve_columns_in_place(&mut self, n: usize, x: &mut [f64]) {
-        let Analysis { symbolic, values, memory, par } = &mut self.0;
+        let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
+        let start = Instant::now();
         for x in x.chunks_mut((SOLVE_COLUMNS * n).max(1)) {
             let columns = x.len() / n.max(1);
             let x = MatMut::from_column_major_slice_mut(x, n, columns);
             let factor = LdltRef::new(symbolic, values);
             factor.solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
         }
+        times.solve_seconds += start.elapsed().as_secs_f64();
     }
 }

@@ -3,12 +3,14 @@
 use super::LinearSolver;
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
-use super::preconditioner::{NotPositiveBlock, Preconditioner, PreconditionerKind};
+use super::preconditioner::{Preconditioner, PreconditionerKind};
+use super::warm_start::WarmStart;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::operator::SystemOperator;
 use crate::system::System;
 use crate::work::Work;
+use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// How the products with A are made.
@@ -20,33 +22,79 @@ pub enum Application {
     Assembled(Box<SystemMatrix>),
 }
 
+/// Iterations with block Jacobi after which an automatic choice takes multigrid: about what the first solve with multigrid
+/// costs, its analysis included. Whatever a scene needs, trying costs at most twice the better choice.
+const TRIAL: u64 = 150;
+
 /// Conjugate gradients with a preconditioner.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct CgSolver {
     method: ConjugateGradient,
     preconditioner: Preconditioner,
     application: Application,
+    /// While block Jacobi is on trial: where the particles are, for multigrid.
+    trial: Option<Vec<Vector3<f64>>>,
+    warm_start: WarmStart,
 }
 
 impl CgSolver {
-    /// Matrix-free.
-    pub fn matrix_free(system: &System, preconditioner: PreconditionerKind, tolerance: f64) -> Self {
+    /// Matrix-free. Without a preconditioner given it starts with block Jacobi, and changes to multigrid for good in the first
+    /// solve that takes long.
+    ///
+    /// # Errors
+    /// For multigrid, more matrix blocks than 32-bit indices can count.
+    pub fn matrix_free(system: &System, preconditioner: Option<PreconditionerKind>, tolerance: f64) -> Result<Self> {
         Self::new(system, preconditioner, tolerance, Application::MatrixFree)
     }
 
-    /// On the assembled matrix.
+    /// On the assembled matrix, preconditioned as [`matrix_free`](Self::matrix_free).
     ///
     /// # Errors
     /// More entries than 32-bit indices can count.
-    pub fn assembled(system: &System, preconditioner: PreconditionerKind, tolerance: f64) -> Result<Self> {
+    pub fn assembled(system: &System, preconditioner: Option<PreconditionerKind>, tolerance: f64) -> Result<Self> {
         let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
-        Ok(Self::new(system, preconditioner, tolerance, Application::Assembled(Box::new(matrix))))
+        Self::new(system, preconditioner, tolerance, Application::Assembled(Box::new(matrix)))
     }
 
-    fn new(system: &System, kind: PreconditionerKind, tolerance: f64, application: Application) -> Self {
-        let dofs = system.dofs();
-        let method = ConjugateGradient::new(dofs.len(), tolerance);
-        Self { method, preconditioner: Preconditioner::new(kind, dofs), application }
+    fn new(
+        system: &System,
+        kind: Option<PreconditionerKind>,
+        tolerance: f64,
+        application: Application,
+    ) -> Result<Self> {
+        Ok(Self {
+            method: ConjugateGradient::new(system.dofs().len(), tolerance),
+            preconditioner: Preconditioner::new(kind.unwrap_or(PreconditionerKind::BlockJacobi), system)?,
+            application,
+            warm_start: WarmStart::new(system.dofs().len()),
+            trial: kind.is_none().then(|| vec![Vector3::zeros(); system.particles()]),
+        })
+    }
+
+    fn run(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) -> CgReport {
+        let Self { method, preconditioner, application, .. } = self;
+        let report = match application {
+            Application::MatrixFree => method.solve(a, preconditioner, b, x),
+            Application::Assembled(matrix) => method.solve(matrix.matrix(), preconditioner, b, x),
+        };
+        work.cg_iterations += report.iterations;
+        report
+    }
+
+    /// Makes a preconditioner that has lost patience a better one.
+    fn improve(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
+        if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
+            return multigrid.rebuild(a, work);
+        }
+        // A system too large for multigrid's indices stays with what it has.
+        if let Some(positions) = self.trial.take()
+            && let Ok(mut multigrid) = Preconditioner::new(PreconditionerKind::Multigrid, a.system())
+        {
+            multigrid.place(&positions);
+            multigrid.update(a, work)?;
+            self.preconditioner = multigrid;
+        }
+        Ok(())
     }
 
     /// The method: its parameters, and the direction of negative curvature after a failure.
@@ -67,15 +115,18 @@ impl LinearSolver for CgSolver {
         Some(self.preconditioner.kind().name())
     }
 
-    fn prepare(&mut self, a: &SystemOperator, _work: &mut Work) -> Result<Definiteness, SolveFailure> {
-        let update = match &mut self.application {
-            Application::MatrixFree => self.preconditioner.update(a),
-            Application::Assembled(matrix) => {
-                matrix.refill(a);
-                self.preconditioner.update(matrix.matrix())
-            }
-        };
-        update.map_err(|NotPositiveBlock(dof)| SolveFailure::Indefinite(Evidence::DiagonalBlock(dof)))?;
+    fn place(&mut self, positions: &[Vector3<f64>]) {
+        self.preconditioner.place(positions);
+        if let Some(places) = &mut self.trial {
+            places.copy_from_slice(positions);
+        }
+    }
+
+    fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+        if let Application::Assembled(matrix) = &mut self.application {
+            matrix.refill(a);
+        }
+        self.preconditioner.update(a, work)?;
         Ok(Definiteness::Unknown)
     }
 
@@ -90,18 +141,41 @@ impl LinearSolver for CgSolver {
         x: &mut [f64],
         work: &mut Work,
     ) -> Result<Solution, SolveFailure> {
-        let report = match &self.application {
-            Application::MatrixFree => self.method.solve(a, &self.preconditioner, b, x),
-            Application::Assembled(matrix) => self.method.solve(matrix.matrix(), &self.preconditioner, b, x),
-        };
         work.solves += 1;
-        work.cg_iterations += report.iterations;
+        if x.iter().all(|&x| x == 0.0) {
+            let warm_start = &mut self.warm_start;
+            let guessed = match &self.application {
+                Application::MatrixFree => warm_start.guess(a, b, x),
+                Application::Assembled(matrix) => warm_start.guess(matrix.matrix(), b, x),
+            };
+            work.warm_starts += u64::from(guessed);
+        }
+        let digits = -self.method.tolerance.log10();
+        let patience = match &self.preconditioner {
+            Preconditioner::Multigrid(multigrid) => multigrid.patience(digits),
+            _ => self.trial.as_ref().map(|_| TRIAL),
+        };
+        let limit = self.method.iteration_limit;
+        self.method.iteration_limit = patience.map_or(limit, |patience| limit.min(patience));
+        let mut report = self.run(a, b, x, work);
+        let digits = digits.min((report.first_residual / self.method.tolerance).log10());
+        self.method.iteration_limit = limit;
+        if patience.is_some() && report.outcome == CgOutcome::IterationLimit {
+            self.improve(a, work)?;
+            report = self.run(a, b, x, work);
+        }
+        if report.outcome == CgOutcome::Converged {
+            self.warm_start.record(x);
+            if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
+                multigrid.record(report.iterations, digits);
+            }
+        }
         accept(&report)
     }
 }
 
 fn accept(report: &CgReport) -> Result<Solution, SolveFailure> {
-    let CgReport { outcome, iterations, relative_residual } = *report;
+    let CgReport { outcome, iterations, relative_residual, .. } = *report;
     let not_converged = |reason| Err(SolveFailure::NotConverged { iterations, relative_residual, reason });
     match outcome {
         CgOutcome::Converged => Ok(Solution { relative_residual }),

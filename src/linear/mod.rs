@@ -4,28 +4,38 @@
 //! [`LinearOperator`](crate::operator::LinearOperator). [`LinearSolver`] is what a time step uses: it takes a
 //! [`SystemOperator`], does once a matrix what can be done once, and solves as often as asked.
 
+mod block_jacobi;
 mod cg;
 mod direct;
 mod factorization;
 mod iterative;
 mod norms;
+mod ordering;
 mod outcome;
 mod pivoted;
 mod preconditioner;
+mod reuse;
 mod select;
+mod vector;
+mod warm_start;
 
+pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
 pub use direct::{CholeskySolver, LdltSolver};
-pub use factorization::{Cholesky, FactorSize, Ldlt, NonPositivePivot, SOLVE_COLUMNS};
+pub use factorization::{Cholesky, FactorReport, FactorSize, FactorTimes, Ldlt, NonPositivePivot, SOLVE_COLUMNS};
 pub use iterative::{Application, CgSolver};
 pub use norms::{backward_error, dot, norm};
+pub use ordering::OrderingMethod;
 pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
 pub use pivoted::{PivotSigns, PivotedLdlt, Pivoting};
-pub use preconditioner::{NotPositiveBlock, Preconditioner, PreconditionerKind};
+pub use preconditioner::{Preconditioner, PreconditionerKind};
+pub use reuse::ReusedMultigrid;
 pub use select::{SolverChoice, SolverOptions, select};
+pub use warm_start::WarmStart;
 
 use crate::operator::SystemOperator;
 use crate::work::Work;
+use nalgebra::Vector3;
 
 /// Solves `A x = b` for a sequence of matrices of one system.
 pub trait LinearSolver {
@@ -37,6 +47,15 @@ pub trait LinearSolver {
         None
     }
 
+    /// Size and times of the factorization, for a solver that factors.
+    fn factor(&self) -> Option<FactorReport> {
+        None
+    }
+
+    /// Says where the particles are, one position for every particle of the system, in m. A preconditioner may use it; the
+    /// matrix has all that a solution needs.
+    fn place(&mut self, _positions: &[Vector3<f64>]) {}
+
     /// Takes over a matrix: refills and factors it, or sets up the preconditioner. Says what this proved.
     ///
     /// # Errors
@@ -47,7 +66,7 @@ pub trait LinearSolver {
     fn set_tolerance(&mut self, _tolerance: f64) {}
 
     /// Solves with the matrix of the last `prepare`, which must be given again. `b` and `x` are reduced; on entry `x`
-    /// is the first guess of an iterative solver.
+    /// is the first guess of an iterative solver, or zero where it shall find its own.
     ///
     /// # Errors
     /// When no solution can be vouched for; `x` is then unspecified.

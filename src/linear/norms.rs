@@ -1,10 +1,6 @@
 //! Inner products and error measures of vectors.
 
-/// `aᵀb`.
-#[inline]
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
+pub use super::vector::dot;
 
 /// The Euclidean norm.
 #[inline]

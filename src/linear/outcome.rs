@@ -61,6 +61,13 @@ pub enum Evidence {
     Pivot(Dof),
     /// The diagonal block of a particle, seen when the preconditioner was set up, is not positive definite.
     DiagonalBlock(Dof),
+    /// A coarse matrix of multigrid, `Pᵀ A P`, is not positive definite.
+    CoarseLevel {
+        /// The level, from 1.
+        level: usize,
+        /// A coordinate of a particle in the aggregate at which it showed.
+        dof: Dof,
+    },
     /// Conjugate gradients met a direction p with `pᵀAp ≤ 0`.
     NegativeCurvature {
         /// Iteration in which it was met, from 0.
@@ -75,6 +82,9 @@ impl std::fmt::Display for Evidence {
         match self {
             Self::Pivot(dof) => write!(f, "the pivot of {dof} is not positive"),
             Self::DiagonalBlock(dof) => write!(f, "the diagonal block at {dof} is not positive definite"),
+            Self::CoarseLevel { level, dof } => {
+                write!(f, "coarse level {level} of multigrid is not positive definite near {dof}")
+            }
             Self::NegativeCurvature { iteration, rayleigh_quotient } => {
                 write!(
                     f,

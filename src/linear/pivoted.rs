@@ -78,7 +78,7 @@ impl PivotedLdlt {
 
     /// Factors a matrix on the analysed pattern. Never fails: what went wrong shows in the pivots and in the error.
     pub fn factor(&mut self, a: &SymmetricMatrix, pivoting: Pivoting) {
-        let Self { analysis: Analysis { symbolic, values, memory, par }, subdiagonal, forward, inverse } = self;
+        let Self { analysis: Analysis { symbolic, values, memory, par, .. }, subdiagonal, forward, inverse } = self;
         let (a, stack) = (a.as_faer(), MemStack::new(memory));
         match pivoting {
             Pivoting::None => {

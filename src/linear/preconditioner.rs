@@ -1,8 +1,13 @@
-//! Preconditioners for conjugate gradients: none, Jacobi and 3×3 block Jacobi.
+//! The preconditioners of conjugate gradients behind one type.
 
-use crate::operator::BlockDiagonal;
-use crate::system::{Dof, DofMap};
-use nalgebra::Matrix3;
+use super::block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
+use super::outcome::{Evidence, SolveFailure};
+use super::reuse::ReusedMultigrid;
+use crate::error::Result;
+use crate::operator::SystemOperator;
+use crate::system::System;
+use crate::work::Work;
+use nalgebra::Vector3;
 
 /// Which preconditioner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -13,6 +18,8 @@ pub enum PreconditionerKind {
     Jacobi,
     /// The 3×3 diagonal block of every particle.
     BlockJacobi,
+    /// Algebraic multigrid, see [`multigrid`](crate::multigrid).
+    Multigrid,
 }
 
 impl PreconditionerKind {
@@ -22,66 +29,76 @@ impl PreconditionerKind {
             Self::None => "none",
             Self::Jacobi => "jacobi",
             Self::BlockJacobi => "block-jacobi",
+            Self::Multigrid => "multigrid",
         }
     }
 }
 
-/// A diagonal block that is not positive definite: proof that the whole matrix is not.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NotPositiveBlock(pub Dof);
-
-/// An approximation of A⁻¹ as a block-diagonal matrix, one 3×3 block a particle.
-#[derive(Debug, Clone)]
-pub struct Preconditioner {
-    kind: PreconditionerKind,
-    dofs: DofMap,
-    inverses: Vec<Matrix3<f64>>,
+/// An approximation of A⁻¹, symmetric and positive definite.
+#[derive(Debug)]
+pub enum Preconditioner {
+    /// The identity.
+    Identity,
+    /// One block a particle.
+    BlockJacobi(BlockJacobi),
+    /// A V-cycle.
+    Multigrid(Box<ReusedMultigrid>),
 }
 
 impl Preconditioner {
-    /// The identity; [`update`](Self::update) makes it fit a matrix.
-    pub fn new(kind: PreconditionerKind, dofs: &DofMap) -> Self {
-        let blocks = if kind == PreconditionerKind::None { 0 } else { dofs.particles() };
-        Self { kind, dofs: dofs.clone(), inverses: vec![Matrix3::identity(); blocks] }
+    /// For a system's matrices; [`update`](Self::update) makes it fit one of them.
+    ///
+    /// # Errors
+    /// For multigrid, more matrix blocks than 32-bit indices can count.
+    pub fn new(kind: PreconditionerKind, system: &System) -> Result<Self> {
+        let diagonal = |part| Self::BlockJacobi(BlockJacobi::new(part, system.dofs()));
+        Ok(match kind {
+            PreconditionerKind::None => Self::Identity,
+            PreconditionerKind::Jacobi => diagonal(DiagonalPart::Entries),
+            PreconditionerKind::BlockJacobi => diagonal(DiagonalPart::Blocks),
+            PreconditionerKind::Multigrid => Self::Multigrid(Box::new(ReusedMultigrid::new(system)?)),
+        })
     }
 
     /// Which preconditioner this is.
     pub fn kind(&self) -> PreconditionerKind {
-        self.kind
+        match self {
+            Self::Identity => PreconditionerKind::None,
+            Self::BlockJacobi(block_jacobi) => match block_jacobi.part() {
+                DiagonalPart::Entries => PreconditionerKind::Jacobi,
+                DiagonalPart::Blocks => PreconditionerKind::BlockJacobi,
+            },
+            Self::Multigrid(_) => PreconditionerKind::Multigrid,
+        }
     }
 
-    /// Recomputes from a matrix, without allocating.
+    /// Says where the particles are, one position for every particle of the system, in m.
+    pub fn place(&mut self, positions: &[Vector3<f64>]) {
+        if let Self::Multigrid(multigrid) = self {
+            multigrid.place(positions);
+        }
+    }
+
+    /// Makes it fit a matrix, without allocating.
     ///
     /// # Errors
-    /// The first coordinate whose diagonal block (or entry) is not positive definite.
-    pub fn update(&mut self, a: &impl BlockDiagonal) -> Result<(), NotPositiveBlock> {
-        if self.kind == PreconditionerKind::None {
-            return Ok(());
+    /// What shows that the matrix is not positive definite, or not finite.
+    pub fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
+        match self {
+            Self::Identity => Ok(()),
+            Self::BlockJacobi(block_jacobi) => block_jacobi
+                .update(a)
+                .map_err(|NotPositiveBlock(dof)| SolveFailure::Indefinite(Evidence::DiagonalBlock(dof))),
+            Self::Multigrid(multigrid) => multigrid.update(a, work),
         }
-        a.diagonal_blocks(&mut self.inverses);
-        for (particle, block) in self.inverses.iter_mut().enumerate() {
-            let free = self.dofs.free_axes(particle);
-            if self.kind == PreconditionerKind::Jacobi {
-                *block = Matrix3::from_diagonal(&block.diagonal());
-            }
-            for axis in (0..3).filter(|&axis| !free.contains(axis)) {
-                block[(axis, axis)] = 1.0;
-            }
-            let axis = free.iter().next().unwrap_or(0);
-            *block = block.cholesky().ok_or(NotPositiveBlock(Dof { particle, axis }))?.inverse();
-        }
-        Ok(())
     }
 
     /// `z = P⁻¹ r`, reduced vectors.
-    pub fn apply(&self, r: &[f64], z: &mut [f64]) {
-        if self.kind == PreconditionerKind::None {
-            return z.copy_from_slice(r);
-        }
-        z.fill(0.0);
-        for (particle, inverse) in self.inverses.iter().enumerate() {
-            let v = inverse * self.dofs.get(r, particle);
-            self.dofs.add(z, particle, &v);
+    pub fn apply(&mut self, r: &[f64], z: &mut [f64]) {
+        match self {
+            Self::Identity => z.copy_from_slice(r),
+            Self::BlockJacobi(block_jacobi) => block_jacobi.apply(r, z),
+            Self::Multigrid(multigrid) => multigrid.apply(r, z),
         }
     }
 }

@@ -39,7 +39,7 @@ impl SolverChoice {
 pub struct SolverOptions {
     /// Which.
     pub solver: SolverChoice,
-    /// For conjugate gradients; `None` chooses (block Jacobi).
+    /// For conjugate gradients; `None` chooses, see [`CgSolver::matrix_free`].
     pub preconditioner: Option<PreconditionerKind>,
     /// For conjugate gradients: `‖b − A x‖ ≤ tolerance·‖b‖`.
     pub tolerance: f64,
@@ -53,12 +53,13 @@ impl Default for SolverOptions {
     }
 }
 
-/// Factor operations per spring up to which `Auto` factors: about what a thousand conjugate gradient iterations cost.
-/// Cloths of 10⁵ particles (1.3e5 per spring) factor faster than they iterate, lattices of 10⁴ (1.3e6) do not.
-const FLOPS_PER_SPRING: f64 = 1.5e5;
+/// Factor operations per spring up to which `Auto` factors: about what conjugate gradients with multigrid cost, which is
+/// proportional to the number of springs. Cloths of 10⁴ particles (3e4 per spring) are near the border; those of 10⁵
+/// (1.3e5) and lattices of 10⁴ (1.3e6) iterate faster than they factor.
+const FLOPS_PER_SPRING: f64 = 3e4;
 
 /// Where an option does not promise a definite A, a factorization is worth ten times as much: it alone refuses.
-const FLOPS_PER_SPRING_UNPROMISED: f64 = 1.5e6;
+const FLOPS_PER_SPRING_UNPROMISED: f64 = 3e5;
 
 /// Degrees of freedom beyond which `Auto` does not even analyse: the analysis alone would take seconds.
 const LARGEST_ANALYSED: usize = 1_500_000;
@@ -75,19 +76,19 @@ pub fn select(
     promised: bool,
     work: &mut Work,
 ) -> Result<Box<dyn LinearSolver>> {
-    let preconditioner = options.preconditioner.unwrap_or(PreconditionerKind::BlockJacobi);
-    let matrix_free = || Box::new(CgSolver::matrix_free(system, preconditioner, options.tolerance));
+    let preconditioner = options.preconditioner;
+    let matrix_free = || CgSolver::matrix_free(system, preconditioner, options.tolerance).map(Box::new);
     Ok(match options.solver {
         SolverChoice::Llt => Box::new(CholeskySolver::new(system, options.par, work)?),
         SolverChoice::Ldlt => Box::new(LdltSolver::new(system, options.par, work)?),
-        SolverChoice::Cg => matrix_free(),
+        SolverChoice::Cg => matrix_free()?,
         SolverChoice::CgAssembled => Box::new(CgSolver::assembled(system, preconditioner, options.tolerance)?),
-        SolverChoice::Auto if system.dofs().len() > LARGEST_ANALYSED => matrix_free(),
+        SolverChoice::Auto if system.dofs().len() > LARGEST_ANALYSED => matrix_free()?,
         SolverChoice::Auto => {
             let cholesky = CholeskySolver::new(system, options.par, work)?;
             let springs = system.active_springs().len().max(1);
             let limit = if promised { FLOPS_PER_SPRING } else { FLOPS_PER_SPRING_UNPROMISED };
-            if cholesky.size().flops <= limit * springs as f64 { Box::new(cholesky) } else { matrix_free() }
+            if cholesky.size().flops <= limit * springs as f64 { Box::new(cholesky) } else { matrix_free()? }
         }
     })
 }

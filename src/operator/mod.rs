@@ -1,7 +1,10 @@
 //! Matrices known by their products: the linear operator that conjugate gradients needs, and the system's own.
 
+mod prefetch;
+mod stream;
 mod system_operator;
 
+pub(crate) use prefetch::prefetch;
 pub use system_operator::{Combination, SystemOperator};
 
 use nalgebra::Matrix3;

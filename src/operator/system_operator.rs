@@ -11,8 +11,10 @@
 //! notes' *Project*. What prescribed particles do to the free ones goes to the right-hand side once a step, by
 //! [`subtract_coupling`](SystemOperator::subtract_coupling): their *Set-Boundary-Conditions*.
 
+use super::stream::SpringStream;
 use super::{BlockDiagonal, LinearOperator};
 use crate::force::Extensions;
+use crate::parallel::pieces;
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{Axes, System};
 use nalgebra::{Matrix3, Vector3};
@@ -48,6 +50,10 @@ pub struct SystemOperator<'s> {
     system: &'s System,
     mass: f64,
     blocks: Vec<SpringBlock>,
+    /// The same blocks in the order and form in which a product reads them.
+    stream: SpringStream,
+    /// The combination's part of M, one number a row.
+    inertia: Vec<f64>,
     /// Positions in `blocks` of the springs that have a prescribed axis at one end.
     coupled: Vec<u32>,
 }
@@ -61,7 +67,8 @@ impl<'s> SystemOperator<'s> {
         let coupled = coupled.map(|(position, _)| position).collect();
         let nothing = SpringBlock { direction: Vector3::zeros(), transverse: 0.0, axial: 0.0 };
         let blocks = vec![nothing; system.active_springs().len()];
-        let mut operator = Self { system, mass: 0.0, blocks, coupled };
+        let inertia = vec![0.0; system.dofs().len()];
+        let mut operator = Self { system, mass: 0.0, blocks, stream: SpringStream::new(system), inertia, coupled };
         operator.update(extensions, option, combination);
         operator
     }
@@ -76,7 +83,7 @@ impl<'s> SystemOperator<'s> {
         &mut self,
         extensions: &Extensions,
         combination: Combination,
-        mut option: impl FnMut(usize) -> Stiffness,
+        option: impl Fn(usize) -> Stiffness + Sync,
     ) {
         self.set_blocks(extensions, combination.mass, |position, spring, at| {
             // K holds −K^s and G holds −b nnᵀ where the spring's own block stands, hence the signs.
@@ -91,12 +98,19 @@ impl<'s> SystemOperator<'s> {
         &mut self,
         extensions: &Extensions,
         mass: f64,
-        mut block: impl FnMut(usize, &Spring, &Extension) -> SpringBlock,
+        block: impl Fn(usize, &Spring, &Extension) -> SpringBlock + Sync,
     ) {
         self.mass = mass;
-        let springs = self.system.active().zip(extensions.iter());
-        for (position, (target, ((_, _, spring), at))) in self.blocks.iter_mut().zip(springs).enumerate() {
-            *target = block(position, spring, at);
+        let (system, extensions) = (self.system, extensions.as_slice());
+        pieces(&mut self.blocks, &|first, piece| {
+            let springs = (first..).zip(system.active_from(first)).zip(&extensions[first..]);
+            for (target, ((position, (_, _, spring)), at)) in piece.iter_mut().zip(springs) {
+                *target = block(position, spring, at);
+            }
+        });
+        self.stream.update(self.system, &self.blocks);
+        for (particle, mass) in self.system.masses().iter().enumerate() {
+            self.inertia[self.system.dofs().rows(particle)].fill(self.mass * mass);
         }
     }
 
@@ -142,18 +156,7 @@ impl LinearOperator for SystemOperator<'_> {
     }
 
     fn apply(&self, w: &[f64], y: &mut [f64]) {
-        let dofs = self.system.dofs();
-        for (particle, mass) in self.system.masses().iter().enumerate() {
-            let rows = dofs.rows(particle);
-            for (y, w) in y[rows.clone()].iter_mut().zip(&w[rows]) {
-                *y = self.mass * mass * w;
-            }
-        }
-        for ([i, j], block) in self.stamps() {
-            let s = block.apply(&(dofs.get(w, i) - dofs.get(w, j)));
-            dofs.add(y, i, &s);
-            dofs.add(y, j, &-s);
-        }
+        self.stream.multiply(self.system, &self.blocks, &self.inertia, w, y);
     }
 }
 

@@ -1,9 +1,11 @@
 //! `summary.json`: what a run did and how it ended.
 
 use super::AtomicFile;
+use crate::accuracy::{Choice, Pace};
 use crate::error::Result;
 use crate::force::Energy;
 use crate::integrate::{RunFailure, Statistics, Status};
+use crate::linear::FactorReport;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -40,8 +42,17 @@ pub struct Summary {
     /// `work` and `max_relative_residual`, and how many solves met an indefinite A.
     #[serde(flatten)]
     pub statistics: Statistics,
+    /// Size of the factor of A and the time it took, for a solver that factors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub factor: Option<FactorReport>,
     /// Total energy at both ends of the run.
     pub energy: EnergyChange,
+    /// Why this method and step, where they were chosen by the program.
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub choice: Option<ChoiceReport>,
+    /// What was left out because it cannot move, in words; empty where nothing was looked for.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub reductions: Vec<String>,
     /// What broke the run, if anything did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failure: Option<FailureReport>,
@@ -57,6 +68,63 @@ impl Summary {
             serde_json::to_writer_pretty(&mut *file, self).map_err(io::Error::from)?;
             file.write_all(b"\n")
         })
+    }
+}
+
+/// What the program chose and why.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ChoiceReport {
+    /// Why, in one line.
+    pub reason: String,
+    /// The relative position error that was allowed at the end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accuracy: Option<f64>,
+    /// Estimated relative position error of the result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimated_error: Option<f64>,
+    /// Tolerance of adaptive steps, where they were chosen.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rtol: Option<f64>,
+    /// Work of the run, in force evaluations.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cost: Option<f64>,
+    /// Pilot runs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pilot_runs: Option<u32>,
+    /// Their work together, in force evaluations.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pilot_cost: Option<f64>,
+}
+
+impl ChoiceReport {
+    /// Of a method that was chosen without pilot runs.
+    pub fn of_preset(reason: String) -> Self {
+        Self {
+            reason,
+            accuracy: None,
+            estimated_error: None,
+            rtol: None,
+            cost: None,
+            pilot_runs: None,
+            pilot_cost: None,
+        }
+    }
+
+    /// Of a choice for an accuracy.
+    pub fn of_choice(choice: &Choice, accuracy: f64) -> Self {
+        let rtol = match choice.pace {
+            Pace::Adaptive { rtol, .. } => Some(rtol),
+            Pace::Step(_) => None,
+        };
+        Self {
+            reason: choice.reason.clone(),
+            accuracy: Some(accuracy),
+            estimated_error: Some(choice.estimated_error),
+            rtol,
+            cost: Some(choice.cost),
+            pilot_runs: Some(choice.pilots),
+            pilot_cost: Some(choice.pilot_cost),
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::check_html::{anchor, group, mark};
 use super::number::{self, count};
-use super::{page, shares};
+use super::{faults, page, shares};
 use crate::verify::{Check, Claim, Results, worst};
 use maud::{Markup, html};
 use std::collections::BTreeSet;
@@ -20,6 +20,7 @@ pub fn html(results: &Results) -> String {
         @for (claim, checks) in &claims {
             (claim_section(*claim, checks))
         }
+        (faults::section())
     };
     let scenes: BTreeSet<&str> = results.checks.iter().map(|check| check.scene.as_str()).collect();
     let lead = format!(

@@ -4,8 +4,10 @@
 //! same results give the same bytes.
 
 mod canvas;
+mod chart_html;
 mod check_html;
 pub mod drawing;
+mod faults;
 mod html;
 pub mod inspection;
 mod json;
@@ -19,7 +21,9 @@ mod ruler;
 mod shares;
 pub mod spy;
 mod text;
+pub mod tiles;
 
+pub use chart_html::chart_html;
 pub use html::html;
 pub use json::json;
 pub use junit::junit;

@@ -12,21 +12,25 @@ const HEIGHT: i32 = 500;
 const BELOW: i32 = 96;
 /// More points than this are not marked one by one where a line joins them.
 const MARKED: usize = 60;
-/// The share of the height that the rail of failures takes.
-const RAIL: f64 = 0.1;
+/// Height of a lane of the rail of failures, and width of the rail for failures without a place on the horizontal axis.
+const LANE: i32 = 38;
+const STRIP: i32 = 96;
+/// The ground of rails.
+const RAIL: Colour = (250, 236, 230);
 
 /// Draws a plot as one SVG element, 800 pixels wide, that can stand in a page or alone in a file.
 ///
 /// Points without a place on the axes (NaN, infinity, on a logarithmic axis zero or less) are left out and counted in
-/// the legend; those of [`Mark::Cross`] stand on a rail along the upper edge instead.
+/// the legend; those of [`Mark::Cross`] stand on a rail instead: along the upper edge, in a lane for every series, where y has
+/// no place, and along the right edge where only x has none.
 pub fn svg(plot: &Plot) -> String {
     let layout = Layout::of(plot);
     canvas::sheet(&plot.title, layout.bottom + BELOW, |sheet| layout.draw(sheet))
 }
 
-/// Whether a point stands on the rail: a failure without a place of its own on the vertical axis.
-fn is_railed(series: &Series, y: Option<f64>) -> bool {
-    series.mark == Mark::Cross && y.is_none()
+/// Whether a point stands on a rail: a failure without a place of its own on an axis.
+fn is_railed(series: &Series, place: Option<f64>) -> bool {
+    series.mark == Mark::Cross && place.is_none()
 }
 
 struct Layout<'a> {
@@ -39,7 +43,10 @@ struct Layout<'a> {
     right: i32,
     top: i32,
     bottom: i32,
-    rail: bool,
+    /// Indices of the series with a lane on the rail along the upper edge, from the top.
+    lanes: Vec<usize>,
+    /// Width of the rail along the right edge.
+    strip: i32,
 }
 
 /// What the legend explains.
@@ -62,11 +69,15 @@ impl<'a> Layout<'a> {
         }
         let x = Ruler::over(plot.x.scale, points().map(|p| p.0).chain(verticals));
         let y = Ruler::over(plot.y.scale, points().map(|p| p.1).chain(levels));
-        let rail = plot.series.iter().any(|series| series.points.iter().any(|p| is_railed(series, y.place(p.1))));
+        let has = |series: &Series, wanted: &dyn Fn(&(f64, f64)) -> bool| series.points.iter().any(wanted);
+        let railed = |series: &Series| has(series, &|p| x.place(p.0).is_some() && is_railed(series, y.place(p.1)));
+        let lanes = (0..plot.series.len()).filter(|&i| plot.series.get(i).is_some_and(railed)).collect();
+        let aside = |series: &Series| has(series, &|p| is_railed(series, x.place(p.0)) && y.place(p.1).is_some());
+        let strip = if plot.series.iter().any(aside) { STRIP } else { 0 };
         let labels = y.ticks.iter().map(|(_, label)| canvas::width(label)).max().unwrap_or(0);
         let title = canvas::wrap(&plot.title, WIDTH - 32);
         let (left, right) = (labels + LINE + 34, WIDTH - 18);
-        let mut layout = Self { plot, x, y, title, legend: Vec::new(), left, right, top: 0, bottom: 0, rail };
+        let mut layout = Self { plot, x, y, title, legend: Vec::new(), left, right, top: 0, bottom: 0, lanes, strip };
         layout.top = 14 + LINE * layout.title.len() as i32;
         layout.place_legend();
         layout.bottom = layout.top + HEIGHT;
@@ -75,7 +86,8 @@ impl<'a> Layout<'a> {
 
     /// Sets the legend's entries in rows under the title and moves the plot's top below them.
     fn place_legend(&mut self) {
-        let keys = self.plot.series.iter().enumerate().map(|(i, series)| (Key::Series(i, series), self.name(series)));
+        let keys =
+            self.plot.series.iter().enumerate().map(|(i, series)| (Key::Series(i, series), self.name(i, series)));
         let guides = self.plot.guides.iter().filter_map(|guide| match guide {
             Guide::Slope { slope, .. } => Some((Key::Slope, format!("slope {}", signed(*slope)))),
             Guide::Level { y, label } => Some((Key::Level, format!("{label}: {}", number::pretty(*y)))),
@@ -99,8 +111,8 @@ impl<'a> Layout<'a> {
     }
 
     /// A series in the legend: its name, its measured slope, and how many of its points could not be drawn.
-    fn name(&self, series: &Series) -> String {
-        let missing = series.points.iter().filter(|&&p| self.point(series, p).is_none()).count();
+    fn name(&self, index: usize, series: &Series) -> String {
+        let missing = series.points.iter().filter(|&&p| self.point(index, series, p).is_none()).count();
         let mut name = series.name.clone();
         if let Some(slope) = series.slope {
             name += &format!(", measured slope {slope:.2}").replace('-', "−");
@@ -112,19 +124,25 @@ impl<'a> Layout<'a> {
     }
 
     fn column(&self, place: f64) -> i32 {
-        self.left + (place * f64::from(self.right - self.left)).round() as i32
+        self.left + (place * f64::from(self.right - self.strip - self.left)).round() as i32
     }
 
     fn row(&self, place: f64) -> i32 {
-        let place = if self.rail { place * (1.0 - RAIL) } else { place };
-        self.bottom - (place * f64::from(self.bottom - self.top)).round() as i32
+        let rail = LANE * self.lanes.len() as i32;
+        self.bottom - (place * f64::from(self.bottom - self.top - rail)).round() as i32
     }
 
-    fn point(&self, series: &Series, (x, y): (f64, f64)) -> Option<Point> {
-        let column = self.column(self.x.place(x)?);
-        match self.y.place(y) {
-            None if is_railed(series, None) => Some((column, self.row((1.0 - 0.5 * RAIL) / (1.0 - RAIL)))),
-            place => Some((column, self.row(place?))),
+    fn lane(&self, series: usize) -> Option<i32> {
+        let lane = self.lanes.iter().position(|&other| other == series)?;
+        Some(self.top + LANE * lane as i32 + LANE / 2)
+    }
+
+    fn point(&self, index: usize, series: &Series, (x, y): (f64, f64)) -> Option<Point> {
+        match (self.x.place(x), self.y.place(y)) {
+            (Some(x), Some(y)) => Some((self.column(x), self.row(y))),
+            (Some(x), None) if is_railed(series, None) => Some((self.column(x), self.lane(index)?)),
+            (None, Some(y)) if is_railed(series, None) => Some((self.right - self.strip / 2, self.row(y))),
+            _ => None,
         }
     }
 
@@ -154,9 +172,22 @@ impl<'a> Layout<'a> {
     fn draw_axes(&self, sheet: &Sheet<'_>) -> Outcome {
         let (left, right, top, bottom) = (self.left, self.right, self.top, self.bottom);
         let ceiling = self.row(1.0);
-        if self.rail {
-            sheet.rectangle((left, top), (right, ceiling), (250, 236, 230))?;
-            sheet.text("failed", (left + 8, top + (ceiling - top) / 2), Align::Left, palette::FAIL)?;
+        if !self.lanes.is_empty() {
+            sheet.rectangle((left, top), (right, ceiling), RAIL)?;
+        }
+        for (index, series) in self.plot.series.iter().enumerate() {
+            if let Some(lane) = self.lane(index) {
+                sheet.text(
+                    &canvas::clip(&series.name, (right - left) / 2),
+                    (left + 8, lane),
+                    Align::Left,
+                    palette::FAIL,
+                )?;
+            }
+        }
+        if self.strip > 0 {
+            sheet.rectangle((right - self.strip, ceiling), (right, bottom), RAIL)?;
+            sheet.text("failed", (right - self.strip / 2, ceiling + LINE / 2), Align::Center, palette::FAIL)?;
         }
         let labelled = |ruler: &Ruler| ruler.ticks.iter().map(|tick| tick.0).collect::<Vec<_>>();
         for (places, width) in [(self.x.fine.clone(), 1), (labelled(&self.x), 2)] {
@@ -169,6 +200,7 @@ impl<'a> Layout<'a> {
                 sheet.line(vec![(left, row), (right, row)], palette::GRID, width)?;
             }
         }
+        let right = self.right - self.strip;
         sheet.line(vec![(left, top), (left, bottom), (right, bottom)], palette::INK, 2)?;
         for (place, label) in &self.x.ticks {
             sheet.text(label, (self.column(*place), bottom + 24), Align::Center, palette::INK)?;
@@ -187,7 +219,7 @@ impl<'a> Layout<'a> {
 
     fn draw_series(&self, sheet: &Sheet<'_>, index: usize, series: &Series) -> Outcome {
         let (colour, marker) = appearance(index, series);
-        let points: Vec<Option<Point>> = series.points.iter().map(|&p| self.point(series, p)).collect();
+        let points: Vec<Option<Point>> = series.points.iter().map(|&p| self.point(index, series, p)).collect();
         if series.mark == Mark::Line {
             // A point without a place interrupts the line: nothing is drawn where nothing was measured.
             for piece in points.split(Option::is_none).filter(|piece| piece.len() > 1) {
@@ -252,8 +284,8 @@ impl<'a> Layout<'a> {
 
     /// Where curves and sloping guides run, sampled every few pixels.
     fn occupied(&self) -> Vec<Point> {
-        let curves = self.plot.series.iter().map(|series| {
-            let points: Vec<Point> = series.points.iter().filter_map(|&p| self.point(series, p)).collect();
+        let curves = self.plot.series.iter().enumerate().map(|(index, series)| {
+            let points: Vec<Point> = series.points.iter().filter_map(|&p| self.point(index, series, p)).collect();
             if series.mark == Mark::Line { sampled(&points) } else { points }
         });
         let guides = self.plot.guides.iter().map(|guide| match *guide {

@@ -1,6 +1,6 @@
 //! From a description in code or in a file to a checked [`System`] and its initial [`State`].
 
-use super::{Axes, Constraint, DofMap, Motion, Prescribed, State, System};
+use super::{Axes, Constraint, DofMap, Motion, Prescribed, State, System, active_springs};
 use crate::error::{Invalid, Result};
 use crate::spring::{Extension, Spring};
 use nalgebra::Vector3;
@@ -93,8 +93,7 @@ impl SystemBuilder {
         let modelled = Axes::first(self.dimension);
         let (prescribed, held) = Prescribed::new(self.constraints, &self.positions, modelled);
         let dofs = DofMap::new(held.into_iter().map(|axes| modelled.without(axes)).collect());
-        let is_free = |&p: &u32| dofs.free_axes(p as usize) != Axes::NONE;
-        let active = (0u32..).zip(&self.pairs).filter(|(_, pair)| pair.iter().any(is_free)).map(|(s, _)| s).collect();
+        let active = active_springs(&self.pairs, &dofs);
         let system = System {
             dimension: self.dimension,
             gravity: self.gravity,

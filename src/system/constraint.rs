@@ -152,6 +152,22 @@ impl Prescribed {
         (Self { motions, coordinates }, axes)
     }
 
+    /// These and more coordinates, which are held where `positions` have them.
+    pub(super) fn with_held(&self, held: &[Dof], positions: &[Vector3<f64>]) -> Self {
+        let mut coordinates = self.coordinates.clone();
+        let motion = self.motions.len() as u32;
+        coordinates.extend(held.iter().map(|dof| Coordinate {
+            particle: dof.particle as u32,
+            axis: dof.axis as u8,
+            motion,
+            start: positions[dof.particle][dof.axis],
+        }));
+        // The sort is stable: of two entries for one coordinate the older one stays.
+        coordinates.sort_by_key(|c| (c.particle, c.axis));
+        coordinates.dedup_by_key(|c| (c.particle, c.axis));
+        Self { motions: self.motions.iter().cloned().chain([Motion::Held]).collect(), coordinates }
+    }
+
     /// Whether any prescribed coordinate ever moves.
     pub fn moves(&self) -> bool {
         self.coordinates.iter().any(|c| self.motions[c.motion as usize] != Motion::Held)

@@ -2,6 +2,7 @@
 
 use super::Axes;
 use nalgebra::Vector3;
+use std::sync::Arc;
 
 /// One free coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -28,12 +29,12 @@ impl std::fmt::Display for Dof {
 /// The free degrees of freedom, numbered by particle, then axis.
 ///
 /// A *full-length* vector has a 3-vector for every particle; a *reduced* vector has one number for every free
-/// coordinate. [`gather`](Self::gather) and [`scatter`](Self::scatter) go between them; gathering is the notes' *Project*.
+/// coordinate. [`gather`](Self::gather) and [`scatter`](Self::scatter) go between them; gathering is the notes' *Project*. A clone shares the map.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DofMap {
     /// first[p] is the row of particle p's first free axis; first[particles] is the number of rows.
-    first: Vec<u32>,
-    free: Vec<Axes>,
+    first: Arc<[u32]>,
+    free: Arc<[Axes]>,
 }
 
 impl DofMap {
@@ -46,7 +47,7 @@ impl DofMap {
             rows += axes.count() as u32;
             first.push(rows);
         }
-        Self { first, free }
+        Self { first: first.into(), free: free.into() }
     }
 
     /// All three axes of `particles` particles free.
@@ -77,6 +78,11 @@ impl DofMap {
     /// The rows of a particle: as many as it has free axes, in the order of the axes.
     pub fn rows(&self, particle: usize) -> std::ops::Range<usize> {
         self.first[particle] as usize..self.first[particle + 1] as usize
+    }
+
+    /// The number of rows before a particle's: its first row if it has any. `particle` may be one past the last.
+    pub fn first_row(&self, particle: usize) -> usize {
+        self.first[particle] as usize
     }
 
     /// The row of a coordinate; `None` when it is prescribed or not modelled.

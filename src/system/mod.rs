@@ -31,6 +31,25 @@ pub struct System {
 }
 
 impl System {
+    /// The same system with more coordinates held, where `positions` have them.
+    ///
+    /// Coordinates that are prescribed already keep their motion, and those that do not exist are passed over; particles and
+    /// springs keep their numbers.
+    pub fn with_held(&self, held: &[Dof], positions: &[Vector3<f64>]) -> Self {
+        let is_free = |dof: &&Dof| {
+            dof.particle < self.particles().min(positions.len()) && self.dofs.free_axes(dof.particle).contains(dof.axis)
+        };
+        let held: Vec<Dof> = held.iter().filter(is_free).copied().collect();
+        let prescribed = self.prescribed.with_held(&held, positions);
+        let mut free: Vec<Axes> = (0..self.particles()).map(|p| self.dofs.free_axes(p)).collect();
+        for dof in &held {
+            free[dof.particle] = free[dof.particle].without(Axes::of(&[dof.axis]));
+        }
+        let dofs = DofMap::new(free);
+        let active = active_springs(&self.pairs, &dofs);
+        Self { prescribed, dofs, active, ..self.clone() }
+    }
+
     /// Number of modelled axes: 1, 2 or 3.
     pub fn dimension(&self) -> usize {
         self.dimension
@@ -78,6 +97,13 @@ impl System {
         self.active.iter().map(|&s| (s as usize, self.pair(s as usize), &self.springs[s as usize]))
     }
 
+    /// As [`active`](Self::active), from a position on.
+    #[inline]
+    pub(crate) fn active_from(&self, first: usize) -> impl Iterator<Item = (usize, [usize; 2], &Spring)> + '_ {
+        let springs = self.active.get(first..).unwrap_or_default();
+        springs.iter().map(|&s| (s as usize, self.pair(s as usize), &self.springs[s as usize]))
+    }
+
     /// The map between (particle, axis) and the rows of reduced vectors and matrices.
     pub fn dofs(&self) -> &DofMap {
         &self.dofs
@@ -92,4 +118,10 @@ impl System {
     pub fn is_damped(&self) -> bool {
         self.active().any(|(_, _, spring)| spring.damping > 0.0)
     }
+}
+
+/// Indices of the springs with a free end.
+fn active_springs(pairs: &[[u32; 2]], dofs: &DofMap) -> Vec<u32> {
+    let is_free = |&p: &u32| dofs.free_axes(p as usize) != Axes::NONE;
+    (0u32..).zip(pairs).filter(|(_, pair)| pair.iter().any(is_free)).map(|(s, _)| s).collect()
 }

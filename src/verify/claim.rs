@@ -19,6 +19,8 @@ pub enum Claim {
     Definiteness,
     /// Known answers are met.
     KnownAnswers,
+    /// Methods are stable where theory says, and nowhere else.
+    Stability,
     /// Errors shrink with the step at the order that theory gives.
     Convergence,
     /// What must be conserved is, and symmetries are kept.
@@ -39,7 +41,7 @@ struct Text {
 
 impl Claim {
     /// All claims, in the order in which they build on each other.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Jacobian,
         Self::Consistency,
         Self::Assembly,
@@ -47,6 +49,7 @@ impl Claim {
         Self::Solvers,
         Self::Definiteness,
         Self::KnownAnswers,
+        Self::Stability,
         Self::Convergence,
         Self::Conservation,
         Self::Constraints,
@@ -135,6 +138,15 @@ impl Claim {
                 explanation: "Some motions are known without this program: a damped oscillation, the frequencies of a \
                     taut chain, a hanging chain at rest, two bodies that circle each other. Others were computed in \
                     high precision by independent methods. The program must arrive at the same numbers.",
+            },
+            Self::Stability => Text {
+                id: "stability",
+                title: "Methods are stable where theory says, and nowhere else",
+                formula: "|g(ω dt)| ≤ 1",
+                explanation: "A step can be so long that every oscillation grows instead of going on, however exactly \
+                    its equations are solved. For one particle between two springs the longest stable step is known by \
+                    formula, for every method and every way of simplifying the matrix. Hundreds of runs on both sides of \
+                    that limit are judged by what they do, and the judgement must change exactly there.",
             },
             Self::Convergence => Text {
                 id: "convergence",

@@ -18,10 +18,10 @@ const DIRECTIONS: u64 = 4;
 
 /// Compares every entry of G with the central difference of the damping force by velocity.
 ///
-/// `force` is f_d over the free velocities at the positions of `state`, in N; `damping` is the whole G under test, in N·s/m. f_d is linear in
-/// v, so there is no truncation and h is as large as the velocities. Value: the largest error as a multiple of rounding. Sees
-/// every fault of an entry above 1e-14 of the dampers at its particle, damping counted twice or of undamped springs; is blind to a
-/// direction n that is wrong in both.
+/// `force` is f_d over the free velocities at the positions of `state`, in N; `damping` is the whole G under test, in
+/// N·s/m. f_d is linear in v, so there is no truncation and h is as large as the velocities. Value: the largest error
+/// as a multiple of rounding. Sees every fault of an entry above 1e-14 of the dampers at its particle, damping counted
+/// twice or of undamped springs; is blind to a direction n that is wrong in both.
 pub fn damping_entries(
     system: &System,
     state: &State,
@@ -101,10 +101,10 @@ pub fn damping_dissipates(system: &System, damping: &impl LinearOperator, scene:
 
 /// Compares the elastic force with the slope of the elastic energy, `f·w = −dU(x + s w)/ds`, by central differences.
 ///
-/// `energy` is U over the free coordinates, in J; `force` is f_el under test, in N. Value: the largest error over random directions as a
-/// multiple of what truncation and rounding of the whole sum allow. Sees a force or an energy that is wrong somewhere by more than
-/// about 1e-8 of the whole; is blind to faults of single weak springs in large scenes, which
-/// [`force_against_energy`](super::force_against_energy) sees.
+/// `energy` is U over the free coordinates, in J; `force` is f_el under test, in N. Value: the largest error over
+/// random directions as a multiple of what truncation and rounding of the whole sum allow. Sees a force or an energy
+/// that is wrong somewhere by more than about 1e-8 of the whole; is blind to faults of single weak springs in large
+/// scenes, which [`force_against_energy`](super::force_against_energy) sees.
 pub fn energy_slope(
     system: &System,
     state: &State,

@@ -7,8 +7,7 @@
 use super::family::Outcome;
 use super::reference;
 use super::runs::{Way, direct};
-use super::{Check, Claim, Subject, U};
-use crate::figure::{Guide, Plot, Series};
+use super::{ErrorCurve, Subject, U, order_checks};
 use crate::linear::norm;
 use crate::system::State;
 use nalgebra::Vector3;
@@ -16,9 +15,6 @@ use nalgebra::Vector3;
 /// Steps of the coarsest run, and how often they are halved.
 const STEPS: usize = 8;
 const HALVINGS: usize = 4;
-
-/// How far the observed order may be from the theoretical one.
-const TOLERANCE: f64 = 0.2;
 
 /// Degrees of freedom up to which the many short runs are affordable.
 const AFFORDABLE: usize = 2000;
@@ -54,8 +50,8 @@ fn rounding(subject: &Subject) -> f64 {
 
 pub(super) fn measure(subject: &Subject) -> Outcome {
     let h = coarsest(subject);
-    let mut checks = Vec::new();
-    for way in Way::all() {
+    let mut curves = Vec::new();
+    for way in Way::of(subject) {
         let mut ends = Vec::new();
         for halving in 0..=HALVINGS {
             let parts = 1 << halving;
@@ -70,20 +66,11 @@ pub(super) fn measure(subject: &Subject) -> Outcome {
         if distances.iter().any(|&distance| distance < 100.0 * rounding(subject)) {
             continue;
         }
-        let steps: Vec<f64> = (0..HALVINGS).map(|halving| h / (1 << halving) as f64).collect();
-        let points: Vec<(f64, f64)> = steps.iter().copied().zip(distances.iter().copied()).collect();
-        let order = (distances[HALVINGS - 2] / distances[HALVINGS - 1]).log2();
-        let expected = f64::from(way.method.order());
-        let plot = Plot::log_log(format!("{}, {}", subject.name, way.name()), "step h, s", "‖x(h) − x(h/2)‖, m")
-            .with_series(Series::line(way.name(), points).with_slope(order))
-            .with_guide(Guide::Slope { slope: expected, through: (h, distances[0]) });
-        let why =
-            "distance of the observed order from theory; what is left of the next order at these steps is below 0.2";
-        let name = format!("observed order, {}", way.name());
-        let value = (order - expected).abs();
-        checks.push(Check::new(Claim::Convergence, name, &subject.name, value, TOLERANCE, why).with_curves(plot));
+        let step = |halving: usize| h / (1 << halving) as f64;
+        let points = distances.into_iter().enumerate().map(|(halving, distance)| (step(halving), distance)).collect();
+        curves.push(ErrorCurve { method: way.name(), order: way.method.order(), points });
     }
-    Ok(checks)
+    Ok(order_checks("observed order", &subject.name, "‖x(h) − x(h/2)‖, m", curves))
 }
 
 fn distance(a: &State, b: &State) -> f64 {

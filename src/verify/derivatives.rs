@@ -6,16 +6,15 @@ use super::difference::{spring_blocks, stiffness_entries};
 use super::dropped::dropped_terms;
 use super::dual::{blocks_against_duals, force_against_energy, stiffness_against_duals};
 use super::family::Outcome;
+use super::jacobian::{JacobianOptions, check_jacobian};
 use super::reduced::{damping_force, elastic_energy, elastic_force, reduce};
 use super::v_curve::v_curve;
 use crate::integrate::StepMatrices;
 use crate::spring::{Extension, Spring, Stiffness};
 use nalgebra::Matrix3;
 
-/// Where springs act on free coordinates.
-pub(super) fn applies(subject: &Subject) -> bool {
-    !subject.system.active_springs().is_empty()
-}
+/// Free coordinates up to which every column is also measured on its own, trusting no pattern.
+const ONE_BY_ONE_LIMIT: usize = 120;
 
 /// K under the full stiffness along random directions, entry by entry, and spring by spring.
 pub(super) fn jacobian(subject: &Subject) -> Outcome {
@@ -28,6 +27,11 @@ pub(super) fn jacobian(subject: &Subject) -> Outcome {
     checks.push(stiffness_against_duals(system, state, &k.to_csc(), name));
     checks.push(spring_blocks(system, state, block, name));
     checks.extend(blocks_against_duals(system, state, block, name));
+    if system.dofs().len() <= ONE_BY_ONE_LIMIT {
+        let options = JacobianOptions { springs: Some((system, state)), ..JacobianOptions::default() };
+        let x = reduce(system, &state.positions);
+        checks.push(check_jacobian(elastic_force(system, state), &k, &x, &options)?.to_check(name));
+    }
     Ok(checks)
 }
 

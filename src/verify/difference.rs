@@ -19,10 +19,10 @@ const WHY: &str = "1 is what analysis allows for an entry: truncation k h²/(2(l
 
 /// Compares every entry of K with the central difference of `force`, columns that share no row at once.
 ///
-/// `force` is f_el over the free coordinates, in N; `stiffness` is the whole K under test, both triangles, in N/m. Value: the
-/// largest error as a multiple of what truncation and rounding allow for its entry. Sees any entry that is wrong by more than
-/// about 1e-9 of the stiffest spring at its particles; is blind to smaller faults, to those of weak springs beside
-/// springs 10⁹ times stiffer, and to a force law that is wrong in both.
+/// `force` is f_el over the free coordinates, in N; `stiffness` is the whole K under test, both triangles, in N/m.
+/// Value: the largest error as a multiple of what truncation and rounding allow for its entry. Sees any entry that is
+/// wrong by more than about 1e-9 of the stiffest spring at its particles; is blind to smaller faults, to those of weak
+/// springs beside springs 10⁹ times stiffer, and to a force law that is wrong in both.
 pub fn stiffness_entries(
     system: &System,
     state: &State,
@@ -168,9 +168,9 @@ pub(super) fn entry_of(matrix: &CscMatrix<f64>, row: usize, column: usize) -> f6
 
 /// Compares every spring's block `K^s` with central differences of its force alone.
 ///
-/// `block` is the block under test as a function of the spring and its extension, in N/m. Value: the largest error of an entry as
-/// a multiple of what is allowed. Sees a wrong block of a weak spring that a stiffer neighbour hides from the whole matrix;
-/// is blind to where blocks are put.
+/// `block` is the block under test as a function of the spring and its extension, in N/m. Value: the largest error of
+/// an entry as a multiple of what is allowed. Sees a wrong block of a weak spring that a stiffer neighbour hides from
+/// the whole matrix; is blind to where blocks are put.
 pub fn spring_blocks(
     system: &System,
     state: &State,

@@ -28,7 +28,7 @@ fn dropped_block(option: Stiffness, spring: &Spring, d: &Vector3<f64>) -> Matrix
     across * dual_stiffness_block(spring, d) * across
 }
 
-/// Σ of the dropped blocks as they are missing from −K: adds to `K_option w` what makes it `K w`.
+/// A product with what an option leaves out of K added back.
 struct Completed<'a, A> {
     stiffness: &'a A,
     blocks: Vec<([usize; 2], Matrix3<f64>)>,
@@ -60,7 +60,7 @@ impl<A: LinearOperator> LinearOperator for Completed<'_, A> {
     }
 }
 
-/// The product with the dropped terms alone.
+/// The zero matrix: completed, it is the dropped terms alone.
 struct Nothing(usize);
 
 impl LinearOperator for Nothing {
@@ -75,9 +75,10 @@ impl LinearOperator for Nothing {
 
 /// Shows that K under an option is the exact K less the transverse terms of exactly the right springs.
 ///
-/// `stiffness` is K under test, for `option`. Checks: every entry against dual-number blocks without those terms (rounding); the floor of
-/// the V-curve once those terms are added back; and, where anything is dropped, the plateau of the V-curve without them.
-/// Sees a term dropped from the wrong spring, in part, or not at all; is blind to a wrong force law.
+/// `stiffness` is K under test, for `option`. Checks: every entry against dual-number blocks without those terms
+/// (rounding); the floor of the V-curve once those terms are added back; and, where anything is dropped, the plateau of
+/// the V-curve without them. Sees a term dropped from the wrong spring, in part, or not at all; is blind to a wrong
+/// force law.
 pub fn dropped_terms(
     system: &System,
     state: &State,
@@ -99,20 +100,20 @@ pub fn dropped_terms(
     let dropped = Completed::new(system, state, option, &zero);
     let curves = VCurve::measure(system, state, &mut force, &completed).and_then(|completed| {
         let without = VCurve::measure(system, state, &mut force, stiffness)?;
+        let (h, plateau, allowed) = without.plateau();
         // The error of a vanishing force against the dropped terms alone is their size.
-        let size = VCurve::measure(system, state, |_: &[f64], f: &mut [f64]| f.fill(0.0), &dropped)?;
-        Ok((completed, without, size))
+        let size = VCurve::measure_at(system, state, |_: &[f64], f: &mut [f64]| f.fill(0.0), &dropped, &[h])?;
+        Ok((completed, without, [plateau, allowed, size.plateau().1]))
     });
     let check = |what: &str, value, bound, why: &str| Check::new(Claim::Jacobian, name(what), scene, value, bound, why);
-    let Ok((completed, without, size)) = curves else {
+    let Ok((completed, without, [plateau, allowed, expected])) = curves else {
         let why = "a spring has length zero";
         checks.push(check("V-curve of K w with the dropped terms added", f64::NAN, 1.0, why));
         return checks;
     };
-    let (floor, allowed) = completed.floor();
+    let (floor, least) = completed.floor();
     let why = "with the dropped terms added back K is exact: least over h of truncation and rounding, of the order of u^(2/3)";
-    checks.push(check("V-curve of K w with the dropped terms added", floor, allowed, why));
-    let ((plateau, allowed), (expected, _)) = (without.plateau(), size.plateau());
+    checks.push(check("V-curve of K w with the dropped terms added", floor, least, why));
     if expected > 10.0 * allowed {
         let plot = Plot::log_log(name("Error of K w"), "h, fraction of the shortest spring", "relative error")
             .with_series(without.series("as it is"))

@@ -1,8 +1,8 @@
 //! A second oracle: the force law once more, in scalars that carry their own derivatives.
 //!
-//! A dual number `a + b ε`, `ε² = 0`, goes through a formula and comes out with the derivative of the result beside it, exact but
-//! for rounding: no step h, no truncation. Hyper-dual numbers carry second derivatives. Everything here is written from
-//! `f = −k (l/l0 − 1) n` and `U = ½ k (l − l0)²/l0` and shares no line with the formulas of blocks.
+//! A dual number `a + b ε`, `ε² = 0`, goes through a formula and comes out with the derivative of the result beside it,
+//! exact but for rounding: no step h, no truncation. Hyper-dual numbers carry second derivatives. Everything here is
+//! written from `f = −k (l/l0 − 1) n` and `U = ½ k (l − l0)²/l0` and shares no line with the formulas of blocks.
 
 use super::assembled::against_blocks;
 use super::check::Check;
@@ -57,11 +57,12 @@ pub fn hyper_dual_stiffness_block(spring: &Spring, d: &Vector3<f64>) -> Matrix3<
 /// A block as a function of the spring and `d = x_i − x_j`.
 type Oracle = fn(&Spring, &Vector3<f64>) -> Matrix3<f64>;
 
-/// Compares a block function with dual numbers, `K^s = −∂f/∂x`, and with hyper-dual numbers, `K^s = ∂²U/∂x²`, for every spring.
+/// Compares a block function with dual numbers, `K^s = −∂f/∂x`, and with hyper-dual numbers, `K^s = ∂²U/∂x²`, for every
+/// spring.
 ///
-/// Value: the largest error of an entry as a multiple of `2 · 12 u k (1/l0 + 1/l)`, the roundings of the block and of the oracle.
-/// Sees every fault of a block above rounding, such as a 32-bit k; is blind to where blocks are put, and to a force law that is
-/// wrong here and there alike.
+/// Value: the largest error of an entry as a multiple of `2 · 12 u k (1/l0 + 1/l)`, the roundings of the block and of
+/// the oracle. Sees every fault of a block above rounding, such as a 32-bit k; is blind to where blocks are put, and to
+/// a force law that is wrong here and there alike.
 pub fn blocks_against_duals(
     system: &System,
     state: &State,
@@ -98,18 +99,18 @@ pub fn blocks_against_duals(
 
 /// Compares every entry of the assembled K with the sum of dual-number blocks.
 ///
-/// `stiffness` is the whole K under test for [`Stiffness::Full`](crate::Stiffness::Full), both triangles. Value: the largest error of an
-/// entry as a multiple of rounding. Sees missing, extra, doubled and misplaced blocks and any fault above
-/// rounding; is blind to a wrong force law.
+/// `stiffness` is the whole K under test for [`Stiffness::Full`](crate::Stiffness::Full), both triangles. Value: the
+/// largest error of an entry as a multiple of rounding. Sees missing, extra, doubled and misplaced blocks and any fault
+/// above rounding; is blind to a wrong force law.
 pub fn stiffness_against_duals(system: &System, state: &State, stiffness: &CscMatrix<f64>, scene: &str) -> Check {
     against_blocks(system, state, stiffness, "K against dual numbers", scene, dual_stiffness_block)
 }
 
 /// Compares a force with `−∇U` by dual numbers, component by component.
 ///
-/// `force` is f_el under test over the free coordinates at `state`, in N. Value: the largest error as a multiple of rounding,
-/// `2 · 15 u k max(1, l/l0)` for every spring of a particle and u of their sum for each. Sees any force that does not derive from
-/// `½ k (l − l0)²/l0`; is blind to forces along prescribed coordinates.
+/// `force` is f_el under test over the free coordinates at `state`, in N. Value: the largest error as a multiple of
+/// rounding, `2 · 15 u k max(1, l/l0)` for every spring of a particle and u of their sum for each. Sees any force that
+/// does not derive from `½ k (l − l0)²/l0`; is blind to forces along prescribed coordinates.
 pub fn force_against_energy(system: &System, state: &State, force: &[f64], scene: &str) -> Check {
     let name = "f against −∇U by dual numbers";
     let why =

@@ -25,7 +25,7 @@ pub(super) fn measure(subject: &Subject) -> Outcome {
 
 fn follow(subject: &Subject, name: &str) -> Result<Vec<Check>, Unfinished> {
     let mut checks = Vec::new();
-    for way in Way::all() {
+    for way in Way::of(subject) {
         let dt = way.step(subject);
         let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
         let share = states.iter().enumerate().skip(1).map(|(n, state)| share(subject, dt, n as f64, state));

@@ -1,8 +1,9 @@
 //! Derivatives of a function about which nothing is known, each with an estimate of its own error.
 //!
-//! Central differences at `h, h/4, h/16, …` have an error series in h². Two neighbours give `R = D(h/4) + (D(h/4) − D(h))/15`, whose
-//! error is of order h⁴ (Richardson 1911). As h shrinks R settles, until rounding shakes it; where three neighbours agree best is
-//! the derivative, and how well they agree is the estimate of its error (after Ridders 1982).
+//! Central differences at `h, h/4, h/16, …` have an error series in h². Two neighbours give `R = D(h/4) + (D(h/4) −
+//! D(h))/15`, whose error is of order h⁴ (Richardson 1911). As h shrinks R settles, until rounding shakes it; where
+//! three neighbours agree best is the derivative, and how well they agree is the estimate of its error (after Ridders
+//! 1982).
 
 use super::check::worst;
 
@@ -21,8 +22,8 @@ pub(super) fn steps(length: f64) -> [f64; LEVELS] {
     std::array::from_fn(|level| length / 8.0 * 0.25_f64.powi(level as i32))
 }
 
-/// From central differences at [`steps`], each with the rounding error it has at least; steps at which the function was not finite are
-/// passed over. NaN if none is left.
+/// From central differences at [`steps`], each with the rounding error it has at least; steps at which the function was
+/// not finite are passed over. NaN if none is left.
 pub(super) fn extrapolate(differences: &[f64; LEVELS], rounding: &[f64; LEVELS]) -> Estimate {
     let refined: [f64; LEVELS - 1] = std::array::from_fn(|level| {
         let (coarse, fine) = (differences[level], differences[level + 1]);

@@ -3,7 +3,7 @@
 use super::{Check, Claim, Results, Subject};
 use super::{
     convergence, definiteness, derivatives, equilibrium, momentum, prescribed_motion, refusals, rigid_motion, sameness,
-    step_equations, work_energy,
+    solvers, step_equations, work_energy,
 };
 use crate::error::Error;
 use crate::force::DegenerateSpring;
@@ -51,82 +51,39 @@ impl Family {
 
 /// Every family, in the order of the claims.
 pub const FAMILIES: &[Family] = &[
-    Family { claim: Claim::Jacobian, name: "jacobian", applies: derivatives::applies, measure: derivatives::jacobian },
-    Family {
-        claim: Claim::Jacobian,
-        name: "dropped_terms",
-        applies: derivatives::applies,
-        measure: derivatives::dropped,
-    },
-    Family {
-        claim: Claim::Consistency,
-        name: "derivatives",
-        applies: derivatives::applies,
-        measure: derivatives::consistency,
-    },
-    Family {
-        claim: Claim::Solvers,
-        name: "linear_steps",
-        applies: step_equations::can_move,
-        measure: step_equations::linear,
-    },
-    Family {
-        claim: Claim::Solvers,
-        name: "other_steps",
-        applies: step_equations::can_move,
-        measure: step_equations::others,
-    },
-    Family { claim: Claim::Solvers, name: "repeated", applies: always, measure: sameness::repeated },
-    Family { claim: Claim::Consistency, name: "work_energy", applies: has_springs, measure: work_energy::measure },
-    Family { claim: Claim::Definiteness, name: "options", applies: has_springs, measure: definiteness::options },
-    Family {
-        claim: Claim::Definiteness,
-        name: "always_definite",
-        applies: step_equations::can_move,
-        measure: definiteness::always,
-    },
-    Family {
-        claim: Claim::Definiteness,
-        name: "inertia",
-        applies: definiteness::is_small,
-        measure: definiteness::inertia,
-    },
-    Family { claim: Claim::Convergence, name: "order", applies: convergence::is_soft, measure: convergence::measure },
-    Family {
-        claim: Claim::Conservation,
-        name: "linear_momentum",
-        applies: momentum::has_free_translation,
-        measure: momentum::linear,
-    },
-    Family {
-        claim: Claim::Conservation,
-        name: "angular_momentum",
-        applies: momentum::has_free_rotation,
-        measure: momentum::angular,
-    },
-    Family { claim: Claim::Conservation, name: "rigid_motion", applies: has_springs, measure: rigid_motion::measure },
-    Family { claim: Claim::Conservation, name: "equilibrium", applies: always, measure: equilibrium::measure },
-    Family {
-        claim: Claim::Constraints,
-        name: "prescribed_motion",
-        applies: prescribed_motion::has_prescribed,
-        measure: prescribed_motion::measure,
-    },
-    Family { claim: Claim::Constraints, name: "in_space", applies: sameness::is_flat, measure: sameness::in_space },
-    Family { claim: Claim::Failure, name: "indefinite", applies: refusals::applies, measure: refusals::indefinite },
-    Family {
-        claim: Claim::Failure,
-        name: "conjugate_gradients",
-        applies: refusals::has_system,
-        measure: refusals::conjugate_gradients,
-    },
-    Family {
-        claim: Claim::Failure,
-        name: "broken_states",
-        applies: refusals::has_system,
-        measure: refusals::broken_states,
-    },
+    family(Claim::Jacobian, "jacobian", pulls, derivatives::jacobian),
+    family(Claim::Jacobian, "dropped_terms", pulls, derivatives::dropped),
+    family(Claim::Consistency, "derivatives", pulls, derivatives::consistency),
+    family(Claim::Consistency, "work_energy", has_springs, work_energy::measure),
+    family(Claim::Assembly, "assembly", can_move, solvers::assembly),
+    family(Claim::Solvers, "solvers", can_move, solvers::solvers),
+    family(Claim::Solvers, "linear_steps", can_move, step_equations::linear),
+    family(Claim::Solvers, "other_steps", can_move, step_equations::others),
+    family(Claim::Solvers, "repeated", always, sameness::repeated),
+    family(Claim::Definiteness, "options", has_springs, definiteness::options),
+    family(Claim::Definiteness, "always_definite", can_move, definiteness::always),
+    family(Claim::Definiteness, "on_demand", definiteness::is_affordable, definiteness::on_demand),
+    family(Claim::Definiteness, "inertia", definiteness::is_small, definiteness::inertia),
+    family(Claim::Convergence, "order", convergence::is_soft, convergence::measure),
+    family(Claim::Conservation, "linear_momentum", momentum::has_free_translation, momentum::linear),
+    family(Claim::Conservation, "angular_momentum", momentum::has_free_rotation, momentum::angular),
+    family(Claim::Conservation, "rigid_motion", has_springs, rigid_motion::measure),
+    family(Claim::Conservation, "equilibrium", always, equilibrium::measure),
+    family(Claim::Constraints, "prescribed_motion", prescribed_motion::has_prescribed, prescribed_motion::measure),
+    family(Claim::Constraints, "in_space", sameness::is_flat, sameness::in_space),
+    family(Claim::Failure, "indefinite", refusals::applies, refusals::indefinite),
+    family(Claim::Failure, "conjugate_gradients", refusals::has_system, refusals::conjugate_gradients),
+    family(Claim::Failure, "broken_states", refusals::has_system, refusals::broken_states),
 ];
+
+const fn family(
+    claim: Claim,
+    name: &'static str,
+    applies: fn(&Subject) -> bool,
+    measure: fn(&Subject) -> Outcome,
+) -> Family {
+    Family { claim, name, applies, measure }
+}
 
 /// Runs every family that applies.
 pub fn verify(subject: &Subject) -> Results {
@@ -140,4 +97,12 @@ fn has_springs(subject: &Subject) -> bool {
 
 fn always(_: &Subject) -> bool {
     true
+}
+
+fn can_move(subject: &Subject) -> bool {
+    !subject.system.dofs().is_empty()
+}
+
+fn pulls(subject: &Subject) -> bool {
+    !subject.system.active_springs().is_empty()
 }

@@ -1,21 +1,21 @@
 //! How far a central difference of the elastic force may be from its derivative.
 //!
-//! A spring's force is `f = −(k/l0) d + k n(d)`, `n = d/‖d‖`: only n is curved. Along a displacement δ of d,
-//! with θ the angle between δ and n, its second and third derivatives have the norms
+//! A spring's force is `f = −(k/l0) d + k n(d)`, `n = d/‖d‖`: only n is curved. Along a displacement δ of d, with θ the
+//! angle between δ and n, its second and third derivatives have the norms
 //!
 //! ```text
 //! ‖n''‖  = (‖δ‖/l)² sin θ √(1 + 3 cos²θ)                               ≤ (2/√3) (‖δ‖/l)²
 //! ‖n'''‖ = (‖δ‖/l)³ sin θ √((9 cos²θ − 3)² + 36 cos²θ sin²θ)           ≤ 3 (‖δ‖/l)³
 //! ```
 //!
-//! (differentiate the angle `atan(s sin θ/(1 + s cos θ))` that n turns by). So the central difference over ±h differs from the
-//! derivative by at most `k h² ‖δ‖³/(2 (l − h‖δ‖)³)`, by Taylor's theorem with the remainder taken at the shortest length on the
-//! way. If x ± h round to a pair whose middle is off by m, the difference is the derivative elsewhere, by at most
-//! `(2/√3) k m ‖δ‖/l²`.
+//! (differentiate the angle `atan(s sin θ/(1 + s cos θ))` that n turns by). So the central difference over ±h differs
+//! from the derivative by at most `k h² ‖δ‖³/(2 (l − h‖δ‖)³)`, by Taylor's theorem with the remainder taken at the
+//! shortest length on the way. If x ± h round to a pair whose middle is off by m, the difference is the derivative
+//! elsewhere, by at most `(2/√3) k m ‖δ‖/l²`.
 //!
-//! Rounding: a computed d has a relative error of u, l one of 3.5 u, n one of 5.5 u; the strain is off by `3.5 u l/l0` and
-//! twice u of itself. With two more products the force is off by at most `13 u k max(1, l/l0)`, 15 u over lengths within l/8. Adding
-//! the forces of all springs at a particle adds u of their sum of magnitudes for every spring.
+//! Rounding: a computed d has a relative error of u, l one of 3.5 u, n one of 5.5 u; the strain is off by `3.5 u l/l0`
+//! and twice u of itself. With two more products the force is off by at most `13 u k max(1, l/l0)`, 15 u over lengths
+//! within l/8. Adding the forces of all springs at a particle adds u of their sum of magnitudes for every spring.
 
 use super::coloring::Lists;
 use crate::force::Extensions;
@@ -33,8 +33,8 @@ pub(super) fn force_rounding(spring: &Spring, at: &Extension) -> f64 {
     15.0 * U * spring.stiffness * (at.length / spring.rest_length).max(1.0)
 }
 
-/// Bound of the rounding error of an entry of one spring's block, computed by any stable formula, in N/m: each of the terms
-/// k/l0 and k/l is rounded a few times, 12 all told.
+/// Bound of the rounding error of an entry of one spring's block, computed by any stable formula, in N/m: each of the
+/// terms k/l0 and k/l is rounded a few times, 12 all told.
 pub(super) fn block_rounding(spring: &Spring, at: &Extension) -> f64 {
     12.0 * U * spring.stiffness * (1.0 / spring.rest_length + 1.0 / at.length)
 }
@@ -67,8 +67,8 @@ pub(super) struct Step {
 }
 
 impl Step {
-    /// Truncation `T h²` and rounding `ρ/h` are least together at `h = (ρ/2T)^{1/3}`; not beyond an eighth of the length,
-    /// and at least 16 units in the last place of x.
+    /// Truncation `T h²` and rounding `ρ/h` are least together at `h = (ρ/2T)^{1/3}`; not beyond an eighth of the
+    /// length, and at least 16 units in the last place of x.
     pub fn best(x: f64, rounding: f64, curvature: f64, length: f64) -> Self {
         let best = (rounding / (2.0 * curvature)).cbrt();
         // Where no spring is, the force is zero and any step will do.

@@ -5,8 +5,9 @@ use super::check::{Check, Entry, worst};
 use super::claim::Claim;
 use super::coloring::ColumnGroups;
 use super::difference::entry_of;
-use super::extrapolation::{Estimate, LEVELS, extrapolate, steps};
-use super::force_error::{ForceError, U};
+use super::extrapolation::{Estimate, steps};
+use super::force_error::ForceError;
+use super::measurement::{Measurement, representable};
 use super::verdict::{TABLE_ROWS, WorstEntries, of_block};
 use crate::error::{Invalid, Result};
 use crate::force::Extensions;
@@ -18,15 +19,17 @@ use std::fmt;
 /// How [`check_jacobian`] measures and what it may take for granted.
 #[derive(Debug, Clone)]
 pub struct JacobianOptions<'a> {
-    /// The distance over which the force changes noticeably, in the unit of the point, such as the shortest spring. `None` takes the
-    /// spread of the coordinates. Steps go from an eighth of it down to 1e-9 of it, so its size matters little.
+    /// The distance over which the force changes noticeably, in the unit of the point, such as the shortest spring.
+    /// `None` takes the shortest spring at each particle where the springs are given, else the spread of the
+    /// coordinates. Steps go from an eighth of it down to 1e-9 of it, so its size matters little.
     pub length: Option<f64>,
-    /// Relative difference that counts as agreement, beside what the measurement itself is unsure of. Entries below a thousandth of it,
-    /// relative to the largest of their column, count as zero.
+    /// Relative difference that counts as agreement, beside what the measurement itself is unsure of. Entries below a
+    /// thousandth of it, relative to the largest of their column, or below 1e-12 of the largest of all, count as zero.
     pub tolerance: f64,
     /// Columns to measure together; `None` measures one by one and trusts no pattern.
     pub groups: Option<ColumnGroups>,
-    /// The springs behind the force, if the point is their free coordinates: lets verdicts speak of springs and their terms.
+    /// The springs behind the force, if the point is their free coordinates: lets verdicts speak of springs and their
+    /// terms.
     pub springs: Option<(&'a System, &'a State)>,
 }
 
@@ -47,9 +50,11 @@ pub struct JacobianReport {
     pub compared: usize,
     /// Number of wrong ones.
     pub wrong: usize,
-    /// The largest difference as a multiple of what is allowed for its entry: at most 1 if all entries agree, NaN if one is not a number.
+    /// The largest difference as a multiple of what is allowed for its entry: at most 1 if all entries agree, NaN if
+    /// one is not a number.
     pub value: f64,
-    /// What is wrong with the matrix as a whole, if one thing is: `sign flipped`, `transposed`, `off by the factor 2.00`.
+    /// What is wrong with the matrix as a whole, if one thing is: `sign flipped`, `transposed`, `off by the factor
+    /// 2.00`.
     pub overall: Option<String>,
     /// The worst entries, worst first.
     pub worst: Vec<Entry>,
@@ -94,12 +99,14 @@ impl fmt::Display for JacobianReport {
 
 /// Compares a matrix with the derivative of a force at a point.
 ///
-/// `force(x, f)` writes the force at x into f; both have the length n of `point`. `matrix` is n × n: `∂f_row/∂x_column`, as a
-/// [`CscMatrix`], or a reference to a dense nalgebra matrix, a [`CooMatrix`] or a [`SymmetricMatrix`](crate::assembly::SymmetricMatrix). It
-/// need not be symmetric. The force is evaluated 28 times for each group of columns.
+/// `force(x, f)` writes the force at x into f; both have the length n of `point`. `matrix` is n × n:
+/// `∂f_row/∂x_column`, as a [`CscMatrix`], or a reference to a dense nalgebra matrix, a [`CooMatrix`] or a
+/// [`SymmetricMatrix`](crate::assembly::SymmetricMatrix). It need not be symmetric. The force is evaluated 28 times for
+/// each group of columns.
 ///
-/// Sees missing, extra, doubled, transposed, mis-signed and mis-scaled entries down to a relative error of `tolerance`. Is blind
-/// to what force and matrix have both wrong; and with groups taken from the matrix itself, to some of what the matrix lacks.
+/// Sees missing, extra, doubled, transposed, mis-signed and mis-scaled entries down to a relative error of `tolerance`.
+/// Is blind to what force and matrix have both wrong; and with groups taken from the matrix itself, to some of what the
+/// matrix lacks.
 ///
 /// ```
 /// use nalgebra::DMatrix;
@@ -114,8 +121,8 @@ impl fmt::Display for JacobianReport {
 /// ```
 ///
 /// # Errors
-/// [`Invalid`] for an empty point, coordinates that are not finite, a matrix or groups or springs of another size, a length or
-/// tolerance that is not positive. A force or a matrix that is not finite is no error but a wrong entry.
+/// [`Invalid`] for an empty point, coordinates that are not finite, a matrix or groups or springs of another size, a
+/// length or tolerance that is not positive. A force or a matrix that is not finite is no error but a wrong entry.
 pub fn check_jacobian(
     force: impl FnMut(&[f64], &mut [f64]),
     matrix: impl Into<CscMatrix<f64>>,
@@ -132,37 +139,34 @@ pub fn check_jacobian(
             &one_by_one
         }
     };
-    let mut measurement = Measurement { force, x: point.to_vec(), length: options.length.unwrap_or(spread) };
+    let extensions = options.springs.and_then(|(system, state)| {
+        Extensions::at(system, &state.positions).ok().map(|extensions| (system, extensions))
+    });
+    let springs = extensions.as_ref().map(|(system, extensions)| (*system, ForceError::new(system, extensions)));
+    let steps = (0..point.len()).map(|column| {
+        // Without a length from the caller each particle moves by fractions of its own shortest spring.
+        let own = springs.as_ref().map(|(system, error)| error.shortest(system.dofs().dof(column).particle));
+        let length = options.length.or(own.filter(|length| length.is_finite())).unwrap_or(spread);
+        steps(length).map(|h| representable(h, point[column]))
+    });
+    let mut measurement = Measurement { force, x: point.to_vec(), steps: steps.collect() };
+    let mut comparisons = Vec::new();
+    for group in groups.groups() {
+        compare_group(&mut measurement, group, groups, &analytic, &mut comparisons);
+    }
+    let largest = comparisons.iter().map(|c: &Comparison| c.estimate.value.abs()).fold(0.0, f64::max);
     let mut numeric = CooMatrix::new(point.len(), point.len());
     let mut entries = WorstEntries::new(TABLE_ROWS);
-    for group in groups.groups() {
-        let estimates = measurement.along(group);
-        let mut unclaimed = vec![true; point.len()];
-        for &column in group {
-            let rows = groups.rows(column);
-            let scale = Scale::of(rows.iter().map(|&row| estimates[row as usize]), options.tolerance);
-            for_each_entry(&analytic, column, rows, |row, value, expected| {
-                let estimate = if expected { estimates[row] } else { Estimate { value: 0.0, error: 0.0 } };
-                entries.compare(row, Some(column), value, estimate.value, scale.allowed(value, estimate));
-                unclaimed[row] &= !expected;
-                if expected && estimate.value != 0.0 {
-                    numeric.push(row, column, estimate.value);
-                }
-            });
-        }
-        // What no column of the group accounts for must be zero; if it is not, the matrix lacks an entry in one of them.
-        let scale = Scale::of(estimates.iter().copied(), options.tolerance);
-        for (row, &estimate) in estimates.iter().enumerate().filter(|(row, _)| unclaimed[*row]) {
-            entries.compare(row, group.first().copied(), 0.0, estimate.value, scale.allowed(0.0, estimate));
+    for comparison in &comparisons {
+        let Comparison { row, column, value, estimate, .. } = *comparison;
+        entries.compare(row, Some(column), value, estimate.value, comparison.allowed(options.tolerance, largest));
+        if estimate.value != 0.0 {
+            numeric.push(row, column, estimate.value);
         }
     }
     let numeric = CscMatrix::from(&numeric);
     let (value, compared, wrong) = (entries.worst(), entries.compared(), entries.wrong());
     let overall = if wrong > 0 { overall(&analytic, &numeric) } else { None };
-    let extensions = options.springs.and_then(|(system, state)| {
-        Extensions::at(system, &state.positions).ok().map(|extensions| (system, extensions))
-    });
-    let springs = extensions.as_ref().map(|(system, extensions)| (*system, ForceError::new(system, extensions)));
     let worst = entries.into_table(|entry| explain(entry, &analytic, &numeric, springs.as_ref(), options.tolerance));
     Ok(JacobianReport { analytic, numeric, compared, wrong, value, overall, worst })
 }
@@ -204,68 +208,59 @@ fn check_input(matrix: &CscMatrix<f64>, point: &[f64], options: &JacobianOptions
     Ok([most - least, largest].into_iter().find(|size| *size > 0.0).unwrap_or(1.0))
 }
 
-/// What counts as agreement in a column.
-struct Scale {
+/// An entry of the matrix and what is measured in its place.
+struct Comparison {
+    row: usize,
+    column: usize,
+    value: f64,
+    estimate: Estimate,
+    /// The largest estimate of the column.
     largest: f64,
-    tolerance: f64,
 }
 
-impl Scale {
-    fn of(column: impl Iterator<Item = Estimate>, tolerance: f64) -> Self {
-        // f64::max passes over NaN: one component that is not finite must not excuse, or accuse, the others.
-        Self { largest: column.map(|estimate| estimate.value.abs()).fold(0.0, f64::max), tolerance }
-    }
-
-    /// How far a value may be from an estimate; NaN where the estimate is too unsure to say anything about the value.
-    fn allowed(&self, value: f64, estimate: Estimate) -> f64 {
-        let size = worst([value.abs(), estimate.value.abs()]);
-        let negligible = 1e-3 * self.tolerance * self.largest;
-        let unsure = 8.0 * estimate.error;
-        if unsure >= size && value.abs() > negligible { f64::NAN } else { unsure + self.tolerance * size + negligible }
+impl Comparison {
+    /// How far the value may be from the estimate; NaN where that is too unsure to say anything about the value.
+    fn allowed(&self, tolerance: f64, largest_of_all: f64) -> f64 {
+        let size = worst([self.value.abs(), self.estimate.value.abs()]);
+        // Below 1e-12 of the largest entry estimates are the rounding of forces and no more.
+        let negligible = worst([1e-3 * tolerance * self.largest, 1e-12 * largest_of_all]);
+        let unsure = 8.0 * self.estimate.error;
+        if unsure >= size && self.value.abs() > negligible { f64::NAN } else { unsure + tolerance * size + negligible }
     }
 }
 
-/// The force, and the point that it is moved from.
-struct Measurement<F> {
-    force: F,
-    x: Vec<f64>,
-    length: f64,
-}
-
-impl<F: FnMut(&[f64], &mut [f64])> Measurement<F> {
-    /// The derivative of every component of the force along all columns of a group together.
-    fn along(&mut self, group: &[usize]) -> Vec<Estimate> {
-        let n = self.x.len();
-        let at: Vec<f64> = group.iter().map(|&column| self.x[column]).collect();
-        let mut differences = vec![[0.0; LEVELS]; n];
-        let mut rounding = vec![[0.0; LEVELS]; n];
-        let (mut after, mut before) = (vec![0.0; n], vec![0.0; n]);
-        for (level, h) in steps(self.length).into_iter().enumerate() {
-            // One step for all: where x ± h is rounded, the width of the first column would be wrong for the others.
-            let h = at.iter().fold(h, |h, &x| representable(h, x));
-            self.evaluate(group, &at, h, &mut after);
-            self.evaluate(group, &at, -h, &mut before);
-            for row in 0..n {
-                differences[row][level] = (after[row] - before[row]) / (2.0 * h);
-                rounding[row][level] = U * after[row].abs().max(before[row].abs()) / h;
-            }
-        }
-        group.iter().zip(&at).for_each(|(&column, &x)| self.x[column] = x);
-        differences.iter().zip(&rounding).map(|(differences, rounding)| extrapolate(differences, rounding)).collect()
+/// Measures a group of columns and lists what is to be compared: expected entries, those that only the matrix has, and
+/// in rows that no column of the group accounts for the change that should not be there.
+fn compare_group<F: FnMut(&[f64], &mut [f64])>(
+    measurement: &mut Measurement<F>,
+    group: &[usize],
+    groups: &ColumnGroups,
+    analytic: &CscMatrix<f64>,
+    comparisons: &mut Vec<Comparison>,
+) {
+    let changes = measurement.along(group);
+    // f64::max passes over NaN: one component that is not finite must not excuse, or accuse, the others.
+    let largest = |column: &[Estimate]| column.iter().map(|estimate| estimate.value.abs()).fold(0.0, f64::max);
+    let mut unclaimed = vec![true; changes.len()];
+    for &column in group {
+        let steps = &measurement.steps[column];
+        let estimates: Vec<_> = groups.rows(column).iter().map(|&row| changes[row as usize].over(steps)).collect();
+        let largest = largest(&estimates);
+        let mut estimates = estimates.into_iter();
+        for_each_entry(analytic, column, groups.rows(column), |row, value, expected| {
+            let nothing = Estimate { value: 0.0, error: 0.0 };
+            let estimate = if expected { estimates.next().unwrap_or(nothing) } else { nothing };
+            unclaimed[row] &= !expected;
+            comparisons.push(Comparison { row, column, value, estimate, largest });
+        });
     }
-
-    fn evaluate(&mut self, group: &[usize], at: &[f64], h: f64, f: &mut [f64]) {
-        group.iter().zip(at).for_each(|(&column, &x)| self.x[column] = x + h);
-        // A force that leaves a component alone must not inherit it from the evaluation before.
-        f.fill(0.0);
-        (self.force)(&self.x, f);
+    // The matrix lacks an entry in one of the columns, the first for want of knowing better.
+    let Some(&column) = group.first() else { return };
+    let estimates: Vec<_> = changes.iter().map(|change| change.over(&measurement.steps[column])).collect();
+    let largest = largest(&estimates);
+    for (row, &estimate) in estimates.iter().enumerate().filter(|(row, _)| unclaimed[*row]) {
+        comparisons.push(Comparison { row, column, value: 0.0, estimate, largest });
     }
-}
-
-/// The step nearest to h that x + h and x − h show exactly, if any: h rounded to the spacing of numbers at twice x.
-fn representable(h: f64, x: f64) -> f64 {
-    let coarse = 2.0 * x.abs() + h;
-    (coarse + h) - coarse
 }
 
 /// Whether one fault explains the whole matrix.

@@ -63,7 +63,7 @@ pub(super) fn linear(subject: &Subject) -> Outcome {
     let momentum = |part: &Part, axis: usize, state: &State| -> f64 {
         part.particles.iter().map(|&p| masses[p] * state.velocities[p][axis]).sum()
     };
-    measure(subject, "linear momentum", Way::all(), |_, dt, before, after| {
+    measure(subject, "linear momentum", Way::of(subject), |_, dt, before, after| {
         worst(parts.iter().flat_map(|part| {
             let mass: f64 = part.particles.iter().map(|&p| masses[p]).sum();
             part.axes.iter().map(move |&axis| {
@@ -85,7 +85,7 @@ pub(super) fn angular(subject: &Subject) -> Outcome {
         matches!(way.method, Method::SymplecticEuler | Method::ImplicitMidpoint) || *way == Way::notes(Stiffness::Axial)
     };
     let extent = subject.extent();
-    measure(subject, "angular momentum", Way::all().filter(turning), |method, dt, before, after| {
+    measure(subject, "angular momentum", Way::of(subject).filter(turning), |method, dt, before, after| {
         let change = |part: &Part| {
             // The weight acts where the method takes the forces.
             let arm = |p: usize| match method {

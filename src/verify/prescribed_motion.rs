@@ -20,7 +20,7 @@ pub(super) fn has_prescribed(subject: &Subject) -> bool {
 
 pub(super) fn measure(subject: &Subject) -> Outcome {
     let mut checks = vec![at_many_times(subject)];
-    for way in Way::all() {
+    for way in Way::of(subject) {
         let dt = way.step(subject);
         let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
         let value = worst(states.iter().map(|state| distance(subject, state)));

@@ -1,6 +1,7 @@
 //! Forces and energy as functions of reduced coordinates: what differences are taken of.
 //!
-//! Where the ends of a spring coincide the force does not exist: all of its components are NaN, and no comparison passes.
+//! Where the ends of a spring coincide the force does not exist: all of its components are NaN, and no comparison
+//! passes.
 
 use crate::force::{Energy, Extensions, add_damping_force, add_elastic_force};
 use crate::system::{State, System};

@@ -76,7 +76,7 @@ pub(super) fn linear(subject: &Subject) -> Outcome {
 /// All other methods, and that positions follow velocities.
 pub(super) fn others(subject: &Subject) -> Outcome {
     let mut checks = Vec::new();
-    for way in Way::all() {
+    for way in Way::of(subject) {
         let dt = way.step(subject);
         let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
         let moved = states.windows(2).map(|pair| displacement_error(subject, way.method, dt, &pair[0], &pair[1]));
@@ -160,10 +160,17 @@ fn displacement_error(subject: &Subject, method: Method, dt: f64, before: &State
 
 /// As [`newton_share`] for the implicit midpoint rule: a backward Euler step to the means, of half the length.
 fn midpoint_share(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
-    let mut middle = after.clone();
-    let means =
-        middle.positions.iter_mut().zip(&before.positions).chain(middle.velocities.iter_mut().zip(&before.velocities));
-    means.for_each(|(y, x)| *y = (*y + x) * 0.5);
+    let mean = |x: &[Vector3<f64>], y: &[Vector3<f64>]| x.iter().zip(y).map(|(x, y)| (x + y) * 0.5).collect();
+    let mut middle = State {
+        time: before.time + 0.5 * dt,
+        positions: mean(&before.positions, &after.positions),
+        velocities: mean(&before.velocities, &after.velocities),
+    };
+    // Prescribed coordinates go by the chord of their motion.
+    for (dof, ..) in subject.system.prescribed().iter() {
+        let (x, y) = (before.positions[dof.particle][dof.axis], after.positions[dof.particle][dof.axis]);
+        middle.velocities[dof.particle][dof.axis] = (y - x) / dt;
+    }
     newton_share(subject, 0.5 * dt, before, &middle)
 }
 
@@ -217,8 +224,4 @@ impl Forces {
         let moving = (0..system.particles()).filter(|&p| system.dofs().free_axes(p).count() > 0);
         (free(system, &rows), moving.map(size).collect())
     }
-}
-
-pub(super) fn can_move(subject: &Subject) -> bool {
-    !subject.system.dofs().is_empty()
 }

@@ -1,12 +1,13 @@
 //! K w against central differences over all steps h: the V-curve.
 //!
-//! On logarithmic axes the error falls with slope +2 as h shrinks, `h² f'''/6`, until rounding takes over with slope −1, `ρ/h`.
-//! A right K shows both slopes and a floor as low as analysis says; a wrong K shows a plateau at the size of its fault.
+//! On logarithmic axes the error falls with slope +2 as h shrinks, `h² f'''/6`, until rounding takes over with slope
+//! −1, `ρ/h`. A right K shows both slopes and a floor as low as analysis says; a wrong K shows a plateau at the size of
+//! its fault.
 //!
-//! Every particle moves along w by at most half of its shortest spring, so h is a fraction of a spring everywhere, whatever the scale
-//! of the scene. The error of a component is taken relative to `S = Σ ‖K^s‖ ‖δ‖` over the springs of its particle: weak parts of
-//! a scene count like stiff ones. K is applied to the displacement that is left after rounding x ± h w, so that a scene far from
-//! the origin loses nothing but the exactness of the middle.
+//! Every particle moves along w by at most half of its shortest spring, so h is a fraction of a spring everywhere,
+//! whatever the scale of the scene. The error of a component is taken relative to `S = Σ ‖K^s‖ ‖δ‖` over the springs of
+//! its particle: weak parts of a scene count like stiff ones. K is applied to the displacement that is left after
+//! rounding x ± h w, so that a scene far from the origin loses nothing but the exactness of the middle.
 
 use super::check::{Check, worst};
 use super::claim::Claim;
@@ -18,11 +19,10 @@ use crate::operator::LinearOperator;
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
-/// Number of random directions, of which the worst counts at each h.
-const DIRECTIONS: u64 = 4;
-
-/// The steps: 2⁻³ to 2⁻⁴².
-const EXPONENTS: std::ops::RangeInclusive<i32> = 3..=42;
+/// Number of random directions, of which the worst counts at each h. In large scenes one has components enough.
+fn directions(rows: usize) -> u64 {
+    if rows <= 10_000 { 4 } else { 1 }
+}
 
 /// A point of the curve.
 #[derive(Debug, Clone, Copy)]
@@ -45,20 +45,32 @@ struct Point {
 pub(super) struct VCurve(Vec<Point>);
 
 impl VCurve {
-    /// Measures `force`, over the free coordinates, against a product `K w`.
+    /// Measures `force`, over the free coordinates, against a product `K w`, at 2⁻³ to 2⁻⁴².
     pub fn measure(
+        system: &System,
+        state: &State,
+        force: impl FnMut(&[f64], &mut [f64]),
+        stiffness: &impl LinearOperator,
+    ) -> Result<Self, DegenerateSpring> {
+        let steps: Vec<f64> = (3..=42).map(|exponent| (-f64::from(exponent)).exp2()).collect();
+        Self::measure_at(system, state, force, stiffness, &steps)
+    }
+
+    /// Measures at the given steps.
+    pub fn measure_at(
         system: &System,
         state: &State,
         mut force: impl FnMut(&[f64], &mut [f64]),
         stiffness: &impl LinearOperator,
+        steps: &[f64],
     ) -> Result<Self, DegenerateSpring> {
         let extensions = Extensions::at(system, &state.positions)?;
         let error = ForceError::new(system, &extensions);
-        let directions: Vec<_> = (0..DIRECTIONS).map(|seed| Direction::new(system, &error, state, seed)).collect();
+        let directions: Vec<_> =
+            (0..directions(system.dofs().len())).map(|seed| Direction::new(system, &error, state, seed)).collect();
         let x = reduce(system, &state.positions);
         let resolved_from = directions.iter().map(|direction| direction.resolved_from).fold(0.0, f64::max);
-        let steps = EXPONENTS.map(|exponent| (-f64::from(exponent)).exp2());
-        let points = steps.filter(|&h| h >= resolved_from).map(|h| {
+        let points = steps.iter().copied().filter(|&h| h >= resolved_from).map(|h| {
             let of = |d: &Direction| Point { error: d.error(&x, h, &mut force, stiffness), ..d.predict(h) };
             let points: Vec<Point> = directions.iter().map(of).collect();
             let largest = |of: fn(&Point) -> f64| worst(points.iter().map(of));
@@ -80,14 +92,10 @@ impl VCurve {
         (smallest(|point| point.error), smallest(|point| point.allowed))
     }
 
-    /// The point where analysis allows least: where a plateau is read.
-    fn best(&self) -> Option<&Point> {
-        self.0.iter().min_by(|a, b| a.allowed.total_cmp(&b.allowed))
-    }
-
-    /// The measured error where analysis allows least, and what it allows there.
-    pub fn plateau(&self) -> (f64, f64) {
-        self.best().map_or((f64::NAN, f64::NAN), |point| (point.error, point.allowed))
+    /// The step where analysis allows least, where a plateau is read: h, the measured error, the allowed one.
+    pub fn plateau(&self) -> (f64, f64, f64) {
+        let best = self.0.iter().min_by(|a, b| a.allowed.total_cmp(&b.allowed));
+        best.map_or((f64::NAN, f64::NAN, f64::NAN), |point| (point.h, point.error, point.allowed))
     }
 
     /// Slope where truncation must dominate: at least ten times every rounding, and h so small that the next term,
@@ -97,10 +105,12 @@ impl VCurve {
         slope(self.0.iter().filter(dominates), 4)
     }
 
-    /// Slope where rounding must dominate: ten times truncation and the middle's error, taking a thirtieth of its bound for it.
+    /// Slope where rounding must dominate: ten times truncation and the middle's error, taking a thirtieth of its bound
+    /// for it. Steps at which it vanishes are left out: along the axes d, l and n may be exact.
     pub fn rounding_slope(&self) -> Option<f64> {
         let dominates = |p: &&Point| p.rounding <= 3.0 && p.rounding / 30.0 >= 10.0 * worst([p.truncation, p.offset]);
-        slope(self.0.iter().filter(dominates), 10)
+        let vanishes = |p: &Point| p.error < 1e-3 * p.rounding;
+        slope(self.0.iter().filter(dominates).filter(|p| !vanishes(p)), 10)
     }
 
     /// Points for a plot.
@@ -252,11 +262,12 @@ impl<'a> Direction<'a> {
     }
 }
 
-/// Measures the V-curve of K w: floor, slope of truncation, slope of rounding. A slope is left out where analysis does not expect
-/// one, as for a force that is linear along every direction (one-dimensional scenes).
+/// Measures the V-curve of K w: floor, slope of truncation, slope of rounding. A slope is left out where analysis does
+/// not expect one, as for a force that is linear along every direction (one-dimensional scenes).
 ///
-/// `force` is f_el over the free coordinates, in N; `stiffness` is K under test, in N/m. Sees any fault of K above the floor, about
-/// 1e-10 of the springs at its particle, and a force that is not smooth; is blind to a force law wrong in f and K alike.
+/// `force` is f_el over the free coordinates, in N; `stiffness` is K under test, in N/m. Sees any fault of K above the
+/// floor, about 1e-10 of the springs at its particle, and a force that is not smooth; is blind to a force law wrong in
+/// f and K alike.
 pub fn v_curve(
     system: &System,
     state: &State,
@@ -284,7 +295,8 @@ pub fn v_curve(
     )
     .with_series(curve.series("max over components"))
     .with_guide(Guide::Level { y: allowed, label: "floor by analysis".into() });
-    let through = curve.best().map_or((1.0, 1.0), |point| (point.h, point.error));
+    let (h, error, _) = curve.plateau();
+    let through = (h, error);
     let plot = plot.with_guide(Guide::Slope { slope: 2.0, through }).with_guide(Guide::Slope { slope: -1.0, through });
     let mut checks = vec![check(floor_name, floor, allowed, floor_why).with_curves(plot)];
     checks.extend(truncation.map(|slope| {

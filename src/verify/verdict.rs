@@ -103,8 +103,8 @@ fn in_plain_words(entry: Entry) -> Entry {
     }
 }
 
-/// The coefficients `(α, β)` of the block `α (I − nnᵀ) + β nnᵀ` over the first `dimension` axes, and the largest entry of what
-/// is left over.
+/// The coefficients `(α, β)` of the block `α (I − nnᵀ) + β nnᵀ` over the first `dimension` axes, and the largest entry
+/// of what is left over.
 fn coefficients(block: &Matrix3<f64>, n: &Vector3<f64>, dimension: usize) -> (f64, f64, f64) {
     let axial = n.dot(&(block * n));
     let transverse = if dimension > 1 { (block.trace() - axial) / (dimension - 1) as f64 } else { 0.0 };
@@ -113,8 +113,8 @@ fn coefficients(block: &Matrix3<f64>, n: &Vector3<f64>, dimension: usize) -> (f6
     (transverse, axial, (block - form).amax())
 }
 
-/// What is wrong with one spring's block, where both blocks have the form of one; differences up to `tolerance`, in N/m,
-/// count as agreement.
+/// What is wrong with one spring's block, where both blocks have the form of one; differences up to `tolerance`, in
+/// N/m, count as agreement.
 pub(super) fn of_block(
     analytic: &Matrix3<f64>,
     numeric: &Matrix3<f64>,

@@ -3,11 +3,10 @@
 use super::compare::vector;
 use nalgebra::Vector3;
 use serde::Deserialize;
-use sprung::State;
-use sprung::figure::{Guide, Plot, Series};
 use sprung::integrate::{ImplicitOptions, Method, Schedule, Status, StiffnessPolicy, run};
 use sprung::linear::{SolverChoice, SolverOptions};
-use sprung::verify::{Check, Claim, Subject};
+use sprung::verify::{Check, ErrorCurve, Subject, order_checks};
+use sprung::{State, Stiffness};
 use std::ops::ControlFlow;
 
 /// A known state.
@@ -21,33 +20,36 @@ pub struct Known {
 /// How often the coarsest step is halved; the last two runs give the order.
 const HALVINGS: u32 = 3;
 
-/// Every method towards a known state: the observed order within 0.2 of theory, with the curve.
+/// Every method towards a known state: the observed order within 0.2 of theory, with the curves.
 pub fn towards(subject: &Subject, known: &Known) -> Result<Vec<Check>, Box<dyn std::error::Error>> {
-    let mut checks = Vec::new();
+    let mut curves = Vec::new();
     for method in Method::ALL {
-        let options: &[&str] =
-            if method.is_implicit() { &["full", "tension", "axial", "on-demand"] } else { &["full"] };
-        for option in options {
-            checks.extend(order(subject, known, method, option)?);
+        let always = Stiffness::ALL.map(StiffnessPolicy::Always);
+        let policies = if method.is_implicit() { &always[..] } else { &always[..1] };
+        for &policy in policies {
+            curves.push(curve(subject, known, method, policy)?);
+        }
+        if method.is_implicit() {
+            curves.push(curve(subject, known, method, StiffnessPolicy::OnDemand)?);
         }
     }
-    Ok(checks)
+    let name = format!("order towards the known state at {} s", known.time);
+    Ok(order_checks(&name, &subject.name, "error, m", curves))
 }
 
-fn policy(name: &str) -> StiffnessPolicy {
-    let always = sprung::Stiffness::ALL.into_iter().find(|option| option.name() == name);
-    always.map_or(StiffnessPolicy::OnDemand, StiffnessPolicy::Always)
-}
-
-fn order(
+fn curve(
     subject: &Subject,
     known: &Known,
     method: Method,
-    option: &str,
-) -> Result<Option<Check>, Box<dyn std::error::Error>> {
+    stiffness: StiffnessPolicy,
+) -> Result<ErrorCurve, Box<dyn std::error::Error>> {
     let Subject { system, state, .. } = subject;
     let linear = SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() };
-    let options = ImplicitOptions { stiffness: policy(option), linear };
+    let options = ImplicitOptions { stiffness, linear };
+    let name = match method.is_implicit() {
+        true => format!("{}, {}", method.name(), stiffness.name()),
+        false => method.name().to_owned(),
+    };
     // z = ω h ≤ 1/16 resolves every vibration of the start twofold over what the order needs.
     let first = (known.time / (subject.resolving_step() / 8.0)).ceil() as u64;
     let mut points = Vec::new();
@@ -55,30 +57,14 @@ fn order(
         let dt = known.time / (first << halving) as f64;
         let mut end = state.clone();
         let mut stepper = method.stepper(system, state, &options)?;
-        let outcome =
-            run(&mut *stepper, &mut end, &Schedule::duration(dt, known.time), |_, _| ControlFlow::Continue(()));
+        let schedule = Schedule::duration(dt, known.time);
+        let outcome = run(&mut *stepper, &mut end, &schedule, |_, _| ControlFlow::Continue(()));
         if outcome.status() != Status::Completed {
-            return Err(format!("{}, {option}: {outcome:?}", method.name()).into());
+            return Err(format!("{name}: {outcome:?}").into());
         }
         points.push((dt, distance(&end, known)));
     }
-    let name = format!("{}, {option}", method.name());
-    let errors: Vec<f64> = points.iter().map(|point| point.1).collect();
-    let measured = (errors[HALVINGS as usize - 1] / errors[HALVINGS as usize]).log2();
-    let expected = f64::from(method.order());
-    let plot = Plot::log_log(format!("{}, {name}", subject.name), "step, s", format!("error at {} s, m", known.time))
-        .with_guide(Guide::Slope { slope: expected, through: points[0] })
-        .with_series(Series::line(&name, points).with_slope(measured));
-    let why = "distance of the observed order from theory; what is left of the next order at these steps is below 0.2";
-    let check = Check::new(
-        Claim::Convergence,
-        format!("order towards the known state at {} s, {name}", known.time),
-        &subject.name,
-        (measured - expected).abs(),
-        0.2,
-        why,
-    );
-    Ok(Some(check.with_curves(plot)))
+    Ok(ErrorCurve { method: name, order: method.order(), points })
 }
 
 /// The Euclidean distance of all positions from the known ones.

@@ -1,0 +1,72 @@
+"""Measures scipy and pyamg on a linear system written by `sprung matrix`, by the processor time of one thread; one JSON
+object a line.
+
+    amg.py NAME PARTICLES FOLDER
+"""
+
+import csv
+import json
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyamg
+import scipy.io
+import scipy.sparse.linalg
+
+
+def line(library, stage, seconds, **more):
+    print(json.dumps({"scene": NAME, "particles": PARTICLES, "library": library, "threads": 1, "stage": stage,
+                      "ms": 1e3 * seconds, **more}), flush=True)
+
+
+def median(kernel):
+    times = []
+    while sum(times) < 1.0 and len(times) < 21:
+        start = time.process_time()
+        kernel()
+        times.append(time.process_time() - start)
+    return float(np.median(times))
+
+
+def rigid_modes(dofs, positions):
+    """Translations and rotations about the centre, one column each: the near-null space."""
+    x = positions - positions.mean(axis=0)
+    particle, axis = dofs.T
+    modes = np.zeros((len(dofs), 6))
+    modes[np.arange(len(dofs)), axis] = 1.0
+    for rotation, (a, b) in enumerate([(1, 2), (2, 0), (0, 1)]):
+        on_a, on_b = axis == a, axis == b
+        modes[on_a, 3 + rotation] = -x[particle[on_a], b]
+        modes[on_b, 3 + rotation] = x[particle[on_b], a]
+    return modes
+
+
+def main(folder):
+    a = scipy.io.mmread(folder / "A.mtx").tocsr()
+    b = np.asarray(scipy.io.mmread(folder / "b.mtx")).ravel()
+    with open(folder / "dofs.csv") as file:
+        rows = list(csv.DictReader(file))
+    axes = {"x": 0, "y": 1, "z": 2, "0": 0, "1": 1, "2": 2}
+    dofs = np.array([(int(row["particle"]), axes[row["axis"]]) for row in rows])
+    positions = np.load(folder / "positions.npy")
+    line("scipy", "product", median(lambda: a @ b))
+
+    start = time.process_time()
+    levels = pyamg.smoothed_aggregation_solver(
+        a.tobsr(blocksize=(3, 3)) if a.shape[0] % 3 == 0 else a,
+        B=rigid_modes(dofs, positions), symmetry="symmetric",
+        presmoother=("block_gauss_seidel", {"sweep": "symmetric"}),
+        postsmoother=("block_gauss_seidel", {"sweep": "symmetric"}))
+    setup = time.process_time() - start
+    residuals = []
+    x = levels.solve(b, tol=1e-10, accel="cg", maxiter=500, residuals=residuals)
+    seconds = time.process_time() - start
+    line("pyamg", "cg multigrid", seconds, setup_ms=1e3 * setup, iterations=len(residuals) - 1,
+         residual=float(np.linalg.norm(b - a @ x) / np.linalg.norm(b)))
+
+
+if __name__ == "__main__":
+    NAME, PARTICLES = sys.argv[1], int(sys.argv[2])
+    main(Path(sys.argv[3]))

@@ -1,0 +1,263 @@
+//! Measures this library for the comparison: `cargo bench --bench compare -- measure KIND SIZE` prints one JSON object a
+//! line, `… -- scene KIND SIZE` the scene itself as JSON. `run.py` beside this file calls both.
+//!
+//! One thread is timed by its processor time, which other programs on the machine do not count into; two threads by the
+//! clock. Every figure is the median of repeats, and the floors' bandwidth is measured between them.
+
+#[path = "../scenes.rs"]
+mod scenes;
+
+use cpu_time::ThreadTime;
+use serde_json::json;
+use sprung::assembly::{SpringPattern, SystemMatrix};
+use sprung::force::{Extensions, add_elastic_force, add_weight};
+use sprung::linear::{CgSolver, Cholesky, LinearSolver, PreconditionerKind};
+use sprung::operator::{Combination, LinearOperator, SystemOperator};
+use sprung::work::Work;
+use sprung::{State, Stiffness, System};
+use std::hint::black_box;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
+    match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["scene", kind, size] => println!("{}", scene(kind, size).to_json()),
+        ["measure", kind, size] => measure(kind, size, ""),
+        ["measure", kind, size, stage] => measure(kind, size, stage),
+        // `cargo bench` without arguments runs the kernels; the comparison wants to be asked for.
+        _ => eprintln!("compare: run benches/compare/run.py for the comparison with other libraries"),
+    }
+}
+
+fn scene(kind: &str, size: &str) -> sprung::Scene {
+    scenes::scene(kind, size.parse().expect("SIZE is a number")).expect("a scene of that size")
+}
+
+fn measure(kind: &str, size: &str, only: &str) {
+    let (system, state) = scene(kind, size).build().expect("a valid scene");
+    for threads in [1, 2] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| {
+            Measurement { name: format!("{kind} {size}"), system: &system, state: &state, threads, only }.all()
+        });
+    }
+}
+
+struct Measurement<'s> {
+    name: String,
+    system: &'s System,
+    state: &'s State,
+    threads: usize,
+    /// What the names of the measured stages begin with.
+    only: &'s str,
+}
+
+impl Measurement<'_> {
+    fn all(&self) {
+        let Self { system, state, .. } = self;
+        let extensions = Extensions::at(system, &state.positions).expect("no coincident ends");
+        let step = Combination::step(0.01);
+        let mut operator = SystemOperator::new(system, &extensions, Stiffness::Tension, step);
+        let n = system.dofs().len();
+        let w: Vec<f64> = (0..n).map(|i| (i as f64 * 0.7).sin()).collect();
+        let mut y = vec![0.0; n];
+        self.print("product", || operator.apply(&w, &mut y), self.product_bytes());
+
+        let pattern = Arc::new(SpringPattern::of_stiffness(system).expect("a matrix that fits"));
+        let mut matrix = SystemMatrix::zeros(pattern);
+        matrix.refill(&operator);
+        let bytes = self.refill_bytes(matrix.matrix().values().len());
+        self.print("refill A", || matrix.refill(&operator), bytes);
+        let mut force = vec![nalgebra::Vector3::zeros(); system.particles()];
+        let right_hand_side = || {
+            for ((b, mass), v) in force.iter_mut().zip(system.masses()).zip(&state.velocities) {
+                *b = v * (mass / 0.01);
+            }
+            add_weight(system, &mut force);
+            add_elastic_force(system, &extensions, &mut force);
+        };
+        self.print("right-hand side", right_hand_side, self.force_bytes());
+        self.print("blocks", || operator.update(&extensions, Stiffness::Tension, step), self.block_bytes());
+
+        let b: Vec<f64> = (0..n).map(|i| (i as f64 * 1.3).cos()).collect();
+        for kind in [PreconditionerKind::BlockJacobi, PreconditionerKind::Multigrid] {
+            if format!("cg {}", kind.name()).starts_with(self.only) {
+                self.conjugate_gradients(kind, &operator, &b);
+            }
+        }
+        if "direct".starts_with(self.only) {
+            self.direct(&matrix, &b);
+        }
+    }
+
+    fn conjugate_gradients(&self, kind: PreconditionerKind, operator: &SystemOperator, b: &[f64]) {
+        let mut solver = CgSolver::matrix_free(self.system, Some(kind), 1e-10).expect("a matrix that fits");
+        solver.place(&self.state.positions);
+        let mut x = vec![0.0; b.len()];
+        let mut work = Work::default();
+        let start = Clock::start(self.threads);
+        let prepared = solver.prepare(operator, &mut work);
+        let setup = start.elapsed();
+        let solved = prepared.and_then(|_| solver.solve(operator, b, &mut x, &mut work));
+        let seconds = start.elapsed();
+        let iterations = work.cg_iterations;
+        let stage = format!("cg {}", kind.name());
+        self.line(&stage, seconds, json!({"setup_ms": ms(setup), "iterations": iterations, "solved": solved.is_ok()}));
+    }
+
+    fn direct(&self, matrix: &SystemMatrix, b: &[f64]) {
+        let par = if self.threads == 1 { faer::Par::Seq } else { faer::Par::rayon(self.threads) };
+        let start = Clock::start(self.threads);
+        let mut cholesky = Cholesky::analyse(matrix.matrix().pattern(), par).expect("a factor that fits");
+        let analysis = start.elapsed();
+        let size = cholesky.size();
+        let size = json!({"entries": size.entries, "flops": size.flops, "ordering": size.ordering});
+        self.line("analyse", analysis, size.clone());
+        if cholesky.size().flops > 2e11 {
+            return;
+        }
+        self.time("factor", || cholesky.factor(matrix.matrix()).expect("a definite matrix"), size);
+        let mut x = b.to_vec();
+        self.time("solve", || cholesky.solve_in_place(&mut x), json!({}));
+    }
+
+    /// Prints a kernel's time beside its floor: the bytes that it must move over the bandwidth measured between repeats.
+    fn print(&self, stage: &str, mut kernel: impl FnMut(), bytes: usize) {
+        if !stage.starts_with(self.only) {
+            return;
+        }
+        let mut triad = Triad::new(self.threads);
+        let repeats = (400_000_000 / bytes).clamp(15, 401);
+        let mut times = Vec::with_capacity(repeats);
+        let mut bandwidths = Vec::with_capacity(repeats / 4 + 1);
+        kernel();
+        for repeat in 0..repeats {
+            times.push(self.once(&mut kernel));
+            if repeat % 4 == 0 {
+                bandwidths.push(triad.bytes() as f64 / self.once(|| triad.run()).as_secs_f64());
+            }
+        }
+        let bandwidth = quantile(&mut bandwidths, 0.5);
+        let floor = bytes as f64 / bandwidth;
+        times.sort_unstable();
+        let time = times[times.len() / 2];
+        let ratio = time.as_secs_f64() / floor;
+        let best = ms(times[0]);
+        let bandwidth = bandwidth * 1e-9;
+        self.line(
+            stage,
+            time,
+            json!({"best_ms": best, "floor_ms": floor * 1e3, "ratio": ratio, "gb_per_s": bandwidth}),
+        );
+    }
+
+    fn time(&self, stage: &str, mut kernel: impl FnMut(), with: serde_json::Value) {
+        let mut times = vec![self.once(&mut kernel)];
+        let repeats = (1.0 / times[0].as_secs_f64()).clamp(1.0, 20.0) as usize;
+        times.extend((0..repeats).map(|_| self.once(&mut kernel)));
+        times.sort_unstable();
+        self.line(stage, times[times.len() / 2], with);
+    }
+
+    fn once(&self, kernel: impl FnOnce()) -> Duration {
+        let start = Clock::start(self.threads);
+        kernel();
+        start.elapsed()
+    }
+
+    fn line(&self, stage: &str, time: Duration, with: serde_json::Value) {
+        let mut line = json!({"scene": self.name, "particles": self.system.particles(), "library": "sprung",
+            "threads": self.threads, "stage": stage, "ms": ms(time)});
+        if let (Some(line), serde_json::Value::Object(with)) = (line.as_object_mut(), with) {
+            line.extend(with);
+        }
+        println!("{line}");
+    }
+
+    /// Per spring α, g and two indices; per row w and the mass read and y written (which reads its line first).
+    fn product_bytes(&self) -> usize {
+        40 * self.system.active_springs().len() + 32 * self.system.dofs().len()
+    }
+
+    /// Every block read, every value written.
+    fn refill_bytes(&self, values: usize) -> usize {
+        40 * self.system.active_springs().len() + 16 * values
+    }
+
+    /// Extension, parameters and indices of every spring read; b written, masses and velocities read.
+    fn force_bytes(&self) -> usize {
+        68 * self.system.active_springs().len() + (48 + 8 + 24) * self.system.particles()
+    }
+
+    /// Extension, parameters and indices of every spring read; block and record written.
+    fn block_bytes(&self) -> usize {
+        (68 + 160) * self.system.active_springs().len()
+    }
+}
+
+/// Processor time of this thread where it works alone, the clock where others work with it.
+enum Clock {
+    Thread(ThreadTime),
+    Wall(Instant),
+}
+
+impl Clock {
+    fn start(threads: usize) -> Self {
+        if threads == 1 { Self::Thread(ThreadTime::now()) } else { Self::Wall(Instant::now()) }
+    }
+
+    fn elapsed(&self) -> Duration {
+        match self {
+            Self::Thread(start) => start.elapsed(),
+            Self::Wall(start) => start.elapsed(),
+        }
+    }
+}
+
+/// `a = b + 3 c` on vectors far larger than the caches: what the memory can deliver.
+struct Triad {
+    threads: usize,
+    a: Vec<f64>,
+    b: Vec<f64>,
+    c: Vec<f64>,
+}
+
+impl Triad {
+    const LENGTH: usize = 8_000_000;
+
+    fn new(threads: usize) -> Self {
+        let vector = |value| vec![value; Self::LENGTH];
+        Self { threads, a: vector(0.0), b: vector(1.0), c: vector(2.0) }
+    }
+
+    /// Two vectors read, one written, which reads its lines first.
+    fn bytes(&self) -> usize {
+        32 * Self::LENGTH
+    }
+
+    fn run(&mut self) {
+        let triad = |a: &mut [f64], b: &[f64], c: &[f64]| {
+            for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
+                *a = b + 3.0 * c;
+            }
+        };
+        let half = if self.threads == 1 { 0 } else { Self::LENGTH / 2 };
+        let ((a0, a1), (b0, b1), (c0, c1)) = (self.a.split_at_mut(half), self.b.split_at(half), self.c.split_at(half));
+        if half == 0 {
+            triad(a1, b1, c1);
+        } else {
+            rayon::join(|| triad(a0, b0, c0), || triad(a1, b1, c1));
+        }
+        black_box(&mut self.a);
+    }
+}
+
+fn quantile(values: &mut [f64], q: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[((values.len() - 1) as f64 * q) as usize]
+}
+
+fn ms(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
+}

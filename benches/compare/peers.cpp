@@ -1,0 +1,212 @@
+// Measures Eigen and CHOLMOD on a linear system written by `sprung matrix`, and Eigen's assembly on the element
+// triplets in TRIPLETS. One JSON object a line, as `ours.rs` prints them.
+//
+//     peers LIBRARY NAME PARTICLES A.mtx b.mtx TRIPLETS THREADS LARGEST_FACTOR_FLOPS
+#include <Eigen/Sparse>
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <fstream>
+#include <iostream>
+#include <sstream>
+#include <suitesparse/cholmod.h>
+#include <vector>
+
+using Matrix = Eigen::SparseMatrix<double, Eigen::ColMajor, int>;
+using Triplet = Eigen::Triplet<double, int>;
+
+static std::string scene;
+static long particles;
+static int threads;
+
+// Processor time where one thread works, the clock where several do: as in `ours.rs`.
+static double now() {
+    if (threads == 1) {
+        timespec time;
+        clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+        return time.tv_sec + 1e-9 * time.tv_nsec;
+    }
+    using namespace std::chrono;
+    return duration<double>(steady_clock::now().time_since_epoch()).count();
+}
+
+static void line(const char *library, const char *stage, double seconds, const std::string &more = "") {
+    std::printf("{\"scene\": \"%s\", \"particles\": %ld, \"library\": \"%s\", \"threads\": %d, \"stage\": \"%s\", \"ms\": %.6g%s}\n",
+                scene.c_str(), particles, library, threads, stage, 1e3 * seconds, more.c_str());
+    std::fflush(stdout);
+}
+
+// The median of repeats that together take about a second.
+template <class Kernel> static double median(Kernel kernel) {
+    std::vector<double> times;
+    double spent = 0;
+    do {
+        double start = now();
+        kernel();
+        times.push_back(now() - start);
+        spent += times.back();
+    } while (spent < 1.0 && times.size() < 21);
+    std::nth_element(times.begin(), times.begin() + times.size() / 2, times.end());
+    return times[times.size() / 2];
+}
+
+static std::ifstream matrix_market(const char *path, std::string &sizes) {
+    std::ifstream file(path);
+    while (std::getline(file, sizes) && sizes[0] == '%') {}
+    return file;
+}
+
+static Matrix read_lower(const char *path) {
+    std::string sizes;
+    std::ifstream file = matrix_market(path, sizes);
+    long rows, columns, entries;
+    std::istringstream(sizes) >> rows >> columns >> entries;
+    std::vector<Triplet> triplets;
+    triplets.reserve(entries);
+    int row, column;
+    std::string value;
+    for (long entry = 0; entry < entries && file >> row >> column >> value; ++entry)
+        triplets.emplace_back(row - 1, column - 1, std::strtod(value.c_str(), nullptr));
+    Matrix lower(rows, columns);
+    lower.setFromTriplets(triplets.begin(), triplets.end());
+    return lower;
+}
+
+static Eigen::VectorXd read_vector(const char *path) {
+    std::string sizes;
+    std::ifstream file = matrix_market(path, sizes);
+    Eigen::VectorXd vector(std::atol(sizes.c_str()));
+    std::string value;
+    for (auto &entry : vector) {
+        file >> value;
+        entry = std::strtod(value.c_str(), nullptr);
+    }
+    return vector;
+}
+
+// What a program without a slot map does in every step: all element triplets, then setFromTriplets.
+static void eigen_assembly(const char *path, const Matrix &lower) {
+    std::ifstream file(path, std::ios::binary);
+    struct Element { int row, column; double value; };
+    std::vector<Element> elements;
+    Element element;
+    while (file.read(reinterpret_cast<char *>(&element), sizeof element)) elements.push_back(element);
+    if (elements.empty()) return;
+    Matrix assembled(lower.rows(), lower.cols());
+    double seconds = median([&] {
+        std::vector<Triplet> triplets;
+        triplets.reserve(elements.size());
+        for (const Element &e : elements) triplets.emplace_back(e.row, e.column, e.value);
+        assembled.setFromTriplets(triplets.begin(), triplets.end());
+    });
+    double error = (assembled - lower).norm() / lower.norm();
+    line("Eigen", "refill A", seconds, ", \"difference\": " + std::to_string(error));
+}
+
+static std::string report(double residual, long iterations) {
+    std::ostringstream text;
+    text << ", \"residual\": " << residual << ", \"iterations\": " << iterations;
+    return text.str();
+}
+
+template <class Solver> static void eigen_cg(const char *stage, const Matrix &a, const Eigen::VectorXd &b) {
+    Solver solver;
+    solver.setTolerance(1e-10);
+    double start = now();
+    solver.compute(a);
+    Eigen::VectorXd x = solver.solve(b);
+    double seconds = now() - start;
+    Eigen::VectorXd r = b - a.template selfadjointView<Eigen::Lower>() * x;
+    line("Eigen", stage, seconds, report(r.norm() / b.norm(), solver.iterations()));
+}
+
+static void eigen(const Matrix &lower, const Eigen::VectorXd &b, double largest) {
+    Matrix whole = lower.selfadjointView<Eigen::Lower>();
+    Eigen::VectorXd y(b.size());
+    line("Eigen", "product", median([&] { y.noalias() = lower.selfadjointView<Eigen::Lower>() * b; }));
+    using Whole = Eigen::ConjugateGradient<Matrix, Eigen::Lower | Eigen::Upper>;
+    Eigen::setNbThreads(threads);
+    eigen_cg<Whole>("cg jacobi", whole, b);
+    using Incomplete = Eigen::ConjugateGradient<Matrix, Eigen::Lower, Eigen::IncompleteCholesky<double>>;
+    eigen_cg<Incomplete>("cg incomplete-cholesky", lower, b);
+    if (largest < 1e10) return;
+    Eigen::SimplicialLLT<Matrix> llt;
+    llt.analyzePattern(lower);
+    line("Eigen", "factor", median([&] { llt.factorize(lower); }));
+    Eigen::VectorXd x;
+    line("Eigen", "solve", median([&] { x = llt.solve(b); }));
+}
+
+static void cholmod(const Matrix &lower, const Eigen::VectorXd &b, double largest) {
+    cholmod_common common;
+    cholmod_start(&common);
+    common.supernodal = CHOLMOD_SUPERNODAL;
+    cholmod_sparse a{};
+    a.nrow = a.ncol = lower.rows();
+    a.nzmax = lower.nonZeros();
+    a.p = const_cast<int *>(lower.outerIndexPtr());
+    a.i = const_cast<int *>(lower.innerIndexPtr());
+    a.x = const_cast<double *>(lower.valuePtr());
+    a.stype = -1;
+    a.itype = CHOLMOD_INT;
+    a.xtype = CHOLMOD_REAL;
+    a.dtype = CHOLMOD_DOUBLE;
+    a.sorted = a.packed = 1;
+    cholmod_dense rhs{};
+    rhs.nrow = rhs.nzmax = rhs.d = b.size();
+    rhs.ncol = 1;
+    rhs.x = const_cast<double *>(b.data());
+    rhs.xtype = CHOLMOD_REAL;
+    // Both of its orderings; the one with fewer operations is measured.
+    cholmod_factor *best = nullptr;
+    double flops = 0, analysis = 0;
+    const char *name = "";
+    for (auto [ordering, label] : {std::pair{CHOLMOD_AMD, "AMD"}, std::pair{CHOLMOD_METIS, "METIS"}}) {
+        common.nmethods = 1;
+        common.method[0].ordering = ordering;
+        common.postorder = true;
+        double start = now();
+        cholmod_factor *factor = cholmod_analyze(&a, &common);
+        analysis += now() - start;
+        if (factor && (!best || common.fl < flops)) {
+            if (best) cholmod_free_factor(&best, &common);
+            best = factor, flops = common.fl, name = label;
+        } else if (factor) {
+            cholmod_free_factor(&factor, &common);
+        }
+    }
+    std::ostringstream size;
+    size << ", \"flops\": " << flops << ", \"ordering\": \"" << name << "\"";
+    line("CHOLMOD", "analyse", analysis, size.str());
+    if (best && flops < largest) {
+        line("CHOLMOD", "factor", median([&] { cholmod_factorize(&a, best, &common); }), size.str());
+        line("CHOLMOD", "solve", median([&] {
+                 cholmod_dense *x = cholmod_solve(CHOLMOD_A, best, &rhs, &common);
+                 cholmod_free_dense(&x, &common);
+             }));
+    }
+    cholmod_free_factor(&best, &common);
+    cholmod_finish(&common);
+}
+
+int main(int count, char **arguments) {
+    if (count != 9) {
+        std::cerr << "peers LIBRARY NAME PARTICLES A.mtx b.mtx TRIPLETS THREADS LARGEST_FACTOR_FLOPS\n";
+        return 2;
+    }
+    scene = arguments[2];
+    particles = std::atol(arguments[3]);
+    Matrix lower = read_lower(arguments[4]);
+    Eigen::VectorXd b = read_vector(arguments[5]);
+    threads = std::atoi(arguments[7]);
+    double largest = std::atof(arguments[8]);
+    if (std::string(arguments[1]) == "cholmod") {
+        cholmod(lower, b, largest);
+    } else {
+        // Eigen's assembly and factorization have one thread.
+        if (threads == 1) eigen_assembly(arguments[6], lower);
+        eigen(lower, b, threads == 1 ? largest : 0);
+    }
+}

@@ -1,0 +1,137 @@
+#!/usr/bin/env python3
+"""Measures sprung beside Eigen, CHOLMOD, scipy and pyamg on the same scenes, in one run.
+
+    benches/compare/run.py [SCENE…]        for example: benches/compare/run.py "cloth 100" "lattice 22"
+
+Needs Rust, a C++ compiler, the Debian packages libeigen3-dev, libsuitesparse-dev and libopenblas-dev, and the Python
+packages numpy, scipy, pyamg and matplotlib. Builds everything, writes every scene and its matrix (`sprung matrix`), measures
+scene by scene, one program after the other, and writes docs/performance/{results.json, README.md, *.svg}.
+
+The peers get their best settings: CHOLMOD is supernodal with its better ordering of AMD and METIS and a BLAS tuned for the
+processor, whose threads it may not nest (it is several times slower otherwise); Eigen stores one triangle where it can
+and is compiled for this machine; pyamg gets rigid-body modes and block Gauss-Seidel. Ours is compiled without options.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent.parent
+DOCS = ROOT / "docs" / "performance"
+SCENES = ["cloth 10", "cloth 32", "cloth 100", "cloth 316", "cloth 1000", "lattice 5", "lattice 10", "lattice 22", "lattice 46"]
+DT = 0.01
+# Beyond this many degrees of freedom a matrix is too large a text file: there only sprung is measured.
+LARGEST_EXPORT = 350_000
+# Beyond this many operations a factorization takes too long to be repeated.
+LARGEST_FACTOR = 2e11
+# Eigen's factorization works column by column; on this scene it would take hours.
+NOT_FACTORED_BY_EIGEN = {"lattice 46"}
+
+
+def output(*command, **keywords):
+    return subprocess.run([str(part) for part in command], check=True, stdout=subprocess.PIPE, text=True, **keywords).stdout
+
+
+def build(folder):
+    output("cargo", "build", "--release", "--bin", "sprung", cwd=ROOT)
+    messages = output("cargo", "bench", "--bench", "compare", "--no-run", "--message-format", "json", cwd=ROOT)
+    targets = [message for message in map(json.loads, messages.splitlines()) if message.get("executable")]
+    ours = next(message["executable"] for message in targets if message["target"]["name"] == "compare")
+    peers = folder / "peers"
+    output("g++", "-std=c++17", "-O3", "-march=native", "-fopenmp", "-I/usr/include/eigen3", HERE / "peers.cpp", "-o", peers,
+           "-lcholmod", "-lopenblas")
+    return ours, ROOT / "target" / "release" / "sprung", peers
+
+
+def lower_triplets(scene, dofs):
+    """What assembly without a slot map sorts: the lower triangle of every spring's four blocks and of every mass."""
+    x = np.array(scene["particles"]["positions"])
+    pairs = np.array(scene["springs"]["pairs"])
+    k, l0, damping = (np.broadcast_to(np.array(scene["springs"][key], float), len(pairs))
+                      for key in ("stiffness", "rest_lengths", "damping"))
+    d = x[pairs[:, 0]] - x[pairs[:, 1]]
+    length = np.linalg.norm(d, axis=1)
+    n = d / length[:, None]
+    across = np.maximum(k * (1 / l0 - 1 / length), 0.0)
+    excess = k / l0 + damping / DT - across
+    blocks = across[:, None, None] * np.eye(3) + excess[:, None, None] * n[:, :, None] * n[:, None, :]
+    row = np.full((len(x), 3), -1)
+    row[dofs[:, 0], dofs[:, 1]] = np.arange(len(dofs))
+    parts = [(row[pairs[:, p]], row[pairs[:, q]], sign * blocks) for p, q, sign in
+             [(0, 0, 1), (1, 1, 1), (0, 1, -1), (1, 0, -1)]]
+    masses = np.broadcast_to(np.array(scene["particles"]["masses"], float), len(x)) / DT**2
+    parts.append((row, row, masses[:, None, None] * np.eye(3)))
+    triplets = []
+    for rows, columns, values in parts:
+        rows, columns = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
+        keep = (rows >= columns) & (columns >= 0) & ~((values == 0) & (rows != columns))
+        part = np.empty(keep.sum(), dtype=[("row", "i4"), ("column", "i4"), ("value", "f8")])
+        part["row"], part["column"], part["value"] = rows[keep], columns[keep], values[keep]
+        triplets.append(part)
+    return np.concatenate(triplets)
+
+
+def export(folder, name, ours, sprung):
+    """The scene, its matrix, positions and element triplets; returns the number of particles and whether all was written."""
+    scene_file = folder / "scene.json"
+    scene_file.write_text(output(ours, "--bench", "scene", *name.split()))
+    scene = json.loads(scene_file.read_text())
+    positions = np.array(scene["particles"]["positions"])
+    if 3 * len(positions) > LARGEST_EXPORT:
+        return len(positions), False
+    output(sprung, "matrix", scene_file, "--dt", DT, "--stiffness", "tension", "--out", folder, "--quiet")
+    table = np.genfromtxt(folder / "dofs.csv", delimiter=",", names=True, dtype=None, encoding=None)
+    dofs = np.column_stack([table["particle"], [("x", "y", "z").index(axis) for axis in table["axis"]]])
+    np.save(folder / "positions.npy", positions)
+    lower_triplets(scene, dofs).tofile(folder / "triplets.bin")
+    return len(positions), True
+
+
+def environment(library, threads):
+    """CHOLMOD's own threads would nest those of the BLAS; Eigen has only its own."""
+    tuned = dict(os.environ, OMP_NUM_THREADS=str(threads), OPENBLAS_NUM_THREADS=str(threads))
+    if library == "cholmod":
+        tuned["OMP_THREAD_LIMIT"] = "1"
+    if "avx512f" in Path("/proc/cpuinfo").read_text():
+        # This BLAS takes newer processors for older ones.
+        tuned["OPENBLAS_CORETYPE"] = "SkylakeX"
+    return tuned
+
+
+def measure(folder, name, ours, sprung, peers):
+    particles, exported = export(folder, name, ours, sprung)
+    lines = output(ours, "--bench", "measure", *name.split())
+    if exported:
+        for threads in (1, 2):
+            for library in ("eigen", "cholmod"):
+                skip = library == "eigen" and name in NOT_FACTORED_BY_EIGEN
+                lines += output(peers, library, name, particles, folder / "A.mtx", folder / "b.mtx", folder / "triplets.bin",
+                                threads, 0 if skip else LARGEST_FACTOR, env=environment(library, threads))
+        lines += output(sys.executable, HERE / "amg.py", name, particles, folder,
+                        env=environment("pyamg", 1))
+    return [json.loads(line) for line in lines.splitlines()]
+
+
+def main():
+    scenes = sys.argv[1:] or SCENES
+    results = []
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        programs = build(folder)
+        for name in scenes:
+            print(f"measuring {name}", file=sys.stderr, flush=True)
+            results += measure(folder, name, *programs)
+    DOCS.mkdir(parents=True, exist_ok=True)
+    (DOCS / "results.json").write_text(json.dumps(results, indent=1) + "\n")
+    import report
+    report.write(results, DOCS)
+
+
+if __name__ == "__main__":
+    main()

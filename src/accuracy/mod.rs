@@ -1,0 +1,16 @@
+//! How accurate a run is, what it costs, and which run is the cheapest that is accurate enough.
+
+mod choose;
+mod cost;
+mod ladder;
+mod norm;
+mod preset;
+mod reduction;
+mod trial;
+
+pub use choose::{Choice, Requirement, choose};
+pub use cost::CostModel;
+pub use norm::{extent, relative_position_error};
+pub use preset::preset;
+pub use reduction::{Reduced, Reduction, reduce};
+pub use trial::{Configuration, Pace, Trial, trial};

@@ -1,0 +1,56 @@
+//! The distance between two configurations as one number.
+
+use nalgebra::Vector3;
+
+/// The relative position error `‖x − x̂‖ / ‖x̂ − c‖` of x against a reference x̂.
+///
+/// Both norms are Euclidean over all coordinates of all particles; c is the centroid of x̂, so that the error does not depend
+/// on where the origin lies and is never below `‖x − x̂‖/‖x̂‖`. Where all particles of x̂ are at one place (a single
+/// particle) the denominator is the distance from where the motion `start`ed, and 1 m where that is zero too.
+pub fn relative_position_error(x: &[Vector3<f64>], reference: &[Vector3<f64>], start: &[Vector3<f64>]) -> f64 {
+    let error = distance(x, reference);
+    if error == 0.0 { 0.0 } else { error / extent(reference, start) }
+}
+
+/// The denominator of [`relative_position_error`], in m.
+pub fn extent(reference: &[Vector3<f64>], start: &[Vector3<f64>]) -> f64 {
+    let centroid = reference.iter().sum::<Vector3<f64>>() / reference.len().max(1) as f64;
+    let spread = reference.iter().map(|x| (x - centroid).norm_squared()).sum::<f64>().sqrt();
+    let largest = reference.iter().map(|x| x.norm()).fold(0.0, f64::max);
+    // Below a few roundings of the coordinates the spread is no length.
+    let candidates = [spread, distance(reference, start)];
+    candidates.into_iter().find(|&length| length > 1e-12 * largest).unwrap_or(1.0)
+}
+
+fn distance(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn error_is_relative_to_the_extent_and_blind_to_the_origin() {
+        let at = |shift: f64| vec![Vector3::new(shift - 3.0, 0.0, 0.0), Vector3::new(shift + 3.0, 0.0, 0.0)];
+        let off = |shift: f64| vec![Vector3::new(shift - 3.0, 0.0, 0.0), Vector3::new(shift + 3.0, 0.3, 0.0)];
+        for shift in [0.0, 1000.0] {
+            let error = relative_position_error(&off(shift), &at(shift), &at(shift));
+            assert!((error - 0.3 / 18f64.sqrt()).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn one_particle_is_measured_by_its_way() {
+        let point = |x: f64| vec![Vector3::new(x, 0.0, 0.0)];
+        assert_eq!(relative_position_error(&point(2.5), &point(2.0), &point(-2.0)), 0.125);
+        assert_eq!(relative_position_error(&point(2.5), &point(2.0), &point(2.0)), 0.5);
+        assert_eq!(relative_position_error(&point(2.0), &point(2.0), &point(2.0)), 0.0);
+    }
+
+    #[test]
+    fn an_undefined_position_gives_an_undefined_error() {
+        let x = [Vector3::new(f64::NAN, 0.0, 0.0)];
+        assert!(relative_position_error(&x, &[Vector3::zeros()], &[Vector3::zeros()]).is_nan());
+    }
+}

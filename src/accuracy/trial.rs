@@ -1,0 +1,103 @@
+//! One run of one configuration, measured.
+
+use crate::error::Result;
+use crate::integrate::{
+    Adaptivity, ImplicitOptions, Method, RunFailure, Sampling, Schedule, Statistics, Status, TimeStepper, run,
+    run_adaptive,
+};
+use crate::system::{State, System};
+use serde::Serialize;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+/// A way to simulate: everything but the step size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Configuration {
+    /// The method.
+    pub method: Method,
+    /// Stiffness and linear solver; without meaning for methods without matrices.
+    pub options: ImplicitOptions,
+}
+
+impl Configuration {
+    /// Name of the stiffness policy; `none` for a method without matrices.
+    pub fn stiffness(&self) -> &'static str {
+        if self.method.is_implicit() { self.options.stiffness.name() } else { "none" }
+    }
+}
+
+/// What decides about the length of steps.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pace {
+    /// All steps but the last are of this length, in s.
+    Step(f64),
+    /// Steps adapt to an error estimate; for methods that have one.
+    Adaptive {
+        /// The relative tolerance.
+        rtol: f64,
+        /// The first step to try, in s.
+        first_step: f64,
+    },
+}
+
+/// What a run did and where it led.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// How it ended.
+    pub status: Status,
+    /// What broke it, if anything did.
+    pub failure: Option<RunFailure>,
+    /// The linear solver really used; `none` for a method without matrices.
+    pub solver: &'static str,
+    /// Steps done.
+    pub steps: u64,
+    /// The last good state.
+    pub state: State,
+    /// Work and residuals.
+    pub statistics: Statistics,
+    /// Elapsed time, set-up included.
+    pub wall: Duration,
+}
+
+/// Runs a configuration for `duration` seconds from a state, as long as `go_on` says so; after that the status is
+/// [`Interrupted`](Status::Interrupted).
+///
+/// # Errors
+/// Coincident ends of a spring in `start`; a matrix that is too large; adaptive steps of a method without error estimate.
+pub fn trial(
+    system: &System,
+    start: &State,
+    configuration: &Configuration,
+    pace: Pace,
+    duration: f64,
+    go_on: &dyn Fn() -> bool,
+) -> Result<Trial> {
+    let clock = Instant::now();
+    let Configuration { method, options } = configuration;
+    let mut state = start.clone();
+    let observe = |_: u64, _: &State| if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+    let (outcome, stepper): (_, Box<dyn TimeStepper>) = match pace {
+        Pace::Step(dt) => {
+            let mut stepper = method.stepper(system, start, options)?;
+            let outcome = run(stepper.as_mut(), &mut state, &Schedule::duration(dt, duration), observe);
+            (outcome, stepper)
+        }
+        Pace::Adaptive { rtol, first_step } => {
+            let mut stepper = method.adaptive_stepper(system, start, options)?.ok_or_else(|| {
+                crate::Error::Usage(format!("{} has no error estimate for adaptive steps", method.name()))
+            })?;
+            let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Steps };
+            (run_adaptive(stepper.as_mut(), system, &mut state, &how, observe), stepper)
+        }
+    };
+    Ok(Trial {
+        status: outcome.status(),
+        failure: outcome.end.err(),
+        solver: stepper.solver().unwrap_or("none"),
+        steps: outcome.steps,
+        state,
+        statistics: *stepper.statistics(),
+        wall: clock.elapsed(),
+    })
+}

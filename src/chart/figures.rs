@@ -1,0 +1,292 @@
+//! What a chart shows, as plain pictures: speed against accuracy in time and in counted work, conservation, tolerances,
+//! solvers.
+
+use super::{Run, WorkPrecision};
+use crate::figure::{Axis, Guide, Plot, Series};
+use std::collections::BTreeMap;
+
+/// An error above this is no result: the run counts as failed.
+pub const LARGEST_ERROR: f64 = 1.0;
+
+/// A plot with the name of its file and a sentence on how to read it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figure {
+    /// File name without extension.
+    pub name: &'static str,
+    /// How to read it.
+    pub caption: String,
+    /// The plot.
+    pub plot: Plot,
+}
+
+/// Runs of one configuration from long steps to short ones.
+#[derive(Debug, Clone)]
+pub struct Curve<'a> {
+    /// The method's name, `w2, adaptive` where steps are.
+    pub method: String,
+    /// The stiffness policy's name.
+    pub stiffness: &'static str,
+    /// The linear solver.
+    pub solver: &'static str,
+    /// The runs.
+    pub runs: Vec<&'a Run>,
+}
+
+impl Run {
+    /// The error of a run that led somewhere: completed, and off by less than [`LARGEST_ERROR`].
+    pub fn useful_error(&self) -> Option<f64> {
+        self.error.filter(|error| *error < LARGEST_ERROR)
+    }
+
+    /// Why a run has no useful error, in a word or two.
+    pub fn cause(&self) -> Option<String> {
+        match self.error {
+            Some(error) if error < LARGEST_ERROR => None,
+            Some(_) => Some("error above 100 %".into()),
+            None => Some(self.status.name().replace('-', " ")),
+        }
+    }
+}
+
+impl Curve<'_> {
+    /// How much the configuration costs, without regard to how far it was taken: the least of `cost · error^(1/2)` over its
+    /// useful runs.
+    fn coefficient(&self) -> f64 {
+        let of_run = |run: &&Run| run.useful_error().map(|error| run.cost * error.max(1e-15).sqrt());
+        self.runs.iter().filter_map(of_run).fold(f64::INFINITY, f64::min)
+    }
+
+    fn points(&self, y: impl Fn(&Run) -> f64) -> Vec<(f64, f64)> {
+        self.runs.iter().filter_map(|run| Some((run.useful_error()?, y(run)))).collect()
+    }
+}
+
+/// The sweep's runs by configuration, in the sweep's order.
+pub fn curves(runs: &[Run]) -> Vec<Curve<'_>> {
+    let mut curves: Vec<Curve<'_>> = Vec::new();
+    for run in runs {
+        let method = if run.rtol.is_some() { format!("{}, adaptive", run.method) } else { run.method.to_owned() };
+        // A run that failed before it solved anything does not know its solver better than the others of its curve.
+        let same = |c: &&mut Curve<'_>| c.method == method && c.stiffness == run.stiffness && c.solver == run.solver;
+        match curves.iter_mut().find(same) {
+            Some(curve) => curve.runs.push(run),
+            None => curves.push(Curve { method, stiffness: run.stiffness, solver: run.solver, runs: vec![run] }),
+        }
+    }
+    curves
+}
+
+/// Of each method the configuration that costs least.
+pub fn best_of_each(runs: &[Run]) -> Vec<Curve<'_>> {
+    let mut best: Vec<Curve<'_>> = Vec::new();
+    for curve in curves(runs) {
+        match best.iter_mut().find(|other| other.method == curve.method) {
+            Some(other) if curve.coefficient() < other.coefficient() => *other = curve,
+            Some(_) => {}
+            None => best.push(curve),
+        }
+    }
+    best
+}
+
+impl WorkPrecision {
+    /// Every picture of the chart.
+    pub fn figures(&self) -> Vec<Figure> {
+        let best = best_of_each(&self.runs);
+        let by_method = |curve: &Curve<'_>| match (curve.stiffness, curve.solver) {
+            ("none", _) => curve.method.clone(),
+            (stiffness, "llt") => format!("{} ({stiffness})", curve.method),
+            (stiffness, solver) => format!("{} ({stiffness}, {solver})", curve.method),
+        };
+        let implicit: Vec<Curve<'_>> = best.iter().filter(|curve| curve.stiffness != "none").cloned().collect();
+        let mut figures = vec![
+            self.work_precision("time", "Time against accuracy", "time of the run, s", &best, by_method, |run| {
+                run.wall_seconds
+            }),
+            self.work_precision(
+                "work",
+                "Work against accuracy",
+                "work, in force evaluations",
+                &best,
+                by_method,
+                |run| run.cost,
+            ),
+            self.work_precision(
+                "solves",
+                "Linear solves against accuracy",
+                "linear solves",
+                &implicit,
+                by_method,
+                |run| run.work.solves as f64,
+            ),
+            self.errors(&best, by_method),
+        ];
+        for (name, method) in [("options-euler", "linear-backward-euler"), ("options-w2", "w2")] {
+            let of_method: Vec<_> = curves(&self.runs).into_iter().filter(|curve| curve.method == method).collect();
+            let title = format!("Stiffness options and solvers of {method}");
+            let legend = |curve: &Curve<'_>| format!("{}, {}", curve.stiffness, curve.solver);
+            figures.push(
+                self.work_precision(name, &title, "work, in force evaluations", &of_method, legend, |run| run.cost),
+            );
+        }
+        figures.push(self.drift("energy", "Energy gained or lost", &best, by_method, |run| {
+            run.quality.map(|quality| quality.energy_drift.abs())
+        }));
+        figures.push(self.drift("angular-momentum", "Angular momentum gained or lost", &best, by_method, |run| {
+            run.quality.map(|quality| quality.angular_momentum_drift)
+        }));
+        figures.extend(self.tolerance_figures());
+        figures.extend(self.size_figures());
+        figures.retain(|figure| figure.plot.series.iter().any(|series| !series.points.is_empty()));
+        figures
+    }
+
+    fn work_precision(
+        &self,
+        name: &'static str,
+        title: &str,
+        cost: &str,
+        curves: &[Curve<'_>],
+        legend: impl Fn(&Curve<'_>) -> String,
+        y: impl Fn(&Run) -> f64 + Copy,
+    ) -> Figure {
+        let mut plot = Plot::log_log(format!("{title}: {}", self.scene), "relative position error at the end", cost);
+        for curve in curves {
+            plot = plot.with_series(Series::line(legend(curve), curve.points(y)));
+        }
+        let failed: Vec<(f64, f64)> = curves
+            .iter()
+            .flat_map(|curve| &curve.runs)
+            .filter(|run| run.cause().is_some())
+            .map(|run| (f64::INFINITY, y(run)))
+            .filter(|point| point.1 > 0.0)
+            .collect();
+        if !failed.is_empty() {
+            plot = plot.with_series(Series::failures("failed", failed));
+        }
+        plot = self.with_floor(plot);
+        // The guides pass where the curves are: through the middle of the most accurate half of the errors.
+        let all: Vec<(f64, f64)> = plot.series.iter().flat_map(|series| series.points.iter().copied()).collect();
+        if let Some(anchor) = middle(&all) {
+            for order in [1.0, 2.0] {
+                plot = plot.with_guide(Guide::Slope { slope: -1.0 / order, through: anchor });
+            }
+        }
+        let caption = "To the left is more accurate, down is cheaper: the lowest curve at the error you need wins. Steps are \
+            halved from point to point. A method of order 1 follows the slope −1, one of order 2 the slope −1/2. Crosses at the \
+            right edge are runs that broke down or ended more than 100 % off, at the cost they had until then."
+            .into();
+        Figure { name, caption, plot }
+    }
+
+    fn with_floor(&self, plot: Plot) -> Plot {
+        let x = self.reference.error_estimate;
+        plot.with_guide(Guide::Vertical { x, label: "error of the reference".into() })
+    }
+
+    fn errors(&self, curves: &[Curve<'_>], legend: impl Fn(&Curve<'_>) -> String) -> Figure {
+        let title = format!("Error over the time step: {}", self.scene);
+        let mut plot = Plot::log_log(title, "time step, s", "relative position error at the end");
+        for curve in curves {
+            let points = curve.runs.iter().filter_map(|run| Some((run.dt, run.useful_error()?))).collect();
+            plot = plot.with_series(Series::line(legend(curve), points));
+        }
+        let mut failures: BTreeMap<String, Vec<(f64, f64)>> = BTreeMap::new();
+        for run in &self.runs {
+            if let Some(cause) = run.cause() {
+                failures.entry(cause).or_default().push((run.dt, f64::INFINITY));
+            }
+        }
+        for (cause, points) in failures {
+            plot = plot.with_series(Series::failures(cause, points));
+        }
+        let all: Vec<(f64, f64)> =
+            plot.series.iter().flat_map(|series| series.points.iter().copied()).filter(|p| p.1.is_finite()).collect();
+        if let Some(anchor) = middle(&all) {
+            plot = plot.with_guide(Guide::Slope { slope: 1.0, through: anchor });
+            plot = plot.with_guide(Guide::Slope { slope: 2.0, through: anchor });
+        }
+        let level = Guide::Level { y: self.reference.error_estimate, label: "error of the reference".into() };
+        let caption =
+            "The slope of a curve is the order of its method. Crosses are runs of any configuration that failed, \
+            at their step, each cause in a lane of its own; the table below names them."
+                .into();
+        Figure { name: "error", caption, plot: plot.with_guide(level) }
+    }
+
+    fn drift(
+        &self,
+        name: &'static str,
+        title: &str,
+        curves: &[Curve<'_>],
+        legend: impl Fn(&Curve<'_>) -> String,
+        y: impl Fn(&Run) -> Option<f64>,
+    ) -> Figure {
+        let title = format!("{title}: {}", self.scene);
+        let mut plot = Plot::log_log(title, "time step, s", "difference from the reference, relative");
+        for curve in curves {
+            let useful = curve.runs.iter().filter(|run| run.useful_error().is_some());
+            let points = useful.filter_map(|run| Some((run.dt, y(run)?))).filter(|point| point.1 > 0.0).collect();
+            plot = plot.with_series(Series::line(legend(curve), points));
+        }
+        let caption =
+            "At the end of the run, against the reference: what the method itself adds or takes away. Rounding \
+            is about 10⁻¹⁵."
+                .into();
+        Figure { name, caption, plot }
+    }
+
+    fn tolerance_figures(&self) -> Vec<Figure> {
+        let title = |what: &str| format!("Tolerance of conjugate gradients and {what}: {}", self.scene);
+        let x = "tolerance: ‖b − A δx‖ / ‖b‖";
+        let mut errors = Plot::log_log(title("error"), x, "relative position error at the end");
+        let mut iterations = Plot::log_log(title("work"), x, "iterations in all");
+        for method in ["linear-backward-euler", "w2"] {
+            let of_method = || self.tolerances.iter().filter(|run| run.method == method);
+            let points = |y: &dyn Fn(&Run) -> Option<f64>| {
+                of_method().filter_map(|run| Some((run.tolerance?, y(run)?))).collect::<Vec<_>>()
+            };
+            errors = errors.with_series(Series::line(method, points(&|run| run.useful_error())));
+            iterations =
+                iterations.with_series(Series::line(method, points(&|run| Some(run.work.cg_iterations as f64))));
+        }
+        let step = self.tolerances.first().map_or(String::new(), |run| format!(", with steps of {} s", run.dt));
+        let caption = format!(
+            "Where the curve is flat the error of the step dominates and a looser tolerance costs nothing{step}."
+        );
+        let cost = format!("Every digit takes about equally many iterations{step}.");
+        vec![
+            Figure { name: "tolerance-error", caption, plot: errors },
+            Figure { name: "tolerance-work", caption: cost, plot: iterations },
+        ]
+    }
+
+    fn size_figures(&self) -> Vec<Figure> {
+        let mut figures = Vec::new();
+        for (kind, name) in [("cloth", "sizes-cloth"), ("lattice", "sizes-lattice")] {
+            let title = format!("Factorization or iteration: ready scenes, {kind}");
+            let mut plot =
+                Plot::new(title, Axis::logarithmic("degrees of freedom"), Axis::logarithmic("time of a step, s"));
+            for solver in ["llt", "cg", "cg-assembled"] {
+                let of_solver = self.sizes.iter().filter(|run| run.kind == kind && run.solver == solver);
+                let points = of_solver.map(|run| (run.dofs as f64, run.seconds_per_step)).collect();
+                plot = plot.with_series(Series::line(solver, points));
+            }
+            let caption =
+                "One step of linearised backward Euler with the option tension: sparse Cholesky (llt) against \
+                conjugate gradients to 10⁻¹⁰, without a matrix and on the assembled one."
+                    .into();
+            figures.push(Figure { name, caption, plot });
+        }
+        figures
+    }
+}
+
+/// A point in the midst of others on logarithmic axes.
+fn middle(points: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let finite: Vec<&(f64, f64)> =
+        points.iter().filter(|(x, y)| *x > 0.0 && *y > 0.0 && x.is_finite() && y.is_finite()).collect();
+    let count = finite.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| (finite.iter().map(|p| of(p).ln()).sum::<f64>() / count).exp();
+    (!finite.is_empty()).then(|| (mean(|p| p.0), mean(|p| p.1)))
+}

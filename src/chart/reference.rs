@@ -1,0 +1,146 @@
+//! The answer that runs are measured against, with an estimate of its own error.
+
+use super::dop853;
+use crate::accuracy::{Configuration, Pace, relative_position_error, trial};
+use crate::error::Result;
+use crate::integrate::{ImplicitOptions, Method, Status};
+use crate::system::{State, System};
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// A reference solution at the end time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Reference {
+    /// How it was computed, in words.
+    pub method: String,
+    /// Estimate of its own [relative position error](relative_position_error). No measured error below a few times this has a
+    /// meaning.
+    pub error_estimate: f64,
+    /// The state at the end time.
+    #[serde(skip)]
+    pub state: State,
+}
+
+/// Local tolerances of the library's integrator: the second is the reference, the first tells its error.
+const TOLERANCES: [f64; 2] = [1e-10, 1e-12];
+
+/// Rounding of the positions: no estimate is smaller.
+const ROUNDING: f64 = 1e-15;
+
+impl Reference {
+    /// Computes the state `duration` seconds after `start` within about `limit`; dt is a step that methods may begin with.
+    ///
+    /// DOP853 of the crate `ode_solvers`, an explicit method of order 8, at two tolerances a hundredfold apart. The error of the
+    /// tighter run is estimated by the difference of both, which is the error of the looser one: an overestimate on purpose. Where
+    /// it would take longer than half the limit (stiff scenes), Richardson extrapolation of the W-method over as many halvings of
+    /// dt as fit. Its error is estimated by the difference from the same extrapolation of implicit midpoint, which shares no
+    /// formula for the step, or, where that does not converge, from its own at doubled steps. `None` without any answer.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `start`; a matrix that is too large.
+    pub fn compute(system: &System, start: &State, [dt, duration]: [f64; 2], limit: Duration) -> Result<Option<Self>> {
+        let now = Instant::now();
+        match Self::by_library(system, start, duration, now + limit / 2) {
+            Some(reference) => Ok(Some(reference)),
+            None => Self::by_extrapolation(system, start, [dt, duration], now + limit),
+        }
+    }
+
+    fn by_library(system: &System, start: &State, duration: f64, deadline: Instant) -> Option<Self> {
+        let [loose, tight] = TOLERANCES;
+        let solve = |tolerance| dop853(system, start, duration, tolerance, deadline);
+        let (coarse, state) = (solve(loose)?, solve(tight)?);
+        let difference = relative_position_error(&coarse.positions, &state.positions, &start.positions);
+        let method = format!("DOP853 (ode_solvers), relative tolerance {tight:e}");
+        Some(Self { method, error_estimate: difference.max(ROUNDING), state })
+    }
+
+    /// By Richardson extrapolation alone, from steps of dt on; see [`compute`](Self::compute).
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `start`; a matrix that is too large.
+    pub fn by_extrapolation(
+        system: &System,
+        start: &State,
+        length: [f64; 2],
+        deadline: Instant,
+    ) -> Result<Option<Self>> {
+        let [dt, duration] = length;
+        let mut ladders = [Method::ImplicitMidpoint, Method::W2].map(Ladder::new);
+        let mut best: Option<Self> = None;
+        let mut steps = (duration / dt).ceil().max(4.0);
+        let difference = |a: &State, b: &State| relative_position_error(&a.positions, &b.positions, &start.positions);
+        while ladders.iter().any(|ladder| ladder.open) && Instant::now() < deadline {
+            for ladder in ladders.iter_mut().filter(|ladder| ladder.open) {
+                ladder.climb(system, start, [duration / steps, duration], deadline)?;
+            }
+            // From doubled steps to these an error of third order falls by seven eighths; what is left is below a quarter of that.
+            let settled = |(now, before)| 0.25 * difference(now, before);
+            let candidate = match ladders.each_ref().map(Ladder::two) {
+                [Some(a), Some(b)] => {
+                    let apart = difference(a.0, b.0).max(settled(a)).max(settled(b));
+                    Some((b.0, apart, "held to that of implicit midpoint"))
+                }
+                two => {
+                    two.into_iter().flatten().last().map(|two| (two.0, settled(two), "held to that of doubled steps"))
+                }
+            };
+            // Every step rounds the positions, and extrapolation does not take that off.
+            let rounding = 0.5 * f64::EPSILON * steps;
+            if let Some((state, difference, held_to)) = candidate.map(|(state, d, to)| (state, d.max(rounding), to))
+                && best.as_ref().is_none_or(|best| difference < best.error_estimate)
+            {
+                let method = format!("Richardson extrapolation of w2 with {steps} steps, {held_to}");
+                best = Some(Self { method, error_estimate: difference.max(ROUNDING), state: state.clone() });
+            }
+            steps *= 2.0;
+        }
+        Ok(best)
+    }
+}
+
+/// A second-order method at dt, dt/2, dt/4, …
+struct Ladder {
+    configuration: Configuration,
+    last: Option<State>,
+    /// `x(dt/2) + (x(dt/2) − x(dt))/3`, third order or better.
+    extrapolated: Option<State>,
+    /// The extrapolation before.
+    before: Option<State>,
+    /// Whether there was time for the last run.
+    open: bool,
+}
+
+impl Ladder {
+    fn new(method: Method) -> Self {
+        let configuration = Configuration { method, options: ImplicitOptions::default() };
+        Self { configuration, last: None, extrapolated: None, before: None, open: true }
+    }
+
+    /// The last two extrapolations.
+    fn two(&self) -> Option<(&State, &State)> {
+        self.extrapolated.as_ref().zip(self.before.as_ref())
+    }
+
+    fn climb(&mut self, system: &System, start: &State, [dt, duration]: [f64; 2], deadline: Instant) -> Result<()> {
+        let in_time = || Instant::now() < deadline;
+        let run = trial(system, start, &self.configuration, Pace::Step(dt), duration, &in_time)?;
+        // The next run takes twice as long.
+        self.open = run.status != Status::Interrupted && Instant::now() + 2 * run.wall < deadline;
+        let state = (run.status == Status::Completed).then_some(run.state);
+        self.before = self.extrapolated.take();
+        self.extrapolated = self.last.as_ref().zip(state.as_ref()).map(|(coarse, fine)| {
+            let mut state = fine.clone();
+            let extrapolate = |to: &mut Vec<_>, from: &[_]| {
+                for (fine, coarse) in to.iter_mut().zip(from) {
+                    *fine += (*fine - coarse) / 3.0;
+                }
+            };
+            extrapolate(&mut state.positions, &coarse.positions);
+            extrapolate(&mut state.velocities, &coarse.velocities);
+            state
+        });
+        self.last = state;
+        Ok(())
+    }
+}

@@ -1,0 +1,85 @@
+//! Factorization or conjugate gradients? One step on ready scenes of growing size.
+
+use crate::error::Result;
+use crate::integrate::{ImplicitOptions, Method, StiffnessPolicy};
+use crate::linear::{SolverChoice, SolverOptions};
+use crate::scene::{Kind, builtin};
+use crate::spring::Stiffness;
+use crate::work::Work;
+use faer::Par;
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// Time of a step by one solver on one scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SizeRun {
+    /// The ready scene's kind.
+    pub kind: &'static str,
+    /// Its free degrees of freedom.
+    pub dofs: usize,
+    /// The linear solver.
+    pub solver: &'static str,
+    /// The shortest time of a step, set-up left out, in s.
+    pub seconds_per_step: f64,
+    /// Time of set-up: pattern, ordering, symbolic factorization, in s.
+    pub setup_seconds: f64,
+    /// Work of all steps.
+    pub work: Work,
+    /// Steps.
+    pub steps: u64,
+}
+
+/// Steps of each run.
+const STEPS: u64 = 4;
+
+/// Their length, in s: 5000 for (k/l0)·dt²/m on the cloth, so that the matrix is far from M/dt².
+const DT: f64 = 0.01;
+
+/// Grows cloths and lattices as long as the next one fits into the time.
+pub(super) fn study(deadline: Instant) -> Result<Vec<SizeRun>> {
+    let mut runs = Vec::new();
+    for (kind, sizes) in [(Kind::Cloth, [6, 12, 24, 48, 96]), (Kind::Lattice, [3, 5, 8, 12, 18])] {
+        let mut solvers = vec![SolverChoice::Llt, SolverChoice::Cg, SolverChoice::CgAssembled];
+        for size in sizes {
+            let (system, state) = builtin(kind, size)?.build()?;
+            let mut affordable = Vec::new();
+            for &solver in &solvers {
+                let clock = Instant::now();
+                let linear = SolverOptions { solver, par: Par::Seq, ..SolverOptions::default() };
+                let options = ImplicitOptions { stiffness: StiffnessPolicy::Always(Stiffness::Tension), linear };
+                let mut stepper = Method::LinearBackwardEuler.stepper(&system, &state, &options)?;
+                let setup = clock.elapsed();
+                let mut moving = state.clone();
+                let mut shortest = None;
+                for _ in 0..STEPS {
+                    let step = Instant::now();
+                    if stepper.step(&mut moving, DT).is_err() {
+                        break;
+                    }
+                    shortest = Some(shortest.map_or(step.elapsed(), |other: Duration| other.min(step.elapsed())));
+                }
+                let Some(shortest) = shortest else { continue };
+                runs.push(SizeRun {
+                    kind: kind.name(),
+                    dofs: system.dofs().len(),
+                    solver: stepper.solver().unwrap_or("none"),
+                    seconds_per_step: shortest.as_secs_f64(),
+                    setup_seconds: setup.as_secs_f64(),
+                    work: stepper.statistics().work,
+                    steps: STEPS,
+                });
+                // The next size has four to ten times the work.
+                if Instant::now() + 10 * clock.elapsed() < deadline {
+                    affordable.push(solver);
+                }
+            }
+            solvers = affordable;
+        }
+    }
+    Ok(runs)
+}
+
+/// The share of a budget that this study may take, at most so many seconds.
+pub(super) fn share(budget: Duration) -> Duration {
+    (budget / 8).min(Duration::from_secs(10))
+}

@@ -1,0 +1,57 @@
+//! The map as pictures.
+
+use super::{Axis, StabilityMap, Tile, Verdict};
+use crate::figure::{self, Series, Tiles};
+
+impl Tile {
+    /// As a field of cells with the limits in closed form over it.
+    pub fn figure(&self) -> Tiles {
+        let (over, y) = match self.axis {
+            Axis::Stretch => ("over the stretch", figure::Axis::linear("stretch λ = l/l0")),
+            Axis::Damping => ("over damping, at λ = 2", figure::Axis::logarithmic("axial damping ratio ζ")),
+        };
+        let option = if self.stiffness == "none" { String::new() } else { format!(" ({})", self.stiffness) };
+        let class = |verdict: &Verdict| Verdict::ALL.iter().position(|other| other == verdict).unwrap_or(0);
+        let mut curves: Vec<Series> = Vec::new();
+        for (&row, limits) in self.rows.iter().zip(&self.limits) {
+            for limit in limits {
+                match curves.iter_mut().find(|curve| curve.name == limit.formula) {
+                    Some(curve) => curve.points.push((limit.z, row)),
+                    None => curves.push(Series::line(limit.formula, vec![(limit.z, row)])),
+                }
+            }
+        }
+        let shown = |curve: &Series| {
+            let ends = (self.columns.first(), self.columns.last());
+            curve.points.iter().any(|(z, _)| ends.0.is_some_and(|low| z >= low) && ends.1.is_some_and(|high| z <= high))
+        };
+        curves.retain(shown);
+        Tiles {
+            title: format!("{}{option}, {over}", self.method),
+            x: figure::Axis::logarithmic("ω dt"),
+            y,
+            columns: self.columns.clone(),
+            rows: self.rows.clone(),
+            cells: self.verdicts.iter().map(|row| row.iter().map(class).collect()).collect(),
+            classes: Verdict::ALL.iter().map(|verdict| verdict.name().into()).collect(),
+            curves,
+        }
+    }
+
+    /// A name for a file: method, option and axis.
+    pub fn file_name(&self) -> String {
+        let axis = match self.axis {
+            Axis::Stretch => "stretch",
+            Axis::Damping => "damping",
+        };
+        format!("stability-{}-{}-{axis}", self.method, self.stiffness)
+    }
+}
+
+impl StabilityMap {
+    /// Cells that theory says something about, and those among them that contradict it.
+    pub fn agreement(&self) -> (usize, usize) {
+        let count = |of: fn(&Tile) -> usize| self.tiles.iter().map(of).sum();
+        (count(|tile| tile.predicted), count(|tile| tile.contradictions.len()))
+    }
+}

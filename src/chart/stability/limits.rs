@@ -1,0 +1,148 @@
+//! The limits of stability in closed form, on the model of this module.
+//!
+//! With `z = ω dt`, the stretch λ and the axial damping ratio ζ; γ = 1 − 1/√2 is the W-method's.
+//!
+//! | method | stretched, λ > 1 | compressed, λ < 1 |
+//! |---|---|---|
+//! | linearised and Newton backward Euler, implicit midpoint, W-method; exact stiffness | stable for all z | |
+//! | linearised backward Euler, transverse term dropped (`axial`) | `z ≤ 2/√(1 − 1/λ)`: symplectic Euler across | A definite for all z |
+//! | W-method, transverse term dropped | `z ≤ 2.26448/√(1 − 1/λ)` | A definite for all z |
+//! | linearised backward Euler, `full` | | A definite for `z < 1/√(1/λ − 1)` |
+//! | W-method, `full` | | A definite for `z < 1/(γ √(1/λ − 1))` |
+//! | symplectic Euler, damping explicit | `z ≤ 2 (√(1 + ζ²) − ζ)` along, `z ≤ 2/√(1 − 1/λ)` across | |
+//! | forward Euler | unstable for all z: nothing damps the motion across | |
+//!
+//! *Dropped term.* Without stiffness in the matrix linearised backward Euler is `v' = v − dt ω_t² x`, `x' = x + dt v'`, which has
+//! the characteristic polynomial `g² − (2 − z_t²) g + 1`: both roots lie on the unit circle up to z_t = 2. The W-method's two
+//! stages, put together, have determinant 1 too and the trace `2 − z_t² + ½γ² z_t⁴`. Both roots lie on the unit circle while its
+//! magnitude is at most 2: up to `z_t² = (1 − √(1 − 8γ²))/γ²`, and again on a narrow island from `(1 + √(1 − 8γ²))/γ²` to
+//! `2/γ²`, z_t = 4.265 … 4.828.
+//! *Explicit damping.* `g² − (2 − z² − 2ζz) g + 1 − 2ζz`: the Jury condition at g = −1 is `z² + 4ζz ≤ 4`.
+
+use crate::integrate::{Method, StiffnessPolicy};
+use crate::spring::Stiffness;
+use serde::Serialize;
+use std::f64::consts::FRAC_1_SQRT_2;
+
+/// What theory says about a run of the model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Prediction {
+    /// Nothing fails.
+    Stable,
+    /// Something fails.
+    Unstable,
+    /// The first factorization is refused.
+    Refused,
+    /// No factorization is refused; what else happens is not predicted.
+    Definite,
+    /// Nothing is predicted.
+    Silent,
+}
+
+/// A limit in z with its formula.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Limit {
+    /// The formula, with λ and ζ.
+    pub formula: &'static str,
+    /// The largest z.
+    pub z: f64,
+}
+
+const GAMMA: f64 = 1.0 - FRAC_1_SQRT_2;
+
+/// z_t at which the W-method without transverse stiffness becomes unstable, stable again, and unstable for good.
+pub fn dropped_term_limits() -> [f64; 3] {
+    let g = GAMMA * GAMMA;
+    let root = (1.0 - 8.0 * g).sqrt();
+    [(1.0 - root) / g, (1.0 + root) / g, 2.0 / g].map(f64::sqrt)
+}
+
+fn keeps_transverse(policy: StiffnessPolicy) -> bool {
+    policy != StiffnessPolicy::Always(Stiffness::Axial)
+}
+
+/// The limits of a method under a stiffness policy at a stretch and a damping ratio; none where it has none.
+pub fn limits(method: Method, policy: StiffnessPolicy, stretch: f64, damping_ratio: f64) -> Vec<Limit> {
+    let across = (1.0 - 1.0 / stretch).max(0.0).sqrt();
+    let buckling = (1.0 / stretch - 1.0).max(0.0).sqrt();
+    let full = policy == StiffnessPolicy::Always(Stiffness::Full);
+    let mut limits = Vec::new();
+    let mut push = |formula, z: f64| {
+        if z.is_finite() {
+            limits.push(Limit { formula, z });
+        }
+    };
+    match method {
+        Method::LinearBackwardEuler if !keeps_transverse(policy) => push("2/√(1 − 1/λ)", 2.0 / across),
+        Method::W2 if !keeps_transverse(policy) => {
+            let [limit, island, end] = dropped_term_limits();
+            push("2.26448/√(1 − 1/λ)", limit / across);
+            push("island from 4.265/√(1 − 1/λ)", island / across);
+            push("island to 4.828/√(1 − 1/λ)", end / across);
+        }
+        Method::LinearBackwardEuler if full => push("1/√(1/λ − 1)", 1.0 / buckling),
+        Method::W2 if full => push("1/(γ√(1/λ − 1))", 1.0 / (GAMMA * buckling)),
+        Method::SymplecticEuler if stretch >= 1.0 => {
+            push("2(√(1 + ζ²) − ζ)", 2.0 * ((1.0 + damping_ratio * damping_ratio).sqrt() - damping_ratio));
+            push("2/√(1 − 1/λ)", 2.0 / across);
+        }
+        _ => {}
+    }
+    limits
+}
+
+/// What theory predicts; `Silent` within a factor `margin` of a limit, where rounding and the finite number of steps decide.
+pub fn prediction(
+    method: Method,
+    policy: StiffnessPolicy,
+    z: f64,
+    stretch: f64,
+    damping_ratio: f64,
+    margin: f64,
+) -> Prediction {
+    // At λ = 1 the motion across has no frequency, and what the linear theory leaves out decides.
+    if (stretch - 1.0).abs() < 1e-9 {
+        return Prediction::Silent;
+    }
+    let limits = limits(method, policy, stretch, damping_ratio);
+    if limits.iter().any(|limit| z < margin * limit.z && limit.z < margin * z) {
+        return Prediction::Silent;
+    }
+    // Every limit that is crossed turns stable into unstable and back; but two that bound two modes do so together.
+    let crossed = limits.iter().filter(|limit| z > limit.z).count();
+    let inside = if method == Method::W2 { crossed % 2 == 0 } else { crossed == 0 };
+    match method {
+        Method::SymplecticEuler | Method::ForwardEuler if stretch < 1.0 => Prediction::Silent,
+        Method::ForwardEuler => Prediction::Unstable,
+        _ if stretch < 1.0 && inside => Prediction::Definite,
+        _ if stretch < 1.0 => Prediction::Refused,
+        _ if inside => Prediction::Stable,
+        _ => Prediction::Unstable,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The stages of the W-method on `x'' = −z² x` with h = 1 and a matrix without stiffness, as two columns.
+    fn step(z: f64, x: f64, v: f64) -> [f64; 2] {
+        let force = |x: f64| -z * z * x;
+        let k_v = force(x);
+        let k_x = v + GAMMA * k_v;
+        let w_v = force(x + 0.5 * k_x) - k_v;
+        let w_x = v + 0.5 * k_v - k_x + GAMMA * w_v;
+        [x + k_x + w_x, v + k_v + w_v]
+    }
+
+    #[test]
+    fn the_w_method_without_stiffness_is_stable_where_its_trace_says() {
+        assert!((dropped_term_limits()[0] - 2.26448).abs() < 5e-6);
+        for z in (1..600).map(|i| 0.01 * f64::from(i)) {
+            let ([a, c], [b, d]) = (step(z, 1.0, 0.0), step(z, 0.0, 1.0));
+            assert!((a * d - b * c - 1.0).abs() < 1e-12 * (1.0 + (a * d).abs()));
+            let crossed = dropped_term_limits().iter().filter(|limit| z > **limit).count();
+            assert_eq!((a + d).abs() <= 2.0, crossed % 2 == 0, "{z}");
+        }
+    }
+}

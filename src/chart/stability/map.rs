@@ -1,0 +1,183 @@
+//! The map: an experiment in every cell, compared with what theory predicts there.
+
+use super::experiment::{Verdict, experiment};
+use super::limits::{Limit, Prediction, limits, prediction};
+use crate::accuracy::Configuration;
+use crate::chart::{Progress, configurations};
+use crate::error::Result;
+use crate::linear::SolverChoice;
+use crate::verify::{Check, Claim};
+use faer::Par;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::time::Instant;
+
+/// What the rows of a tile stand for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Axis {
+    /// The stretch λ = l/l0, without damping.
+    Stretch,
+    /// The axial damping ratio ζ, at the stretch 2.
+    Damping,
+}
+
+impl Axis {
+    /// Stretch and damping ratio of a row.
+    fn conditions(self, row: f64) -> (f64, f64) {
+        match self {
+            Self::Stretch => (row, 0.0),
+            Self::Damping => (2.0, row),
+        }
+    }
+}
+
+/// One method under one option.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Tile {
+    /// The method's name.
+    pub method: &'static str,
+    /// The stiffness policy's name; `none` for a method without matrices.
+    pub stiffness: &'static str,
+    /// What the rows stand for.
+    pub axis: Axis,
+    /// z = ω dt of every column.
+    pub columns: Vec<f64>,
+    /// λ or ζ of every row.
+    pub rows: Vec<f64>,
+    /// Row by row, what failed first.
+    pub verdicts: Vec<Vec<Verdict>>,
+    /// Row by row, the limits in closed form.
+    pub limits: Vec<Vec<Limit>>,
+    /// Cells about which theory says something.
+    pub predicted: usize,
+    /// Cells (z, row) in which it says something else than what was measured.
+    pub contradictions: Vec<(f64, f64)>,
+}
+
+/// Tiles for every method and option.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StabilityMap {
+    /// Over the stretch, then over damping.
+    pub tiles: Vec<Tile>,
+}
+
+/// Numbers from `low` to `high` with equal ratios.
+fn geometric(low: f64, high: f64, count: usize) -> Vec<f64> {
+    let ratio = (high / low).ln() / (count.max(2) - 1) as f64;
+    (0..count).map(|i| low * (ratio * i as f64).exp()).collect()
+}
+
+impl StabilityMap {
+    /// Measures with `resolution` columns over z = 0.1 … 10 and about two thirds as many rows.
+    ///
+    /// # Errors
+    /// None is known: the model is always a valid system.
+    pub fn measure(resolution: usize, progress: &mut dyn Progress) -> Result<Self> {
+        let begin = Instant::now();
+        let columns = geometric(0.1, 10.0, resolution.max(4));
+        // An odd number of rows has one at λ = 1.
+        let count = resolution.max(4) / 3 * 2 + 1;
+        let mut tiles = Vec::new();
+        for (axis, rows) in [(Axis::Stretch, geometric(0.5, 2.0, count)), (Axis::Damping, geometric(0.01, 10.0, count))]
+        {
+            let methods = configurations(Par::Seq).into_iter().filter(|c| c.options.linear.solver == SolverChoice::Llt);
+            for configuration in methods {
+                progress.at(begin.elapsed(), configuration.method.name());
+                tiles.push(Tile::measure(&configuration, axis, &columns, &rows)?);
+            }
+        }
+        Ok(Self { tiles })
+    }
+
+    /// One check a tile: not one cell in which map and formula contradict each other.
+    pub fn checks(&self) -> Vec<Check> {
+        self.tiles.iter().map(Tile::check).collect()
+    }
+}
+
+impl Tile {
+    /// Measures every cell of one tile.
+    ///
+    /// # Errors
+    /// None is known: the model is always a valid system.
+    pub fn measure(configuration: &Configuration, axis: Axis, columns: &[f64], rows: &[f64]) -> Result<Self> {
+        let (method, policy) = (configuration.method, configuration.options.stiffness);
+        let row = |&row: &f64| {
+            let (stretch, damping) = axis.conditions(row);
+            columns.iter().map(|&z| experiment(configuration, z, stretch, damping)).collect::<Result<Vec<_>>>()
+        };
+        let verdicts = rows.par_iter().map(row).collect::<Result<Vec<_>>>()?;
+        let margin = match columns {
+            [first, second, ..] => second / first,
+            _ => 1.0,
+        };
+        let mut predicted = 0;
+        let mut contradictions = Vec::new();
+        for (&row, verdicts) in rows.iter().zip(&verdicts) {
+            let (stretch, damping) = axis.conditions(row);
+            for (&z, &verdict) in columns.iter().zip(verdicts) {
+                let agrees = match prediction(method, policy, z, stretch, damping, margin) {
+                    Prediction::Silent => continue,
+                    Prediction::Stable => verdict == Verdict::Stable,
+                    Prediction::Unstable => verdict != Verdict::Stable,
+                    Prediction::Refused => verdict == Verdict::Indefinite,
+                    Prediction::Definite => verdict != Verdict::Indefinite,
+                };
+                predicted += 1;
+                if !agrees {
+                    contradictions.push((z, row));
+                }
+            }
+        }
+        let limits = rows.iter().map(|&row| {
+            let (stretch, damping) = axis.conditions(row);
+            limits(method, policy, stretch, damping)
+        });
+        Ok(Self {
+            method: method.name(),
+            stiffness: configuration.stiffness(),
+            axis,
+            columns: columns.to_vec(),
+            rows: rows.to_vec(),
+            verdicts,
+            limits: limits.collect(),
+            predicted,
+            contradictions,
+        })
+    }
+
+    /// No cell contradicts theory.
+    pub fn check(&self) -> Check {
+        let over = match self.axis {
+            Axis::Stretch => "stretch",
+            Axis::Damping => "damping",
+        };
+        let mut why = format!(
+            "the linear stability limits are exact on the model: none of {} cells further than one column from a limit may contradict them",
+            self.predicted
+        );
+        if let Some((z, row)) = self.contradictions.first() {
+            why += &format!("; the first that does is z = {z:.3}, {over} {row:.3}");
+        }
+        let name = format!("stability map of {} over {over}", self.method);
+        Check::new(Claim::Stability, name, self.stiffness, self.contradictions.len() as f64, 0.0, why)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrate::Method;
+
+    #[test]
+    fn a_small_map_agrees_with_theory() {
+        let map = StabilityMap::measure(12, &mut |_, _: &str| {}).unwrap();
+        for check in map.checks() {
+            assert!(check.passed(), "{} {}: {}", check.name, check.scene, check.why);
+        }
+        let refused = map.tiles.iter().flat_map(|tile| tile.verdicts.concat()).filter(|v| *v == Verdict::Indefinite);
+        assert!(refused.count() > 10);
+        assert!(map.tiles.iter().all(|tile| tile.predicted > 30 || tile.method == Method::ForwardEuler.name()));
+    }
+}

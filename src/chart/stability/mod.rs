@@ -1,0 +1,15 @@
+//! Where each method is stable: measured, with the limits that theory gives.
+//!
+//! **The model.** One particle of mass m in the plane between two equal springs to fixed walls, each at the stretch λ = l/l0.
+//! It has an axial mode, `ω² = 2k/(l0 m)`, and a transverse one, `ω_t² = ω² (1 − 1/λ)`: an oscillation where the springs
+//! are stretched, buckling at the rate `σ² = ω² (1/λ − 1)` where they are compressed. Everything that a spring can do to a
+//! time step is in these two. `z = ω dt` and λ (or the axial damping ratio ζ) span the map.
+
+mod experiment;
+mod figures;
+mod limits;
+mod map;
+
+pub use experiment::Verdict;
+pub use limits::{Limit, Prediction, dropped_term_limits, limits, prediction};
+pub use map::{Axis, StabilityMap, Tile};

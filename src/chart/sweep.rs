@@ -1,0 +1,204 @@
+//! The sweep: every configuration at every step size that fits into the time, measured against the reference.
+
+use super::{Progress, Quality, Reference};
+use crate::accuracy::{Configuration, CostModel, Pace, Trial, trial};
+use crate::error::Result;
+use crate::integrate::{ImplicitOptions, Method, Status, StiffnessPolicy};
+use crate::linear::{SolverChoice, SolverOptions};
+use crate::spring::Stiffness;
+use crate::system::{State, System};
+use crate::work::Work;
+use faer::Par;
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// One run of the sweep.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Run {
+    /// The method's name.
+    pub method: &'static str,
+    /// The stiffness policy's name; `none` for a method without matrices.
+    pub stiffness: &'static str,
+    /// The linear solver used; `none` for a method without matrices.
+    pub solver: &'static str,
+    /// Tolerance of conjugate gradients; `None` for other solvers.
+    pub tolerance: Option<f64>,
+    /// Relative tolerance of adaptive steps; `None` for steps of one length.
+    pub rtol: Option<f64>,
+    /// Time step, in s; of adaptive steps the mean.
+    pub dt: f64,
+    /// How the run ended.
+    pub status: Status,
+    /// What broke it.
+    pub failure: Option<String>,
+    /// The [relative position error](crate::accuracy::relative_position_error) at the end time; `None` for a run that did
+    /// not get there.
+    pub error: Option<f64>,
+    /// Other errors at the end time.
+    pub quality: Option<Quality>,
+    /// The shortest of `repeats` repetitions after a first one, in s; of the first where there was time for no other.
+    pub wall_seconds: f64,
+    /// Repetitions after the first.
+    pub repeats: u32,
+    /// What was done, on any machine.
+    pub work: Work,
+    /// The [cost](CostModel) of the work, in force evaluations.
+    pub cost: f64,
+}
+
+/// What runs are made on and measured by.
+pub(super) struct Bench<'s> {
+    pub system: &'s System,
+    pub start: &'s State,
+    pub duration: f64,
+    pub reference: &'s Reference,
+    pub costs: CostModel,
+}
+
+/// Repetitions of a run that are timed, after a first one that warms caches up.
+const REPEATS: u32 = 3;
+
+/// A run that takes this long is not repeated: its noise is small against its length.
+const LONG: Duration = Duration::from_millis(100);
+
+impl Bench<'_> {
+    /// Runs and measures; `None` when the deadline came first.
+    pub fn measure(&self, configuration: &Configuration, pace: Pace, deadline: Instant) -> Result<Option<Run>> {
+        let in_time = || Instant::now() < deadline;
+        let once = || trial(self.system, self.start, configuration, pace, self.duration, &in_time);
+        let first = once()?;
+        if first.status == Status::Interrupted {
+            return Ok(None);
+        }
+        let (mut repeats, mut wall) = (0, first.wall);
+        if wall < LONG {
+            let mut best = Duration::MAX;
+            while repeats < REPEATS && Instant::now() + wall < deadline {
+                best = best.min(once()?.wall);
+                repeats += 1;
+            }
+            wall = if repeats > 0 { best } else { wall };
+        }
+        Ok(Some(self.run(configuration, pace, first, repeats, wall)))
+    }
+
+    fn run(&self, configuration: &Configuration, pace: Pace, trial: Trial, repeats: u32, wall: Duration) -> Run {
+        let completed = trial.status == Status::Completed;
+        let quality = completed.then(|| Quality::of(self.system, &trial.state, &self.reference.state, self.start));
+        let work = trial.statistics.work;
+        let (dt, rtol) = match pace {
+            Pace::Step(dt) => (dt, None),
+            Pace::Adaptive { rtol, .. } => (self.duration / trial.steps.max(1) as f64, Some(rtol)),
+        };
+        let iterates = configuration.method.is_implicit() && work.factorizations == 0;
+        Run {
+            method: configuration.method.name(),
+            stiffness: configuration.stiffness(),
+            solver: trial.solver,
+            tolerance: iterates.then_some(configuration.options.linear.tolerance),
+            rtol,
+            dt,
+            status: trial.status,
+            failure: trial.failure.map(|failed| failed.failure.to_string()),
+            error: quality.map(|quality| quality.error),
+            quality,
+            wall_seconds: wall.as_secs_f64(),
+            repeats,
+            work,
+            cost: self.costs.cost(&work),
+        }
+    }
+}
+
+/// The configurations that a sweep compares: each method under each option that it has, by factorization, and the notes'
+/// method and the W-method by conjugate gradients too.
+pub fn configurations(par: Par) -> Vec<Configuration> {
+    let policies = Stiffness::ALL.map(StiffnessPolicy::Always).into_iter().chain([StiffnessPolicy::OnDemand]);
+    let with = |method, stiffness, solver| {
+        let linear = SolverOptions { solver, par, ..SolverOptions::default() };
+        Configuration { method, options: ImplicitOptions { stiffness, linear } }
+    };
+    let mut all = Vec::new();
+    for method in [Method::LinearBackwardEuler, Method::W2] {
+        all.extend(policies.clone().map(|policy| with(method, policy, SolverChoice::Llt)));
+        all.push(with(method, StiffnessPolicy::OnDemand, SolverChoice::Cg));
+    }
+    for method in [Method::BackwardEuler, Method::ImplicitMidpoint, Method::SymplecticEuler, Method::ForwardEuler] {
+        all.push(with(method, StiffnessPolicy::OnDemand, SolverChoice::Llt));
+    }
+    all
+}
+
+/// A run of a sweep has at least this many steps.
+const FEWEST_STEPS: f64 = 4.0;
+
+/// Nearer to the reference than this many times its own error nothing is measured.
+const ABOVE_THE_FLOOR: f64 = 3.0;
+
+/// The tolerance of the first adaptive run; a quarter of it, and so on, follow: half the steps of a second-order method.
+const COARSEST_TOLERANCE: f64 = 0.1;
+
+/// A configuration on its way to smaller steps.
+struct Lane {
+    configuration: Configuration,
+    pace: Pace,
+    last: Option<Duration>,
+    open: bool,
+}
+
+/// Runs all configurations with steps halved from round to round, so that all curves are about as long when the time is
+/// over. A curve ends when it reaches the error of the reference, or when its next run would not fit.
+pub(super) fn sweep(
+    bench: &Bench<'_>,
+    dt: f64,
+    par: Par,
+    deadline: Instant,
+    progress: &mut dyn Progress,
+) -> Result<Vec<Run>> {
+    let begin = Instant::now();
+    let dt = coarsest(dt, bench.duration);
+    let lane = |configuration, pace| Lane { configuration, pace, last: None, open: true };
+    let all = configurations(par);
+    let on_demand = |c: &&Configuration| {
+        c.method == Method::W2
+            && c.options.stiffness == StiffnessPolicy::OnDemand
+            && c.options.linear.solver == SolverChoice::Llt
+    };
+    let adaptive = Pace::Adaptive { rtol: COARSEST_TOLERANCE, first_step: dt };
+    let mut lanes: Vec<Lane> = all.iter().map(|&configuration| lane(configuration, Pace::Step(dt))).collect();
+    lanes.extend(all.iter().filter(on_demand).map(|&configuration| lane(configuration, adaptive)));
+    let mut runs = Vec::new();
+    while lanes.iter().any(|lane| lane.open) && Instant::now() < deadline {
+        for lane in lanes.iter_mut().filter(|lane| lane.open) {
+            let left = deadline.saturating_duration_since(Instant::now());
+            // Half the step, twice the work; a quarter of what is left must do for each.
+            if left.is_zero() || lane.last.is_some_and(|last| 8 * last > left) {
+                lane.open = false;
+                continue;
+            }
+            let measured = bench.measure(&lane.configuration, lane.pace, deadline)?;
+            progress.at(begin.elapsed(), lane.configuration.method.name());
+            let Some(run) = measured else {
+                lane.open = false;
+                continue;
+            };
+            lane.last = Some(Duration::from_secs_f64(run.wall_seconds.max(0.0)));
+            let is_at_floor = |error: f64| error <= ABOVE_THE_FLOOR * bench.reference.error_estimate;
+            lane.open = !run.error.is_some_and(is_at_floor);
+            runs.push(run);
+            lane.pace = match lane.pace {
+                Pace::Step(dt) => Pace::Step(0.5 * dt),
+                Pace::Adaptive { rtol, first_step } => {
+                    Pace::Adaptive { rtol: 0.25 * rtol, first_step: 0.5 * first_step }
+                }
+            };
+        }
+    }
+    Ok(runs)
+}
+
+/// The largest of dt, 2dt, 4dt, … that leaves a few steps; smaller than dt where even dt does not.
+fn coarsest(dt: f64, duration: f64) -> f64 {
+    let doublings = (duration / dt / FEWEST_STEPS).log2().floor();
+    dt * doublings.exp2()
+}

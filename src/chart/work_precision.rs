@@ -1,0 +1,76 @@
+//! Speed against accuracy on one scene.
+
+use super::sizes::{self, SizeRun};
+use super::sweep::{Bench, Run, sweep};
+use super::{Progress, Reference, tolerance};
+use crate::accuracy::CostModel;
+use crate::error::Result;
+use crate::integrate::Method;
+use crate::system::{State, System};
+use faer::Par;
+use serde::Serialize;
+use std::time::{Duration, Instant};
+
+/// What to sweep over.
+#[derive(Debug, Clone, Copy)]
+pub struct SweepOptions {
+    /// Length of the motion, in s.
+    pub duration: f64,
+    /// A step around which to sweep, in s: larger and smaller ones follow by factors of two.
+    pub dt: f64,
+    /// About how long everything may take.
+    pub budget: Duration,
+    /// Parallelism of the factorizations.
+    pub par: Par,
+}
+
+/// Work–precision data of one scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct WorkPrecision {
+    /// The scene's name.
+    pub scene: String,
+    /// Length of the motion, in s.
+    pub duration: f64,
+    /// What errors are measured against.
+    pub reference: Reference,
+    /// Every run, failed ones too, from the largest steps to the smallest.
+    pub runs: Vec<Run>,
+    /// Runs at one step size with conjugate gradients of different tolerance.
+    pub tolerances: Vec<Run>,
+    /// One step on ready scenes of growing size.
+    pub sizes: Vec<SizeRun>,
+}
+
+impl WorkPrecision {
+    /// Measures a scene. `None` when no reference could be computed within a third of the budget.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `start`; a matrix that is too large.
+    pub fn measure(
+        scene: &str,
+        system: &System,
+        start: &State,
+        options: &SweepOptions,
+        progress: &mut dyn Progress,
+    ) -> Result<Option<Self>> {
+        let SweepOptions { duration, dt, budget, par } = *options;
+        let begin = Instant::now();
+        progress.at(begin.elapsed(), "reference");
+        let Some(reference) = Reference::compute(system, start, [dt, duration], budget / 3)? else { return Ok(None) };
+        let costs = CostModel::of(system)?;
+        let bench = Bench { system, start, duration, reference: &reference, costs };
+
+        progress.at(begin.elapsed(), "tolerances of conjugate gradients");
+        let share = budget / 20;
+        let study = |method| tolerance::study(&bench, method, dt, Instant::now() + share);
+        let mut tolerances = study(Method::LinearBackwardEuler)?;
+        tolerances.extend(study(Method::W2)?);
+
+        progress.at(begin.elapsed(), "solvers over sizes");
+        let sizes = sizes::study(Instant::now() + sizes::share(budget))?;
+
+        let mut shifted = |elapsed: Duration, what: &str| progress.at(begin.elapsed().max(elapsed), what);
+        let runs = sweep(&bench, dt, par, begin + budget, &mut shifted)?;
+        Ok(Some(Self { scene: scene.into(), duration, reference, runs, tolerances, sizes }))
+    }
+}

@@ -1,0 +1,156 @@
+//! `sprung chart`: speed against accuracy, and the limits of stability.
+
+use super::common::{SceneFile, Threads, check_writable};
+use super::console::{Console, error};
+use super::method::parallelism;
+use super::values::positive;
+use super::{Outcome, Stop};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+use sprung::Result;
+use sprung::chart::{Reference, Run, SizeRun, StabilityMap, SweepOptions, WorkPrecision};
+use sprung::output::AtomicFile;
+use sprung::report::{chart_html, plot, tiles};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Chart speed against accuracy
+///
+/// Runs the scene with every method, stiffness option and solver at many step sizes, as long as the budget lasts, and measures
+/// the error at the end against an independent reference. Writes chart.html, one page with every picture and a decision in words,
+/// the pictures as SVG files in a folder chart, and chart.json with every run, failed ones too.
+#[derive(Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
+pub struct Chart {
+    #[command(flatten)]
+    scene: SceneFile,
+
+    /// Time for all runs, in seconds
+    #[arg(long, value_name = "S", default_value = "60", value_parser = positive)]
+    budget: f64,
+
+    /// Length of the motion, in seconds [default: the scene's time.duration]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    duration: Option<f64>,
+
+    /// Time step around which to sweep, in seconds [default: the scene's time.dt]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    dt: Option<f64>,
+
+    /// Map the limits of stability too: every method on a model of one particle between two springs
+    #[arg(long)]
+    stability: bool,
+
+    #[command(flatten)]
+    threads: Threads,
+
+    /// Folder for the files, made where it does not exist [default: out/<scene name>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Columns of a tile of the stability map.
+const RESOLUTION: usize = 36;
+
+const FILES: [&str; 2] = ["chart.json", "chart.html"];
+
+/// The result as JSON.
+#[derive(Serialize)]
+struct Report<'a> {
+    scene: &'a str,
+    duration: f64,
+    reference: &'a Reference,
+    runs: &'a [Run],
+    tolerances: &'a [Run],
+    sizes: &'a [SizeRun],
+    stability: &'a StabilityMap,
+}
+
+impl Chart {
+    pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
+        let scene = self.scene.load()?;
+        let dt = scene.or_given(self.dt, scene.time.dt, "dt")?;
+        let duration = scene.or_given(self.duration, scene.time.duration, "duration")?;
+        let folder = scene.folder(&self.out);
+        check_writable(&folder, &FILES)?;
+        let budget = Duration::try_from_secs_f64(self.budget).unwrap_or(Duration::MAX / 16);
+        let options = SweepOptions { duration, dt, budget, par: parallelism(&scene.system) };
+        let bar = progress_bar(console, budget);
+        let measured = self.threads.install(|| {
+            let mut progress = |elapsed: Duration, what: &str| {
+                bar.set_position(elapsed.as_secs());
+                bar.set_message(what.to_owned());
+            };
+            WorkPrecision::measure(&scene.name, &scene.system, &scene.state, &options, &mut progress)
+                .map_err(|error| error.in_file(&scene.file).into())
+        })?;
+        let map = self.threads.install(|| {
+            if !self.stability {
+                return Ok(StabilityMap { tiles: Vec::new() });
+            }
+            let mut progress = |_: Duration, what: &str| bar.set_message(format!("stability of {what}"));
+            Ok(StabilityMap::measure(RESOLUTION, &mut progress)?)
+        })?;
+        bar.finish_and_clear();
+        let Some(chart) = measured else {
+            error(
+                "no reference solution was found within a third of the budget: give it more, or a shorter --duration",
+            );
+            return Ok(Outcome::Failed);
+        };
+        let report = Report {
+            scene: &chart.scene,
+            duration,
+            reference: &chart.reference,
+            runs: &chart.runs,
+            tolerances: &chart.tolerances,
+            sizes: &chart.sizes,
+            stability: &map,
+        };
+        write(&folder, &report, &chart, &map).map_err(Stop::Broken)?;
+        let failed = chart.runs.iter().filter(|run| run.cause().is_some()).count();
+        let mut lines = vec![format!("{}: {} runs, {failed} of them failed", chart.scene, chart.runs.len())];
+        let Reference { method, error_estimate, .. } = &chart.reference;
+        lines.push(format!("  reference  {method}, error about {error_estimate:.1e}"));
+        lines.extend(chart.conclusions().iter().map(|sentence| format!("  {sentence}")));
+        lines.push(format!("  files      {} and chart/*.svg in {}", FILES.join(", "), folder.display()));
+        let text = lines.join("\n");
+        console.result(&report, text)?;
+        let mut outcome = Outcome::Done;
+        for check in map.checks().iter().filter(|check| !check.passed()) {
+            error(format_args!("{}, {}: {}", check.name, check.scene, check.why));
+            outcome = Outcome::Failed;
+        }
+        Ok(outcome)
+    }
+}
+
+/// Writes the page, the data and the pictures.
+fn write(folder: &Path, report: &Report<'_>, chart: &WorkPrecision, map: &StabilityMap) -> Result<()> {
+    let picture = |name: &str, svg: String| {
+        AtomicFile::write(folder.join("chart").join(format!("{name}.svg")), |file| file.write_all(svg.as_bytes()))
+    };
+    for figure in chart.figures() {
+        picture(figure.name, plot::svg(&figure.plot))?;
+    }
+    for tile in &map.tiles {
+        picture(&tile.file_name(), tiles::svg(&tile.figure()))?;
+    }
+    let page = chart_html(chart, map);
+    AtomicFile::write(folder.join("chart.html"), |file| file.write_all(page.as_bytes()))?;
+    AtomicFile::write(folder.join("chart.json"), |file| {
+        serde_json::to_writer(&mut *file, report).map_err(io::Error::from)?;
+        file.write_all(b"\n")
+    })
+}
+
+/// A bar on stderr that fills with time; indicatif shows it only on a terminal.
+fn progress_bar(console: &Console, budget: Duration) -> ProgressBar {
+    let target = if console.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+    let bar = ProgressBar::with_draw_target(Some(budget.as_secs().max(1)), target);
+    match ProgressStyle::with_template("{wide_bar} {pos} of {len} s, {msg}") {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}

@@ -1,0 +1,168 @@
+//! Arithmetic of small dense blocks, by rows, in double or single precision.
+//!
+//! The products sum in local copies: sums that live in registers are what compilers make vector instructions of.
+
+use std::ops::{AddAssign, Mul, SubAssign};
+
+/// An R × C block.
+pub(super) type Block<const R: usize, const C: usize, T = f64> = [[T; C]; R];
+
+/// `f64` for set-up, `f32` for cycles.
+pub(super) trait Real: Copy + Default + Send + Sync + Mul<Output = Self> + AddAssign + SubAssign {}
+
+impl Real for f64 {}
+impl Real for f32 {}
+
+/// The zero block.
+#[inline(always)]
+pub(super) fn zero<const R: usize, const C: usize, T: Real>() -> Block<R, C, T> {
+    [[T::default(); C]; R]
+}
+
+/// `C += A B`.
+#[inline(always)]
+pub(super) fn add_product<const R: usize, const K: usize, const C: usize, T: Real>(
+    c: &mut Block<R, C, T>,
+    a: &Block<R, K, T>,
+    b: &Block<K, C, T>,
+) {
+    for (c, a) in c.iter_mut().zip(a) {
+        let mut sum = *c;
+        for k in 0..K {
+            for j in 0..C {
+                sum[j] += a[k] * b[k][j];
+            }
+        }
+        *c = sum;
+    }
+}
+
+/// `C += Aᵀ B`.
+#[inline(always)]
+pub(super) fn add_transposed_product<const R: usize, const K: usize, const C: usize>(
+    c: &mut Block<K, C>,
+    a: &Block<R, K>,
+    b: &Block<R, C>,
+) {
+    for (k, c) in c.iter_mut().enumerate() {
+        let mut sum = *c;
+        for r in 0..R {
+            for j in 0..C {
+                sum[j] += a[r][k] * b[r][j];
+            }
+        }
+        *c = sum;
+    }
+}
+
+/// `y += A x`.
+#[inline(always)]
+pub(super) fn add_apply<const R: usize, const C: usize, T: Real>(y: &mut [T; R], a: &Block<R, C, T>, x: &[T; C]) {
+    let mut sum = *y;
+    for r in 0..R {
+        for c in 0..C {
+            sum[r] += a[r][c] * x[c];
+        }
+    }
+    *y = sum;
+}
+
+/// `y −= A x`.
+#[inline(always)]
+pub(super) fn subtract_apply<const R: usize, const C: usize, T: Real>(y: &mut [T; R], a: &Block<R, C, T>, x: &[T; C]) {
+    let mut sum = *y;
+    for r in 0..R {
+        for c in 0..C {
+            sum[r] -= a[r][c] * x[c];
+        }
+    }
+    *y = sum;
+}
+
+/// `y += Aᵀ x`.
+#[inline(always)]
+pub(super) fn add_transposed_apply<const R: usize, const C: usize, T: Real>(
+    y: &mut [T; C],
+    a: &Block<R, C, T>,
+    x: &[T; R],
+) {
+    let mut sum = *y;
+    for r in 0..R {
+        for c in 0..C {
+            sum[c] += a[r][c] * x[r];
+        }
+    }
+    *y = sum;
+}
+
+/// `A x`.
+#[inline(always)]
+pub(super) fn apply<const R: usize, const C: usize, T: Real>(a: &Block<R, C, T>, x: &[T; C]) -> [T; R] {
+    let mut y = [T::default(); R];
+    add_apply(&mut y, a, x);
+    y
+}
+
+/// In double precision.
+#[inline(always)]
+pub(super) fn double<const R: usize, const C: usize>(a: &Block<R, C, f32>) -> Block<R, C> {
+    let mut double = zero();
+    for r in 0..R {
+        for c in 0..C {
+            double[r][c] = f64::from(a[r][c]);
+        }
+    }
+    double
+}
+
+/// `factor·A` in single precision.
+#[inline(always)]
+pub(super) fn single<const R: usize, const C: usize>(factor: f64, a: &Block<R, C>) -> Block<R, C, f32> {
+    let mut single = zero();
+    for r in 0..R {
+        for c in 0..C {
+            single[r][c] = (factor * a[r][c]) as f32;
+        }
+    }
+    single
+}
+
+/// `Σ x_i²`.
+#[inline]
+pub(super) fn norm_squared<const N: usize>(x: &[f64; N]) -> f64 {
+    x.iter().map(|x| x * x).sum()
+}
+
+/// A pivot that is not positive; `f64::NAN` or infinite where the matrix is not finite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct BadPivot {
+    pub index: usize,
+    pub pivot: f64,
+}
+
+/// The inverse of a symmetric positive definite block, through its Cholesky factor; the lower triangle is read.
+pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, BadPivot> {
+    // L is inverted as it is made: row i of L⁻¹ needs the rows above only.
+    let mut l: Block<N, N> = zero();
+    let mut l_inverse: Block<N, N> = zero();
+    for i in 0..N {
+        for j in 0..i {
+            let sum: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
+            l[i][j] = (a[i][j] - sum) / l[j][j];
+        }
+        let pivot = a[i][i] - norm_squared(&l[i]);
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return Err(BadPivot { index: i, pivot });
+        }
+        l[i][i] = pivot.sqrt();
+        let row: [f64; N] = std::array::from_fn(|j| {
+            let sum: f64 = (j..i).map(|k| l[i][k] * l_inverse[k][j]).sum();
+            if j < i { -sum / l[i][i] } else { 0.0 }
+        });
+        l_inverse[i] = row;
+        l_inverse[i][i] = 1.0 / l[i][i];
+    }
+    let mut inverse = zero();
+    add_transposed_product(&mut inverse, &l_inverse, &l_inverse);
+    Ok(inverse)
+}

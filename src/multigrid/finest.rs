@@ -1,0 +1,222 @@
+//! The finest level: the system's A as a sparse matrix of whole blocks, a row for every particle that can move.
+//!
+//! Blocks have as many rows as the scene has dimensions. An axis that is prescribed keeps its row, with the equation x = 0:
+//! this makes all blocks equal, and costs nothing where whole particles are prescribed, for they have no row.
+
+use super::block::{Block, zero};
+use super::graph::Graph;
+use super::modes::{Frame, Frames};
+use super::order::order;
+use super::sparse::{Pattern, Rows};
+use crate::error::Result;
+use crate::operator::SystemOperator;
+use crate::system::{Axes, Dof, System};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// A spring seen from a node.
+#[derive(Debug, Clone, Copy)]
+struct End {
+    /// The spring's place among the active ones.
+    spring: u32,
+    /// The node at its other end, or the node itself where nothing can move there.
+    other: u32,
+}
+
+/// The nodes of the finest level, in D dimensions.
+#[derive(Debug)]
+pub(super) struct Finest<const D: usize> {
+    particles: Vec<u32>,
+    free: Vec<Axes>,
+    first_rows: Vec<u32>,
+    positions: Vec<[f64; 3]>,
+    /// Ends of springs at every node, by the other node.
+    starts: Vec<usize>,
+    ends: Vec<End>,
+    pub pattern: Arc<Pattern>,
+}
+
+impl<const D: usize> Finest<D> {
+    /// Nodes, all at the origin, and their graph: those that share a spring, with its stiffness k/l0.
+    ///
+    /// # Errors
+    /// More blocks than 32-bit indices can count.
+    pub fn new(system: &System) -> Result<(Self, Graph)> {
+        let dofs = system.dofs();
+        let movable: Vec<u32> =
+            (0..system.particles()).filter(|&p| dofs.free_axes(p) != Axes::NONE).map(|p| p as u32).collect();
+        let (given, ..) = springs(system, &movable);
+        let order = order(&given);
+        let particles: Vec<u32> = order.iter().map(|&node| movable[node as usize]).collect();
+        let (graph, starts, ends) = springs(system, &particles);
+        let pattern = Pattern::build(particles.len(), |row, columns| {
+            columns.extend_from_slice(graph.neighbours(row));
+            columns.push(row as u32);
+        })?;
+        let free: Vec<Axes> = particles.iter().map(|&p| dofs.free_axes(p as usize)).collect();
+        let first_rows = particles.iter().map(|&p| dofs.rows(p as usize).start as u32).collect();
+        let positions = vec![[0.0; 3]; particles.len()];
+        let pattern = Arc::new(pattern);
+        Ok((Self { particles, free, first_rows, positions, starts, ends, pattern }, graph))
+    }
+
+    /// Takes over where the particles are, one position for every particle of the system.
+    pub fn place(&mut self, positions: &[Vector3<f64>]) {
+        for (place, &particle) in self.positions.iter_mut().zip(&self.particles) {
+            *place = positions[particle as usize].into();
+        }
+    }
+
+    /// A power of two that brings the entries of `factor·A` near one.
+    pub fn factor(&self, a: &SystemOperator) -> f64 {
+        let masses = a.system().masses().iter().map(|m| a.mass_factor() * m);
+        let springs = a.blocks().iter().map(|block| f64::max(block.axial.abs(), block.transverse.abs()));
+        near_one(f64::max(masses.fold(0.0, f64::max), springs.fold(0.0, f64::max)))
+    }
+
+    /// A as its rows.
+    pub fn rows<'f>(&'f self, a: &'f SystemOperator<'f>) -> FinestRows<'f, D> {
+        FinestRows { finest: self, a }
+    }
+
+    /// The coordinate of an unknown, or of the particle's first free axis if there is no such coordinate.
+    pub fn dof(&self, node: usize, axis: Option<usize>) -> Dof {
+        let free = self.free.get(node).copied().unwrap_or(Axes::NONE);
+        let axis = axis.filter(|&axis| free.contains(axis)).or(free.iter().next()).unwrap_or(0);
+        Dof { particle: self.particles.get(node).map_or(0, |&particle| particle as usize), axis }
+    }
+
+    /// A reduced vector times a factor as one block a node, zero on prescribed axes.
+    pub fn gather(&self, reduced: &[f64], factor: f64, blocks: &mut [[f32; D]]) {
+        for ((block, free), &first) in blocks.iter_mut().zip(&self.free).zip(&self.first_rows) {
+            *block = [0.0; D];
+            for (axis, value) in free.iter().zip(&reduced[first as usize..]) {
+                block[axis] = (factor * value) as f32;
+            }
+        }
+    }
+
+    /// Back from blocks to a reduced vector.
+    pub fn scatter(&self, blocks: &[[f32; D]], factor: f64, reduced: &mut [f64]) {
+        for ((block, free), &first) in blocks.iter().zip(&self.free).zip(&self.first_rows) {
+            for (axis, value) in free.iter().zip(&mut reduced[first as usize..]) {
+                *value = factor * f64::from(block[axis]);
+            }
+        }
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.particles[..])
+            + size_of_val(&self.free[..])
+            + size_of_val(&self.first_rows[..])
+            + size_of_val(&self.starts[..])
+            + size_of_val(&self.ends[..])
+            + size_of_val(&self.positions[..])
+    }
+}
+
+/// A power of two by which a number becomes near one; 1 where there is none.
+pub(super) fn near_one(magnitude: f64) -> f64 {
+    // Within the exponents of which the reciprocal exists too.
+    let exponent = magnitude.log2().floor().clamp(-1000.0, 1000.0);
+    if exponent.is_nan() { 1.0 } else { (-exponent).exp2() }
+}
+
+/// `B = [I 0]` without the rows of axes that are not free.
+impl<const D: usize, const M: usize> Frames<D, M> for Finest<D> {
+    #[inline(always)]
+    fn frame(&self, node: usize) -> Frame<D, M> {
+        let free = self.free[node];
+        let modes = std::array::from_fn(|r| std::array::from_fn(|c| f64::from(u8::from(r == c && free.contains(r)))));
+        Frame { modes, centre: self.positions[node] }
+    }
+}
+
+/// A, row by row from the blocks of the springs: computing a row again costs less than keeping it.
+pub(super) struct FinestRows<'f, const D: usize> {
+    finest: &'f Finest<D>,
+    a: &'f SystemOperator<'f>,
+}
+
+impl<const D: usize> Rows<D> for FinestRows<'_, D> {
+    fn pattern(&self) -> &Pattern {
+        &self.finest.pattern
+    }
+
+    /// The neighbours ascending, the diagonal block last.
+    #[inline(always)]
+    fn visit(&self, node: usize, mut visit: impl FnMut(usize, &Block<D, D>)) {
+        let Self { finest, a } = self;
+        let (all, free) = (Axes::first(D), finest.free[node]);
+        let mass = a.mass_factor() * a.system().masses()[finest.particles[node] as usize];
+        let mut diagonal: Block<D, D> =
+            std::array::from_fn(|r| std::array::from_fn(|c| if r == c { mass } else { 0.0 }));
+        let ends = &finest.ends[finest.starts[node]..finest.starts[node + 1]];
+        for parallel in ends.chunk_by(|a, b| a.other == b.other) {
+            let mut coupling = zero();
+            for end in parallel {
+                let block = a.blocks()[end.spring as usize].matrix();
+                for r in 0..D {
+                    for c in 0..D {
+                        diagonal[r][c] += block[(r, c)];
+                        coupling[r][c] -= block[(r, c)];
+                    }
+                }
+            }
+            let other = parallel[0].other as usize;
+            if other == node {
+                continue;
+            }
+            if free != all || finest.free[other] != all {
+                restrict(&mut coupling, free, finest.free[other], 0.0);
+            }
+            visit(other, &coupling);
+        }
+        if free != all {
+            restrict(&mut diagonal, free, free, 1.0);
+        }
+        visit(node, &diagonal);
+    }
+}
+
+/// Zeros the rows and columns of axes that are not free, and puts a number where two of these cross.
+fn restrict<const D: usize>(block: &mut Block<D, D>, rows: Axes, columns: Axes, crossing: f64) {
+    for (r, entries) in block.iter_mut().enumerate() {
+        for (c, entry) in entries.iter_mut().enumerate() {
+            if !(rows.contains(r) && columns.contains(c)) {
+                *entry = if r == c { crossing } else { 0.0 };
+            }
+        }
+    }
+}
+
+/// The graph of nodes and the ends of springs at every node, by the other node.
+fn springs(system: &System, particles: &[u32]) -> (Graph, Vec<usize>, Vec<End>) {
+    const FIXED: u32 = u32::MAX;
+    let mut node_of = vec![FIXED; system.particles()];
+    for (node, &particle) in (0..).zip(particles) {
+        node_of[particle as usize] = node;
+    }
+    let springs =
+        || (0u32..).zip(system.active()).map(|(at, (_, [i, j], spring))| (at, [node_of[i], node_of[j]], spring));
+    let both_move = springs().filter(|(_, ends, _)| !ends.contains(&FIXED));
+    let edges: Vec<_> = both_move.map(|(_, [i, j], spring)| (i, j, spring.stiffness / spring.rest_length)).collect();
+    let graph = Graph::new(particles.len(), edges.iter().copied());
+
+    let seen = || springs().flat_map(|(at, [i, j], _)| [(at, i, j), (at, j, i)]).filter(|&(_, node, _)| node != FIXED);
+    let mut starts = vec![0usize; particles.len() + 1];
+    seen().for_each(|(_, node, _)| starts[node as usize + 1] += 1);
+    (0..particles.len()).for_each(|node| starts[node + 1] += starts[node]);
+    let mut next = starts.clone();
+    let mut ends = vec![End { spring: 0, other: 0 }; starts[particles.len()]];
+    for (spring, node, other) in seen() {
+        let place = &mut next[node as usize];
+        ends[*place] = End { spring, other: if other == FIXED { node } else { other } };
+        *place += 1;
+    }
+    for node in 0..particles.len() {
+        ends[starts[node]..starts[node + 1]].sort_by_key(|end| end.other);
+    }
+    (graph, starts, ends)
+}

@@ -1,0 +1,174 @@
+//! The prolongator P from aggregates to nodes: tentative, then smoothed.
+//!
+//! `P = (I − ω D⁻¹A) T` with `ω = 4/(3 λ_max(D⁻¹A))` and D the diagonal blocks of A: one step of damped block Jacobi takes the
+//! jumps between aggregates out of T, so that a coarse motion costs little energy (Vaněk, Mandel, Brezina 1996, section 4).
+//!
+//! λ_max is not computed but bounded: a spring's block B is positive semidefinite where A is of use, and
+//! `(x_i − x_j)ᵀ B (x_i − x_j) ≤ 2 x_iᵀ B x_i + 2 x_jᵀ B x_j`; summed over the springs, `xᵀA x ≤ 2 xᵀD x`, so `λ_max ≤ 2`. Where the power
+//! method says 1.7 to 1.8, using 2 changes iteration counts by at most two, on coarse levels too, where 1.6 to 1.7 is usual. Any ω gives
+//! a preconditioner that is positive definite.
+
+use super::aggregate::Aggregates;
+use super::block::{Block, add_apply, add_product, add_transposed_apply, single, zero};
+use super::gauss_seidel::GaussSeidel;
+use super::modes::{AggregateModes, Frames};
+use super::parallel::{for_each_row, for_each_sparse_row};
+use super::sparse::{BlockMatrix, Pattern, Rows, Transpose};
+use crate::error::Result;
+use std::sync::Arc;
+
+/// ω, for `λ_max = 2`.
+const OMEGA: f32 = 2.0 / 3.0;
+
+/// The smoothed prolongator of a level, with the modes of its aggregates.
+#[derive(Debug, Clone)]
+pub(super) struct Prolongator<const N: usize, const M: usize> {
+    aggregates: Aggregates,
+    /// Members of every aggregate: positions in `members`, and the nodes.
+    starts: Vec<usize>,
+    members: Vec<u32>,
+    pub modes: Vec<AggregateModes<M>>,
+    /// T, the one block of every row.
+    tentative: Vec<Block<N, M, f32>>,
+    /// P.
+    pub matrix: BlockMatrix<N, M, f32>,
+    pub transpose: Transpose,
+    /// The blocks of P by columns: read in order they come twice as fast.
+    by_columns: Vec<Block<N, M, f32>>,
+}
+
+impl<const N: usize, const M: usize> Prolongator<N, M> {
+    /// The pattern of P for a matrix of pattern `a`; all values zero.
+    ///
+    /// # Errors
+    /// More blocks than 32-bit indices can count.
+    pub fn new(a: &Pattern, aggregates: Aggregates) -> Result<Self> {
+        let count = aggregates.count();
+        let mut last_seen = vec![u32::MAX; count];
+        let pattern = Pattern::build(a.rows(), |row, columns| {
+            for aggregate in a.columns(row).iter().filter_map(|&node| aggregates.of_node(node as usize)) {
+                if last_seen[aggregate as usize] != row as u32 {
+                    last_seen[aggregate as usize] = row as u32;
+                    columns.push(aggregate);
+                }
+            }
+        })?;
+        let mut starts = vec![0usize; count + 1];
+        let of_nodes =
+            || (0..a.rows()).filter_map(|node| aggregates.of_node(node).map(|aggregate| (node, aggregate as usize)));
+        of_nodes().for_each(|(_, aggregate)| starts[aggregate + 1] += 1);
+        (0..count).for_each(|aggregate| starts[aggregate + 1] += starts[aggregate]);
+        let mut members = vec![0; starts[count]];
+        let mut next = starts.clone();
+        for (node, aggregate) in of_nodes() {
+            members[next[aggregate]] = node as u32;
+            next[aggregate] += 1;
+        }
+        let transpose = pattern.transpose(count);
+        let by_columns = vec![zero(); pattern.blocks()];
+        let modes = vec![AggregateModes::NOTHING; count];
+        let tentative = vec![zero(); a.rows()];
+        Ok(Self {
+            aggregates,
+            starts,
+            members,
+            modes,
+            tentative,
+            matrix: BlockMatrix::zeros(Arc::new(pattern)),
+            transpose,
+            by_columns,
+        })
+    }
+
+    /// Recomputes the modes of the aggregates, and P with the D of a smoother that has `factor·A`.
+    ///
+    /// In single precision: an error of 1e-7 in P costs energy by its square, and the coarse matrix is that of the P at hand.
+    pub fn update(
+        &mut self,
+        a: &impl Rows<N>,
+        factor: f64,
+        smoother: &GaussSeidel<N>,
+        frames: &(impl Frames<N, M> + ?Sized),
+    ) {
+        let Self { aggregates, starts, members, modes, tentative, matrix, transpose, by_columns } = self;
+        for_each_row(modes, |aggregate, modes| {
+            let members = &members[starts[aggregate]..starts[aggregate + 1]];
+            *modes = AggregateModes::of(members.iter().map(|&node| frames.frame(node as usize)));
+        });
+        for_each_row(tentative, |node, t| {
+            let of_aggregate = |aggregate: u32| single(1.0, &modes[aggregate as usize].tentative(&frames.frame(node)));
+            *t = aggregates.of_node(node).map_or(zero(), of_aggregate);
+        });
+        let BlockMatrix { pattern, values } = matrix;
+        for_each_sparse_row(pattern, values, &mut vec![(); pattern.rows()], &|row, p, ()| {
+            let columns = pattern.columns(row);
+            let slot =
+                |node| aggregates.of_node(node).and_then(|aggregate| columns.iter().position(|&c| c == aggregate));
+            p.fill(zero());
+            a.visit(row, |node, a| {
+                if let Some(slot) = slot(node) {
+                    add_product(&mut p[slot], &single(factor, a), &tentative[node]);
+                }
+            });
+            let mut damped = *smoother.inverse(row);
+            damped.as_flattened_mut().iter_mut().for_each(|entry| *entry *= -OMEGA);
+            for (p, &aggregate) in p.iter_mut().zip(columns) {
+                let mut smoothed = if aggregates.of_node(row) == Some(aggregate) { tentative[row] } else { zero() };
+                add_product(&mut smoothed, &damped, p);
+                *p = smoothed;
+            }
+        });
+        let values = &matrix.values;
+        for_each_row(by_columns, |place, p| *p = values[transpose.entry(place).1 as usize]);
+    }
+
+    /// Nodes and blocks of a column of P.
+    #[inline(always)]
+    pub fn column(&self, aggregate: usize) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
+        let range = self.transpose.column(aggregate);
+        let nodes = self.transpose.entries(range.clone()).iter().map(|&(node, _)| node as usize);
+        nodes.zip(&self.by_columns[range])
+    }
+
+    /// Number of aggregates.
+    pub fn columns(&self) -> usize {
+        self.modes.len()
+    }
+
+    /// The first node of an aggregate.
+    pub fn member(&self, aggregate: usize) -> usize {
+        self.starts.get(aggregate).and_then(|&at| self.members.get(at)).map_or(0, |&node| node as usize)
+    }
+
+    /// `r_c = Pᵀ r`.
+    pub fn restrict(&self, r: &[[f32; N]], coarse: &mut [[f32; M]]) {
+        for_each_row(coarse, |aggregate, sum| {
+            *sum = [0.0; M];
+            for (node, p) in self.column(aggregate) {
+                add_transposed_apply(sum, p, &r[node]);
+            }
+        });
+    }
+
+    /// `x += P e`.
+    pub fn prolong(&self, coarse: &[[f32; M]], x: &mut [[f32; N]]) {
+        for_each_row(x, |row, x| {
+            for (aggregate, p) in self.matrix.row(row) {
+                add_apply(x, p, &coarse[aggregate]);
+            }
+        });
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        self.aggregates.bytes()
+            + size_of_val(&self.starts[..])
+            + size_of_val(&self.members[..])
+            + size_of_val(&self.modes[..])
+            + size_of_val(&self.tentative[..])
+            + self.matrix.pattern.bytes()
+            + self.matrix.bytes()
+            + self.transpose.bytes()
+            + size_of_val(&self.by_columns[..])
+    }
+}

@@ -1,0 +1,168 @@
+//! Sparse matrices of equal blocks, by rows.
+
+use super::block::{Block, Real, zero};
+use crate::error::{Invalid, Result};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Which blocks of a sparse matrix are there: columns ascending within each row.
+#[derive(Debug, Clone)]
+pub(super) struct Pattern {
+    starts: Vec<usize>,
+    columns: Vec<u32>,
+}
+
+impl Pattern {
+    /// Row by row: `row(i, columns)` appends the columns of row i, in any order, without repeats.
+    ///
+    /// # Errors
+    /// More blocks than 32-bit indices can count.
+    pub fn build(rows: usize, mut row: impl FnMut(usize, &mut Vec<u32>)) -> Result<Self> {
+        let mut starts = Vec::with_capacity(rows + 1);
+        let mut columns = Vec::new();
+        starts.push(0);
+        for i in 0..rows {
+            let from = columns.len();
+            row(i, &mut columns);
+            columns[from..].sort_unstable();
+            starts.push(columns.len());
+        }
+        if columns.len() > u32::MAX as usize {
+            let rule = "more matrix blocks than 32-bit indices can count";
+            return Err(Invalid::new("pairs", format!("{} blocks", columns.len()), rule).into());
+        }
+        columns.shrink_to_fit();
+        Ok(Self { starts, columns })
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Number of blocks.
+    pub fn blocks(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Positions of a row's blocks; for the row after the last, where it would start.
+    #[inline(always)]
+    pub fn row(&self, row: usize) -> Range<usize> {
+        let start = self.starts[row];
+        start..self.starts.get(row + 1).copied().unwrap_or(start)
+    }
+
+    /// The columns of a row.
+    #[inline(always)]
+    pub fn columns(&self, row: usize) -> &[u32] {
+        &self.columns[self.row(row)]
+    }
+
+    /// Rows and positions of the blocks of every column: the transpose, by reference.
+    pub fn transpose(&self, columns: usize) -> Transpose {
+        let mut starts = vec![0usize; columns + 1];
+        for &column in &self.columns {
+            starts[column as usize + 1] += 1;
+        }
+        for column in 0..columns {
+            starts[column + 1] += starts[column];
+        }
+        let mut next = starts.clone();
+        let mut entries = vec![(0, 0); self.blocks()];
+        for row in 0..self.rows() {
+            for position in self.row(row) {
+                let at = &mut next[self.columns[position] as usize];
+                entries[*at] = (row as u32, position as u32);
+                *at += 1;
+            }
+        }
+        Transpose { starts, entries }
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.starts[..]) + size_of_val(&self.columns[..])
+    }
+}
+
+/// For every column of a [`Pattern`] its blocks as (row, position), rows ascending.
+#[derive(Debug, Clone)]
+pub(super) struct Transpose {
+    starts: Vec<usize>,
+    entries: Vec<(u32, u32)>,
+}
+
+impl Transpose {
+    /// Places of a column's blocks.
+    #[inline(always)]
+    pub fn column(&self, column: usize) -> Range<usize> {
+        self.starts[column]..self.starts[column + 1]
+    }
+
+    /// Rows and positions of the blocks at some places.
+    #[inline(always)]
+    pub fn entries(&self, places: Range<usize>) -> &[(u32, u32)] {
+        &self.entries[places]
+    }
+
+    /// Row and position of the block at a place.
+    #[inline(always)]
+    pub fn entry(&self, place: usize) -> (u32, u32) {
+        self.entries[place]
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.starts[..]) + size_of_val(&self.entries[..])
+    }
+}
+
+/// A symmetric matrix that tells its blocks row by row, in double precision.
+pub(super) trait Rows<const N: usize>: Sync {
+    /// Which blocks there are.
+    fn pattern(&self) -> &Pattern;
+
+    /// Calls `visit(column, block)` for every block of a row: the diagonal one at any time, the others by ascending columns.
+    fn visit(&self, row: usize, visit: impl FnMut(usize, &Block<N, N>));
+}
+
+/// A sparse matrix of R × C blocks.
+#[derive(Debug, Clone)]
+pub(super) struct BlockMatrix<const R: usize, const C: usize, T = f64> {
+    pub pattern: Arc<Pattern>,
+    pub values: Vec<Block<R, C, T>>,
+}
+
+impl<const R: usize, const C: usize, T: Real> BlockMatrix<R, C, T> {
+    /// The zero matrix on a pattern.
+    pub fn zeros(pattern: Arc<Pattern>) -> Self {
+        let values = vec![zero(); pattern.blocks()];
+        Self { pattern, values }
+    }
+
+    /// Columns and blocks of a row.
+    #[inline(always)]
+    pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, &Block<R, C, T>)> {
+        let range = self.pattern.row(row);
+        let columns = &self.pattern.columns[range.clone()];
+        columns.iter().map(|&column| column as usize).zip(&self.values[range])
+    }
+
+    /// Bytes held, without the pattern.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.values[..])
+    }
+}
+
+impl<const N: usize> Rows<N> for BlockMatrix<N, N> {
+    fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+
+    #[inline(always)]
+    fn visit(&self, row: usize, mut visit: impl FnMut(usize, &Block<N, N>)) {
+        for (column, block) in self.row(row) {
+            visit(column, block);
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! Work on the pieces of a list, in parallel where that pays. What a piece gets does not depend on the others, so results
+//! are the same for any number of threads.
+
+/// Items that one thread treats at a stretch.
+const PIECE: usize = 4096;
+
+/// Calls `work` with every piece of `items` and the position of its first item, without allocating.
+///
+/// # Errors
+/// The one of the first piece that fails, in the order of the items.
+pub(crate) fn try_pieces<T: Send, E: Send>(
+    items: &mut [T],
+    work: &(impl Fn(usize, &mut [T]) -> Result<(), E> + Sync),
+) -> Result<(), E> {
+    halve(0, items, work)
+}
+
+/// As [`try_pieces`], with work that cannot fail.
+pub(crate) fn pieces<T: Send>(items: &mut [T], work: &(impl Fn(usize, &mut [T]) + Sync)) {
+    let Ok(()) = halve(0, items, &|first, piece: &mut [T]| {
+        work(first, piece);
+        Ok::<(), std::convert::Infallible>(())
+    });
+}
+
+fn halve<T: Send, E: Send>(
+    first: usize,
+    items: &mut [T],
+    work: &(impl Fn(usize, &mut [T]) -> Result<(), E> + Sync),
+) -> Result<(), E> {
+    if items.len() <= PIECE {
+        return work(first, items);
+    }
+    let middle = items.len() / 2;
+    let (left, right) = items.split_at_mut(middle);
+    let (left, right) = rayon::join(|| halve(first, left, work), || halve(first + middle, right, work));
+    left.and(right)
+}

@@ -1,0 +1,141 @@
+//! `chart.html`: speed against accuracy, and the limits of stability, for people.
+
+use super::number::{self, pretty};
+use super::{page, plot, tiles};
+use crate::chart::stability::{Axis, StabilityMap};
+use crate::chart::{Figure, Run, WorkPrecision};
+use maud::{Markup, html};
+use std::collections::BTreeMap;
+
+/// The chart as one HTML page without scripts and without anything to load.
+pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
+    let figures = chart.figures();
+    let named = |names: &[&str]| {
+        let chosen = figures.iter().filter(|figure| names.contains(&figure.name));
+        page::figures(&chosen.map(picture).collect::<Vec<_>>())
+    };
+    let body = html! {
+        (decision(chart))
+        (page::section("speed", &html! { "Speed against accuracy" }, &html! {
+            p {
+                "Every point is one run of the whole motion. Of each method the stiffness option and solver that cost least are \
+                 shown. Work is counted in force evaluations of this scene: it is the same on every machine, time is not."
+            }
+            (named(&["time", "work", "solves", "error"]))
+            (failures(chart))
+        }))
+        (page::section("options", &html! { "Stiffness options and solvers" }, &named(&["options-euler", "options-w2"])))
+        (page::section("drift", &html! { "What methods add or take away" }, &named(&["energy", "angular-momentum"])))
+        (page::section("solvers", &html! { "Linear solvers" }, &named(&["tolerance-error", "tolerance-work", "sizes-cloth", "sizes-lattice"])))
+        @if !map.tiles.is_empty() { (stability(map)) }
+        (page::section("runs", &html! { "All runs" }, &page::folded(&number::count(chart.runs.len(), "run"), &table(&chart.runs))))
+    };
+    let lead = format!(
+        "{} of {} s; errors are measured against {}, whose own error is about {}.",
+        chart.scene,
+        chart.duration,
+        chart.reference.method,
+        pretty(chart.reference.error_estimate)
+    );
+    page::page("Speed against accuracy", &lead, &body)
+}
+
+fn picture(figure: &Figure) -> Markup {
+    page::figure(plot::svg(&figure.plot), &html! { (figure.caption) })
+}
+
+fn decision(chart: &WorkPrecision) -> Markup {
+    let sentences = chart.conclusions();
+    html! {
+        div.banner.passed {
+            strong { "What to use" }
+            @if sentences.is_empty() { p { "No run ended with an error below 10 %." } }
+            ul { @for sentence in &sentences { li { (sentence) } } }
+        }
+    }
+}
+
+/// Failed runs by configuration and cause.
+fn failures(chart: &WorkPrecision) -> Markup {
+    let mut groups: BTreeMap<(&str, &str, &str, String), Vec<f64>> = BTreeMap::new();
+    for run in &chart.runs {
+        if let Some(cause) = run.cause() {
+            groups.entry((run.method, run.stiffness, run.solver, cause)).or_default().push(run.dt);
+        }
+    }
+    let rows = html! {
+        table.full {
+            thead { tr { th { "method" } th { "stiffness" } th { "solver" } th { "what failed" } th { "at steps of" } } }
+            tbody {
+                @for ((method, stiffness, solver, cause), steps) in &groups {
+                    tr {
+                        td { (method) } td { (stiffness) } td { (solver) } td { (cause) }
+                        td { (steps.iter().map(|dt| pretty(*dt)).collect::<Vec<_>>().join(", ")) " s" }
+                    }
+                }
+            }
+        }
+    };
+    html! {
+        @if !groups.is_empty() {
+            h3 { "Runs that failed" }
+            (page::scrolling("Runs that failed", &rows))
+        }
+    }
+}
+
+fn stability(map: &StabilityMap) -> Markup {
+    let (predicted, contradictions) = map.agreement();
+    let of = |axis| {
+        let tiles = map.tiles.iter().filter(move |tile| tile.axis == axis);
+        tiles
+            .map(|tile| page::figure(tiles::svg(&tile.figure()), &html! { (caption(tile.limits.concat().is_empty())) }))
+    };
+    let body = html! {
+        p {
+            "One particle between two springs to fixed walls, moved a thousandth of its spring's length off the middle. ω is the \
+             frequency of its vibration along the springs. A cell is one run of up to 2000 steps, coloured by what failed first; \
+             the lines are limits that theory gives. Above λ = 1 the springs are stretched and the particle swings across them \
+             with the frequency ω √(1 − 1/λ); below they are compressed and it buckles."
+        }
+        p.quiet {
+            "Of " (predicted) " cells about which theory says something, " (contradictions) " contradict it."
+        }
+        h3 { "Over the stretch, without damping" }
+        (page::figures(&of(Axis::Stretch).collect::<Vec<_>>()))
+        h3 { "Over damping, with springs of twice their rest length" }
+        p { "The dampers act along the springs only: they do nothing for the motion across." }
+        (page::figures(&of(Axis::Damping).collect::<Vec<_>>()))
+    };
+    page::section("stability", &html! { "Where methods are stable" }, &body)
+}
+
+fn caption(without_limit: bool) -> &'static str {
+    if without_limit { "No limit in closed form crosses this picture." } else { "Lines: limits in closed form." }
+}
+
+fn table(runs: &[Run]) -> Markup {
+    let rows = html! {
+        table.full {
+            thead { tr {
+                th { "method" } th { "stiffness" } th { "solver" } th.number { "dt, s" } th.number { "error" }
+                th.number { "time, s" } th.number { "work" } th.number { "solves" } th { "status" }
+            } }
+            tbody {
+                @for run in runs {
+                    tr {
+                        td { (run.method) @if let Some(rtol) = run.rtol { ", rtol " (pretty(rtol)) } }
+                        td { (run.stiffness) } td { (run.solver) }
+                        td.number { (pretty(run.dt)) }
+                        td.number { @if let Some(error) = run.error { (pretty(error)) } }
+                        td.number { (pretty(run.wall_seconds)) }
+                        td.number { (pretty(run.cost.round())) }
+                        td.number { (run.work.solves) }
+                        td { (run.status.name()) }
+                    }
+                }
+            }
+        }
+    };
+    page::scrolling("All runs", &rows)
+}

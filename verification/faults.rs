@@ -1,0 +1,219 @@
+//! Plants faults in a copy of the program, one after the other, and records which checks of the suite catch each.
+//!
+//! `cargo run --example faults` applies every fault of `faults.toml` to a copy below the target folder, runs the
+//! verification suite on it, and writes `faults.json` (for programs) and `faults.md` (for readers) beside the list.
+//! Arguments choose faults by part of their name; then nothing is written. Every fault costs a build: half an hour for
+//! all. A fault that survives, does not compile or no longer finds its place makes the exit status 1.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+use std::time::{Duration, Instant};
+use std::{fs, io};
+
+type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
+
+/// What the program consists of.
+const PARTS: [&str; 7] = ["Cargo.toml", "Cargo.lock", "README.md", "src", "verification", "tests", "examples"];
+
+/// Longest time that the suite may take on a faulty program; it takes some seconds on the right one.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+#[derive(Deserialize)]
+struct List {
+    fault: Vec<Fault>,
+}
+
+/// A fault: a place in the source, by its text, and what is put there.
+#[derive(Deserialize)]
+struct Fault {
+    name: String,
+    file: String,
+    find: String,
+    replace: String,
+}
+
+/// A fault and the tests that failed because of it, by family.
+#[derive(Serialize)]
+struct Caught {
+    fault: String,
+    file: String,
+    /// Number of tests that failed.
+    tests: usize,
+    /// Families of these tests, each with their number, the largest first.
+    by: Vec<(String, usize)>,
+}
+
+/// How the suite ended on a program.
+enum Verdict {
+    Failed(Vec<String>),
+    Passed,
+    /// It did not start, or did not end in time.
+    Broke(String),
+}
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<bool> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = root.join("verification");
+    let list: List = toml::from_str(&fs::read_to_string(folder.join("faults.toml"))?)?;
+    let wanted: Vec<String> = std::env::args().skip(1).collect();
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or(root.join("target"), PathBuf::from).join("faults");
+    let copy = target.join("program");
+    fs::create_dir_all(&copy)?;
+    for part in PARTS {
+        synchronise(&root.join(part), &copy.join(part))?;
+    }
+    if let Verdict::Failed(tests) = verdict(&copy, &target)? {
+        return Err(format!("the program fails without a fault: {}", tests.join(", ")).into());
+    }
+    let mut caught = Vec::new();
+    let mut survived = 0;
+    let chosen = |fault: &&Fault| wanted.is_empty() || wanted.iter().any(|part| fault.name.contains(part.as_str()));
+    for fault in list.fault.iter().filter(chosen) {
+        let started = Instant::now();
+        let row = plant(fault, &copy, &target)?;
+        let by: Vec<String> = row.by.iter().map(|(family, count)| format!("{family} ({count})")).collect();
+        println!("{:>4.0?} s  {}: {}", started.elapsed().as_secs(), row.fault, by.join(", "));
+        survived += usize::from(row.tests == 0);
+        caught.push(row);
+    }
+    if wanted.is_empty() {
+        fs::write(folder.join("faults.json"), serde_json::to_string_pretty(&caught)? + "\n")?;
+        fs::write(folder.join("faults.md"), table(&caught))?;
+    }
+    println!("{} faults, {survived} survived", caught.len());
+    Ok(survived == 0)
+}
+
+/// Applies a fault to the copy, runs the suite, and takes the fault out again.
+fn plant(fault: &Fault, copy: &Path, target: &Path) -> Result<Caught> {
+    let place = copy.join(&fault.file);
+    let source = fs::read_to_string(&place)?;
+    if source.matches(&fault.find).count() != 1 {
+        return Err(format!("{}: its place is not found exactly once in {}", fault.name, fault.file).into());
+    }
+    fs::write(&place, source.replacen(&fault.find, &fault.replace, 1))?;
+    let verdict = verdict(copy, target);
+    fs::write(&place, source)?;
+    let tests = match verdict? {
+        Verdict::Failed(tests) => tests,
+        Verdict::Passed => Vec::new(),
+        Verdict::Broke(how) => vec![format!("the suite {how}")],
+    };
+    let mut families = BTreeMap::<String, usize>::new();
+    for test in &tests {
+        let family = test.rsplit_once("::").map_or(test.as_str(), |(family, _)| family);
+        *families.entry(family.to_owned()).or_default() += 1;
+    }
+    let mut by: Vec<(String, usize)> = families.into_iter().collect();
+    by.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    Ok(Caught { fault: fault.name.clone(), file: fault.file.clone(), tests: tests.len(), by })
+}
+
+/// Builds the suite in the copy and runs it.
+fn verdict(copy: &Path, target: &Path) -> Result<Verdict> {
+    let build = Command::new(env!("CARGO"))
+        .args(["test", "--profile", "faults", "--test", "verification", "--no-run", "--message-format", "json"])
+        .arg("--target-dir")
+        .arg(target.join("build"))
+        .current_dir(copy)
+        .stderr(Stdio::null())
+        .output()?;
+    if !build.status.success() {
+        return Err("the faulty program does not compile".into());
+    }
+    let messages = String::from_utf8(build.stdout)?;
+    let messages = messages.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+    let is_suite = |message: &serde_json::Value| message["target"]["name"] == "verification";
+    let suite = messages.filter(is_suite).find_map(|message| message["executable"].as_str().map(PathBuf::from));
+    let output = target.join("output.txt");
+    let mut child = Command::new(suite.ok_or("no executable of the suite")?)
+        .args(["--color", "never"])
+        .current_dir(copy)
+        .stdout(fs::File::create(&output)?)
+        .stderr(Stdio::null())
+        .spawn()?;
+    let started = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait()? {
+            break status;
+        }
+        if started.elapsed() > PATIENCE {
+            child.kill()?;
+            child.wait()?;
+            return Ok(Verdict::Broke("does not end".into()));
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    let output = String::from_utf8_lossy(&fs::read(&output)?).into_owned();
+    let failed = output.lines().filter(|line| line.starts_with("test ") && line.ends_with("FAILED"));
+    let tests: Vec<String> = failed.filter_map(|line| line.split_whitespace().nth(1).map(str::to_owned)).collect();
+    Ok(match (status.success(), tests.is_empty()) {
+        (true, _) => Verdict::Passed,
+        (false, false) => Verdict::Failed(tests),
+        (false, true) => Verdict::Broke("does not start".into()),
+    })
+}
+
+/// Makes a copy the same as the original, leaving alone what already is, so that a build sees no change.
+fn synchronise(from: &Path, to: &Path) -> io::Result<()> {
+    if from.is_dir() {
+        fs::create_dir_all(to)?;
+        for entry in fs::read_dir(from)? {
+            let name = entry?.file_name();
+            synchronise(&from.join(&name), &to.join(&name))?;
+        }
+        for entry in fs::read_dir(to)? {
+            let name = entry?.file_name();
+            if !from.join(&name).exists() {
+                fs::remove_file(to.join(&name))?;
+            }
+        }
+        return Ok(());
+    }
+    let content = fs::read(from)?;
+    if fs::read(to).is_ok_and(|existing| existing == content) { Ok(()) } else { fs::write(to, content) }
+}
+
+/// How many families, or faults, a row of a table names.
+const NAMED: usize = 4;
+
+fn table(caught: &[Caught]) -> String {
+    let mut text = String::from(
+        "# Planted faults, and what catches them\n\n\
+         Written by `cargo run --example faults` from `faults.toml`. Every fault is put into a copy of the program, and the whole \
+         suite runs on it. Numbers are tests that fail, by family; a family is a check, its tests are the scenes or cases.\n\n\
+         | fault | in | tests | caught by |\n|---|---|---|---|\n",
+    );
+    for Caught { fault, file, tests, by } in caught {
+        let by: Vec<String> = by.iter().map(|(family, count)| format!("`{family}` ({count})")).collect();
+        let _ = writeln!(text, "| {fault} | `{file}` | {tests} | {} |", shortened(&by, "**nothing**"));
+    }
+    text += "\n## By family\n\n| family | faults caught | among them |\n|---|---|---|\n";
+    let mut families = BTreeMap::<&str, Vec<String>>::new();
+    for Caught { fault, by, .. } in caught {
+        by.iter().for_each(|(family, _)| families.entry(family).or_default().push(fault.clone()));
+    }
+    for (family, faults) in families {
+        let _ = writeln!(text, "| `{family}` | {} | {} |", faults.len(), shortened(&faults, ""));
+    }
+    text
+}
+
+fn shortened(names: &[String], nothing: &str) -> String {
+    let more = if names.len() > NAMED { format!(" and {} more", names.len() - NAMED) } else { String::new() };
+    if names.is_empty() { nothing.into() } else { names[..names.len().min(NAMED)].join(", ") + &more }
+}
