@@ -28,12 +28,25 @@ pub struct Work {
 impl Work {
     /// Adds what another computation did.
     pub fn add(&mut self, other: &Self) {
-        self.force_evaluations += other.force_evaluations;
-        self.assemblies += other.assemblies;
-        self.symbolic_factorizations += other.symbolic_factorizations;
-        self.factorizations += other.factorizations;
-        self.solves += other.solves;
-        self.cg_iterations += other.cg_iterations;
-        self.newton_iterations += other.newton_iterations;
+        let Self {
+            force_evaluations,
+            assemblies,
+            symbolic_factorizations,
+            factorizations,
+            solves,
+            cg_iterations,
+            warm_starts,
+            multigrid_setups,
+            newton_iterations,
+        } = *other;
+        self.force_evaluations += force_evaluations;
+        self.assemblies += assemblies;
+        self.symbolic_factorizations += symbolic_factorizations;
+        self.factorizations += factorizations;
+        self.solves += solves;
+        self.cg_iterations += cg_iterations;
+        self.warm_starts += warm_starts;
+        self.multigrid_setups += multigrid_setups;
+        self.newton_iterations += newton_iterations;
     }
 }

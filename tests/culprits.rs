@@ -198,3 +198,21 @@ fn the_local_condition_is_enough_on_random_scenes() {
     println!("{spared} transverse terms spared in {indefinite} indefinite scenes");
     assert!(indefinite > 50 && spared > 100);
 }
+
+/// A whole inspection costs so many factorizations, whatever the size.
+#[test]
+fn an_inspection_costs_few_factorizations() {
+    for n in [12, 24, 48] {
+        let mut builder = tame_cloth(n, n);
+        for spring in builder.springs.iter_mut().step_by(7) {
+            spring.rest_length *= 1.5;
+        }
+        let (system, state) = builder.build().expect("a valid scene");
+        let inspection = Inspection::at(&system, &state, 0.05, Stiffness::Full, Par::Seq).expect("a small system");
+        assert!(inspection.examined().inertia.negative > 0);
+        let work = inspection.work;
+        println!("{} dofs: {work:?}", system.dofs().len());
+        assert!(work.symbolic_factorizations <= 6, "{work:?}");
+        assert!(work.factorizations <= 50, "{work:?}");
+    }
+}

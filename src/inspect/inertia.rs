@@ -128,54 +128,63 @@ impl InertiaCounter {
             return undecided(f64::INFINITY);
         }
         let mut shift = FIRST_SHIFT * (n as f64).sqrt() * f64::EPSILON / 2.0;
+        let mut method = InertiaMethod::Sparse;
         for _ in 0..=WIDENINGS {
-            let Count { signs, mut error, mut method } = self.factor(&c, -shift * scale, scale, shift, work);
-            let mut negative = signs.negative;
-            if negative + signs.zero > 0 {
-                let above = self.factor(&c, shift * scale, scale, shift, work);
+            let below = self.factor(&c, -shift * scale, scale, shift, method, work);
+            method = below.method;
+            let mut error = below.error;
+            let mut negative = below.signs.negative;
+            if error <= shift / 2.0 && negative + below.signs.zero > 0 {
+                let above = self.factor(&c, shift * scale, scale, shift, method, work);
+                method = above.method;
                 error = if above.error <= error { error } else { above.error };
-                method = method.max(above.method);
                 negative = above.signs.negative;
             }
             if error <= shift / 2.0 {
-                let positive = signs.positive;
+                let positive = below.signs.positive;
                 let zero = n.saturating_sub(positive + negative);
                 return Inertia { negative, zero, positive, band: 1.5 * shift, factorization_error: error, method };
             }
-            if !error.is_finite() {
-                // A pivot that vanished exactly: another shift has another pivot.
-                shift *= 2.0;
-            } else {
-                shift = 4.0 * error;
-            }
+            // Where a pivot vanished the error is not finite: another shift has other pivots.
+            shift = if error.is_finite() { 4.0 * error } else { 2.0 * shift };
         }
         undecided(1.5 * shift)
     }
 
-    /// Factors `C + shift`, densely if the sparse factorization's error is too large for a band of `tolerance`.
-    fn factor(&mut self, c: &SymmetricMatrix, shift: f64, scale: f64, tolerance: f64, work: &mut Work) -> Count {
+    /// Factors `C + shift` with a method, and with better ones as long as the error is too large for a band of `tolerance`.
+    fn factor(
+        &mut self,
+        c: &SymmetricMatrix,
+        shift: f64,
+        scale: f64,
+        tolerance: f64,
+        first: InertiaMethod,
+        work: &mut Work,
+    ) -> Count {
         let mut shifted = c.clone();
         shifted.shift(shift);
-        let mut count = Count { signs: PivotSigns::default(), error: f64::INFINITY, method: InertiaMethod::None };
-        for (pivoting, method) in
-            [(Pivoting::None, InertiaMethod::Sparse), (Pivoting::InSupernodes, InertiaMethod::Pivoted)]
-        {
-            work.factorizations += 1;
-            self.factorization.factor(&shifted, pivoting);
-            let error = self.measured_error(&shifted) / scale;
-            if error < count.error {
-                count = Count { signs: self.factorization.signs(), error, method };
+        let mut count = Count { signs: PivotSigns::default(), error: f64::INFINITY, method: first };
+        for method in [InertiaMethod::Sparse, InertiaMethod::Pivoted, InertiaMethod::Dense] {
+            let affordable = method != InertiaMethod::Dense || c.order() <= LARGEST_DENSE;
+            if method < first || !affordable || count.error <= tolerance / 2.0 {
+                continue;
             }
-            if error <= tolerance / 2.0 {
-                return count;
-            }
-        }
-        if c.order() <= LARGEST_DENSE {
             work.factorizations += 1;
-            let (signs, error) = dense_signs(&shifted);
-            count = Count { signs, error: error / scale, method: InertiaMethod::Dense };
+            let (signs, error) = match method {
+                InertiaMethod::Sparse => self.sparse_signs(&shifted, Pivoting::None),
+                InertiaMethod::Pivoted => self.sparse_signs(&shifted, Pivoting::InSupernodes),
+                InertiaMethod::Dense | InertiaMethod::None => dense_signs(&shifted),
+            };
+            if error / scale < count.error {
+                count = Count { signs, error: error / scale, method };
+            }
         }
         count
+    }
+
+    fn sparse_signs(&mut self, a: &SymmetricMatrix, pivoting: Pivoting) -> (PivotSigns, f64) {
+        self.factorization.factor(a, pivoting);
+        (self.factorization.signs(), self.measured_error(a))
     }
 
     /// Bound on `‖A − L B Lᵀ‖₂` from products with Gaussian vectors.

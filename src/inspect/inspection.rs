@@ -5,10 +5,11 @@ use super::culprits::{Cluster, Direction, clusters, direction};
 use super::family::Requirement;
 use super::inertia::{Inertia, InertiaCounter};
 use super::smallest_set::{DropSet, smallest_set};
-use super::spectrum::{Spectrum, spectrum};
+use super::spectrum::{Spectrum, spectrum_with};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::error::Result;
 use crate::force::Extensions;
+use crate::linear::Ldlt;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -82,11 +83,12 @@ impl Inspection {
             SystemMatrix::assemble(pattern.clone(), &operator).into_matrix()
         };
         let mut critical = CriticalSteps::new(system, state, par)?;
-        let mut work = Work { symbolic_factorizations: 1, ..Work::default() };
+        let mut work = Work { symbolic_factorizations: 2, ..Work::default() };
         let minus_k = assemble(Stiffness::Full, Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 });
         let mut counter = InertiaCounter::new(minus_k.pattern(), par)?;
         let growing_modes = counter.count(&minus_k, &mut work).negative;
 
+        let mut factorization = Ldlt::analyse(minus_k.pattern(), par)?;
         let mut examined = None;
         let mut inspect = |each: Stiffness| -> Result<OptionInspection> {
             let a: SymmetricMatrix = assemble(each, Combination::step(dt));
@@ -97,7 +99,7 @@ impl Inspection {
                 true => EIGENPAIRS.max(inertia.negative.min(DIRECTIONS)),
                 false => 1,
             };
-            let spectrum = spectrum(&a, &inertia, wanted, par, &mut work)?;
+            let spectrum = spectrum_with(&mut factorization, &a, &inertia, wanted, &mut work);
             let definite = critical.largest_step(Requirement::Definite, each);
             let report = OptionInspection {
                 option: each,

@@ -36,6 +36,9 @@ const LABELLED: usize = 6;
 /// Degrees of freedom up to which λ_min is computed for many steps.
 const LARGEST_CURVE: usize = 3000;
 
+/// Where a curve of λ_min ends.
+const LOWEST_SHOWN: f64 = -1.0;
+
 /// Steps at which λ_min is computed, for a small and for a larger system.
 const CURVE_POINTS: [usize; 2] = [49, 17];
 
@@ -65,18 +68,15 @@ impl Pictures {
 
 fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {
     let title = match inspection.directions.first() {
-        Some(lowest) => format!("Strain, and the eigenvector of λ_min = {:.3e} N/m", lowest.eigenvalue),
+        Some(lowest) => format!("Strain, and the eigenvector of λ_min = {} N/m", short(lowest.eigenvalue)),
         None => "Strain".into(),
     };
     let mut drawing = Drawing::strains(title, system, state);
     if let Some(lowest) = inspection.directions.first() {
         for culprit in lowest.culprits.iter().take(LABELLED) {
             let [i, j] = culprit.particles;
-            let (strain, share) = (100.0 * culprit.strain, 100.0 * culprit.share);
-            let label = format!(
-                "spring {} ({i}–{j}): strain {strain:.1} %, {share:.0} % of the negative curvature",
-                culprit.spring
-            );
+            let (strain, share) = (short(culprit.strain), 100.0 * culprit.share);
+            let label = format!("spring {} ({i}–{j}): strain {strain}, share {share:.0} %", culprit.spring);
             drawing = drawing.highlight(culprit.spring, label);
         }
     }
@@ -119,21 +119,24 @@ fn curve(
             let operator = SystemOperator::new(system, extensions, option, Combination::step(dt));
             let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
             let scaled = smallest_eigenvalue(&a, par, &mut work)? * dt * dt / lightest;
-            // Far below zero only the sign matters; the axis is kept for what happens around it.
-            values.push((dt, scaled.max(-1.5)));
+            values.push((dt, scaled.max(LOWEST_SHOWN)));
+            // A curve only falls: far below zero only the sign matters, and the axis is kept for what happens around it.
+            if scaled < LOWEST_SHOWN {
+                break;
+            }
         }
         plot = plot.with_series(Series::line(option.name(), values));
     }
     for option in &inspection.options {
         let name = option.option.name();
         if let Some(dt) = option.critical.dt() {
-            plot = plot.with_guide(Guide::Vertical { x: dt, label: format!("{name} definite up to {dt:.3e} s") });
+            plot = plot.with_guide(Guide::Vertical { x: dt, label: format!("{name} definite up to {} s", short(dt)) });
         }
         if let Some(dt) = option.stable.dt().filter(|&dt| option.critical.dt() != Some(dt)) {
-            plot = plot.with_guide(Guide::Vertical { x: dt, label: format!("{name} stable up to {dt:.3e} s") });
+            plot = plot.with_guide(Guide::Vertical { x: dt, label: format!("{name} stable up to {} s", short(dt)) });
         }
     }
-    let here = Guide::Vertical { x: inspection.dt, label: format!("inspected: {:.3e} s", inspection.dt) };
+    let here = Guide::Vertical { x: inspection.dt, label: format!("inspected: {} s", short(inspection.dt)) };
     Ok(plot.with_guide(here).with_guide(Guide::Level { y: 0.0, label: "definite above".into() }))
 }
 
@@ -152,4 +155,15 @@ fn low_end(inspection: &Inspection) -> Plot {
         }
     }
     plot.with_guide(Guide::Level { y: 0.0, label: "zero".into() })
+}
+
+/// Four digits, with a power of ten where the number is very large or small.
+fn short(value: f64) -> String {
+    match value.abs() {
+        size if (1e-3..1e5).contains(&size) => {
+            let decimals = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
+            format!("{value:.decimals$}").replace('-', "−")
+        }
+        _ => format!("{value:.3e}").replace('-', "−"),
+    }
 }

@@ -85,18 +85,29 @@ const RELATIVE_ACCURACY: f64 = 1e-3;
 /// # Errors
 /// A matrix that is too large to factor.
 pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par, work: &mut Work) -> Result<Spectrum> {
+    work.symbolic_factorizations += 1;
+    Ok(spectrum_with(&mut Ldlt::analyse(a.pattern(), par)?, a, inertia, wanted, work))
+}
+
+/// As [`spectrum`], with a factorization that has been analysed before.
+pub(super) fn spectrum_with(
+    factorization: &mut Ldlt,
+    a: &SymmetricMatrix,
+    inertia: &Inertia,
+    wanted: usize,
+    work: &mut Work,
+) -> Spectrum {
     let n = a.dofs().len();
     let mut sums = vec![0.0; n];
     if n == 0 || !a.norm_inf(&mut sums).is_finite() {
-        return Ok(Spectrum { lowest: Vec::new(), largest: f64::NAN, condition: f64::NAN });
+        return Spectrum { lowest: Vec::new(), largest: f64::NAN, condition: f64::NAN };
     }
     if n <= LARGEST_DENSE
         && let Some(spectrum) = dense(a, inertia)
     {
-        return Ok(spectrum);
+        return spectrum;
     }
-    let mut search = Search { a, factorization: Ldlt::analyse(a.pattern(), par)?, work };
-    search.work.symbolic_factorizations += 1;
+    let mut search = Search { a, factorization, work };
     let ends = search.ends();
     let largest = search.largest(&ends).first().map_or(f64::NAN, |pair| pair.value);
     let lowest = search.lowest(inertia.negative, wanted.clamp(1, n), &ends);
@@ -106,7 +117,7 @@ pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par,
         () if inertia.negative == 0 => smallest,
         () => search.nearest_to_zero(),
     };
-    Ok(Spectrum { condition: largest.abs().max(smallest.abs()) / nearest, lowest, largest })
+    Spectrum { condition: largest.abs().max(smallest.abs()) / nearest, lowest, largest }
 }
 
 /// λ_min alone, in N/m; NaN where A is empty or has entries that are not finite.
@@ -123,8 +134,8 @@ pub fn smallest_eigenvalue(a: &SymmetricMatrix, par: Par, work: &mut Work) -> Re
     {
         return Ok(eigen.eigenvalues.min());
     }
-    let mut search = Search { a, factorization: Ldlt::analyse(a.pattern(), par)?, work };
-    search.work.symbolic_factorizations += 1;
+    work.symbolic_factorizations += 1;
+    let mut search = Search { a, factorization: &mut Ldlt::analyse(a.pattern(), par)?, work };
     let ends = search.ends();
     Ok(search.lowest(0, 1, &ends).first().map_or(f64::NAN, |pair| pair.value))
 }
@@ -200,7 +211,7 @@ struct Target {
 
 struct Search<'a> {
     a: &'a SymmetricMatrix,
-    factorization: Ldlt,
+    factorization: &'a mut Ldlt,
     work: &'a mut Work,
 }
 

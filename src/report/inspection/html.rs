@@ -93,7 +93,7 @@ fn steps(inspection: &Inspection, pictures: &Pictures) -> Markup {
         }
         @if let Some(curve) = &pictures.curve {
             (page::figures(&[page::figure(plot::svg(curve), &html! {
-                "The curves fall with dt: once lost, definiteness does not come back. Values below −1.5 are drawn at −1.5."
+                "The curves fall with dt: once lost, definiteness does not come back. They end where they have fallen to −1."
             })]))
         }
     }

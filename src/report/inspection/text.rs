@@ -102,12 +102,18 @@ fn limit(step: LargestStep) -> String {
 }
 
 fn culprits(lowest: &Direction) -> Vec<String> {
-    let mut lines = vec!["  culprits     along the lowest eigenvector:".to_owned()];
+    let negative = lowest.eigenvalue < 0.0;
+    let heading = if negative { "culprits     along" } else { "softened by  along" };
+    let mut lines = vec![format!("  {heading} the eigenvector u of λ_min = {} N/m:", plain(lowest.eigenvalue))];
     for culprit in lowest.culprits.iter().take(LISTED) {
         let Culprit { spring, particles: [i, j], strain, share, relieved, .. } = culprit;
-        let after = if *relieved > 0.0 { "enough" } else { "not enough alone" };
+        let enough = match (negative, *relieved > 0.0) {
+            (false, _) => "",
+            (true, true) => ", enough",
+            (true, false) => ", not enough alone",
+        };
         lines.push(format!(
-            "    spring {spring} ({i}–{j}): strain {}, share {}; without its transverse term uᵀAu = {} N/m, {after}",
+            "    spring {spring} ({i}–{j}): strain {}, share {}; without its transverse term uᵀAu = {} N/m{enough}",
             plain(*strain),
             plain(*share),
             plain(*relieved),

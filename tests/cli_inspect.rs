@@ -1,0 +1,159 @@
+//! `sprung inspect`, and what a run says that ends with an indefinite matrix.
+
+mod command;
+
+use command::Sandbox;
+use sprung::inspect::Inertia;
+use sprung::integrate::StepMatrices;
+use sprung::{Scene, Stiffness};
+
+/// One compressed spring between two free particles: A is definite up to dt = √(μ/(k(1/l − 1/l0))).
+const SPRING: &str = r#"
+name = "short"
+particles = { positions = [[0, 0, 0], [0.6, 0, 0]], velocities = [[0, 0.1, 0], [0, 0, 0]], masses = [1.5, 0.5] }
+springs = { pairs = [[0, 1]], stiffness = 80, rest_lengths = 1.2, damping = 0.4 }
+time = { dt = 0.1, duration = 1 }
+"#;
+
+fn critical() -> f64 {
+    (0.375 / (80.0 * (1.0 / 0.6 - 1.0 / 1.2f64))).sqrt()
+}
+
+#[test]
+fn reports_everything_as_json() {
+    let sandbox = Sandbox::new();
+    sandbox.put("short.toml", SPRING);
+    let answer = sandbox.sprung(&["inspect", "short.toml", "--json"]);
+    assert_eq!(answer.status, Some(0), "{}", answer.stderr);
+    let json = answer.json();
+    assert_eq!(json["scene"], "short");
+    assert_eq!((json["dt"].as_f64(), json["stiffness"].as_str()), (Some(0.1), Some("full")));
+    assert_eq!((json["dofs"].as_u64(), json["definite"].as_bool()), (Some(6), Some(false)));
+    let inertia = &json["inertia"];
+    assert_eq!(
+        (inertia["negative"].as_u64(), inertia["zero"].as_u64(), inertia["positive"].as_u64()),
+        (Some(2), Some(0), Some(4))
+    );
+    let close = |value: &serde_json::Value, expected: f64| {
+        let value = value.as_f64().expect("a number");
+        assert!((value / expected - 1.0).abs() < 1e-9, "{value} instead of {expected}");
+    };
+    close(&json["critical_dt"], critical());
+    assert!(json["lambda_min"].as_f64() < Some(0.0) && json["lambda_max"].as_f64() > Some(0.0));
+    assert!(json["condition"].as_f64() >= Some(1.0));
+    assert_eq!(json["compressed_springs"], 1);
+    let culprit = &json["culprits"][0];
+    assert_eq!((culprit["spring"].as_u64(), culprit["particles"].to_string()), (Some(0), "[0,1]".into()));
+    close(&culprit["strain"], -0.5);
+    close(&culprit["share"], 1.0);
+    assert_eq!(json["culprits"].as_array().map(Vec::len), Some(1));
+    assert_eq!(json["smallest_set"]["springs"].to_string(), "[0]");
+    close(&json["options"]["full"]["critical_dt"], critical());
+    for option in ["tension", "axial"] {
+        assert!(json["options"][option]["critical_dt"].is_null() && json["options"][option]["stable_dt"].is_null());
+        assert_eq!(json["options"][option]["definite"], true);
+    }
+}
+
+#[test]
+fn tells_people_the_same_and_draws_it() {
+    let sandbox = Sandbox::new();
+    sandbox.put("short.toml", SPRING);
+    let answer = sandbox.sprung(&["inspect", "short.toml", "--out", "pictures"]);
+    assert_eq!(answer.status, Some(0), "{}", answer.stderr);
+    for part in ["INDEFINITE", "2 negative, 0 zero, 4 positive", "every step", "spring 0 (0–1): strain -0.500, share 1"]
+    {
+        assert!(answer.stdout.contains(part), "{part} is not in\n{}", answer.stdout);
+    }
+    let names = sandbox.names("pictures");
+    let expected = ["inspect.html", "lambda-min.svg", "pattern-A.svg", "pattern-L.svg", "scene.svg", "spectrum.svg"];
+    assert_eq!(names, expected);
+    let page = sandbox.read("pictures/inspect.html");
+    assert_eq!(page.matches("<svg").count(), 5);
+    assert!(!page.contains("NaN") && !page.contains("src=\"http"));
+}
+
+#[test]
+fn quiet_about_a_definite_matrix() {
+    let sandbox = Sandbox::new();
+    sandbox.put("short.toml", SPRING);
+    let answer = sandbox.sprung(&["inspect", "short.toml", "--dt", "0.01", "--json"]);
+    let json = answer.json();
+    assert_eq!((json["definite"].as_bool(), json["smallest_set"].is_null()), (Some(true), true));
+    let answer = sandbox.sprung(&["inspect", "short.toml", "--stiffness", "axial", "--json"]);
+    let json = answer.json();
+    assert_eq!((json["definite"].as_bool(), json["culprits"].to_string()), (Some(true), "[]".into()));
+    assert!(json["critical_dt"].is_null());
+}
+
+/// The spring is thrown together: stretched at first, compressed later.
+#[test]
+fn says_when_along_a_run_definiteness_is_first_lost() {
+    let sandbox = Sandbox::new();
+    let scene = SPRING.replace("[0.6, 0, 0]", "[1.5, 0, 0]").replace("[0, 0.1, 0], [0, 0, 0]", "[1, 0, 0], [-5, 0, 0]");
+    sandbox.put("thrown.toml", &scene);
+    let answer = sandbox.sprung(&["inspect", "thrown.toml", "--dt", "0.3", "--steps", "40", "--json"]);
+    assert_eq!(answer.status, Some(0), "{}", answer.stderr);
+    let json = answer.json();
+    assert_eq!(json["step"], 40);
+    let loss = &json["first_loss"];
+    let first = loss["step"].as_u64().expect("lost on the way");
+    assert!((1..40).contains(&first), "{loss}");
+    assert_eq!((loss["culprits"][0]["spring"].as_u64(), loss["negative"].as_u64()), (Some(0), Some(2)));
+
+    // The states on both sides of the loss, by a run of their own.
+    for (steps, negative) in [(first - 1, 0), (first, 2)] {
+        let steps = steps.to_string();
+        let json = sandbox.sprung(&["inspect", "thrown.toml", "--dt", "0.3", "--steps", &steps, "--json"]).json();
+        assert_eq!(json["inertia"]["negative"].as_u64(), Some(negative), "after {steps} steps");
+    }
+}
+
+#[test]
+fn a_run_that_ends_indefinite_explains_itself_and_can_be_repeated() {
+    let sandbox = Sandbox::new();
+    sandbox.put("short.toml", SPRING);
+    let answer = sandbox.sprung(&["run", "short.toml", "--stiffness", "full", "--out", "out"]);
+    assert_eq!(answer.status, Some(1));
+    let lines: Vec<&str> = answer.stderr.lines().filter(|line| line.starts_with("error: ")).collect();
+    assert_eq!(lines.len(), 4, "{}", answer.stderr);
+    assert!(lines[1].contains("spring 0 (0–1, 50 % compressed"), "{}", lines[1]);
+    assert!(lines[2].contains("up to dt = 0.0750 s (it was 0.100 s)"), "{}", lines[2]);
+    assert!(lines[3].contains("--stiffness on-demand carries on"), "{}", lines[3]);
+    assert_eq!(sandbox.names("out/failure"), ["A.mtx", "b.mtx", "culprits.json", "dofs.csv", "scene.toml"]);
+    assert_eq!(sandbox.json("out/failure/culprits.json")["culprits"][0]["spring"], 0);
+
+    let again = sandbox.sprung(&["run", "out/failure/scene.toml", "--stiffness", "full", "--out", "again"]);
+    assert_eq!(again.status, Some(1));
+    assert_eq!(sandbox.json("again/summary.json")["failure"]["step"], 1);
+    assert_eq!(sandbox.json("again/summary.json")["status"], "indefinite");
+    assert_eq!(sandbox.read("again/failure/A.mtx"), sandbox.read("out/failure/A.mtx"));
+    assert_eq!(sandbox.read("again/failure/b.mtx"), sandbox.read("out/failure/b.mtx"));
+
+    let (system, state) = Scene::load(sandbox.path("out/failure/scene.toml")).unwrap().build().unwrap();
+    let a = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.1).unwrap().a;
+    assert_eq!(Inertia::of(&a).unwrap().negative, 2);
+
+    let carried = sandbox.sprung(&["run", "short.toml", "--stiffness", "on-demand", "--out", "carried", "--json"]);
+    assert_eq!(carried.status, Some(0), "{}", carried.stderr);
+    let summary = carried.json();
+    assert!(summary["softened_solves"].as_u64() > Some(0));
+    assert_eq!(summary["dropped_terms"], summary["softened_solves"], "one spring");
+}
+
+#[test]
+fn refuses_what_it_cannot_use_and_writes_nothing() {
+    let sandbox = Sandbox::new();
+    sandbox.put("short.toml", &SPRING.replace("time = { dt = 0.1, duration = 1 }", ""));
+    for (arguments, part) in [
+        (&["inspect", "short.toml"][..], "--dt"),
+        (&["inspect", "short.toml", "--dt", "0"], "positive"),
+        (&["inspect", "short.toml", "--dt", "0.1", "--stiffness", "none"], "none"),
+        (&["inspect", "missing.toml", "--dt", "0.1"], "missing.toml"),
+    ] {
+        let answer = sandbox.sprung(arguments);
+        assert_eq!(answer.status, Some(2), "{arguments:?}");
+        assert!(answer.stderr.contains(part), "{}", answer.stderr);
+    }
+    assert_eq!(sandbox.names("."), ["short.toml"]);
+}
