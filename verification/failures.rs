@@ -16,7 +16,7 @@ use sprung::linear::{
 use sprung::operator::{Combination, SystemOperator};
 use sprung::verify::{Check, Claim, Subject, U, built_in};
 use sprung::work::Work;
-use sprung::{Spring, Stiffness, SystemBuilder};
+use sprung::{Spring, State, Stiffness, System, SystemBuilder};
 use std::ops::ControlFlow;
 
 type Outcome = Result<Vec<Check>, Box<dyn std::error::Error>>;
@@ -50,28 +50,40 @@ fn silent(reported: bool) -> f64 {
     if reported { 0.0 } else { 1.0 }
 }
 
-/// A free chain of n unit masses along x with links of the given strain, at a distance y from the axis.
-fn chain(builder: &mut SystemBuilder, n: usize, strain: f64, y: f64) -> std::ops::Range<usize> {
-    let first = builder.positions.len();
-    for p in 0..n {
-        // A little crooked, so that every axis matters.
-        builder.particle([p as f64 * (1.0 + strain), y + 0.01 * (p % 3) as f64, 0.02 * (p % 2) as f64], 1.0);
-        if p > 0 {
-            builder.spring(first + p - 1, first + p, Spring { stiffness: 50.0, rest_length: 1.0, damping: 0.0 });
+/// Three free chains of unit masses along x, of 7, n and 5, the middle one compressed and the others stretched; numbered
+/// with strides of 5, so that no chain is a range. Returns the particles of the middle one too.
+fn three_chains(n: usize) -> Result<(System, State, Vec<usize>), sprung::Error> {
+    let links = [(7, 0.2), (n, -0.5), (5, 0.3)];
+    let total: usize = links.iter().map(|&(length, _)| length).sum();
+    let stride = if total.is_multiple_of(5) { 7 } else { 5 };
+    let number = |index: usize| index * stride % total;
+    let mut builder = SystemBuilder::new();
+    for _ in 0..total {
+        builder.particle([0.0; 3], 1.0);
+    }
+    let (mut index, mut guilty) = (0, Vec::new());
+    for (row, (length, strain)) in links.into_iter().enumerate() {
+        for p in 0..length {
+            // A little crooked, so that every axis matters.
+            let x = [p as f64 * (1.0 + strain), 3.0 * row as f64 + 0.01 * (p % 3) as f64, 0.02 * (p % 2) as f64];
+            builder.positions[number(index)] = x.into();
+            if p > 0 {
+                let spring = Spring { stiffness: 50.0, rest_length: 1.0, damping: 0.0 };
+                builder.spring(number(index - 1), number(index), spring);
+            }
+            guilty.extend((row == 1).then_some(number(index)));
+            index += 1;
         }
     }
-    first..first + n
+    let (system, state) = builder.build()?;
+    Ok((system, state, guilty))
 }
 
 /// Only the middle one of three chains is compressed: refused and negative pivots must lie there, whatever the ordering did.
 fn pivots_are_placed() -> Outcome {
     let mut checks = Vec::new();
     for compressed in 2..9 {
-        let mut builder = SystemBuilder::new();
-        chain(&mut builder, 7, 0.2, 0.0);
-        let guilty = chain(&mut builder, compressed, -0.5, 3.0);
-        chain(&mut builder, 5, 0.3, 6.0);
-        let (system, state) = builder.build()?;
+        let (system, state, guilty) = three_chains(compressed)?;
         let a = StepMatrices::assemble(&system, &state, Stiffness::Full, 1.0)?.a;
         let refused = Cholesky::analyse(a.pattern(), Par::Seq)?.factor(&a);
         let right = refused.is_err_and(|pivot| {
@@ -93,11 +105,12 @@ fn pivots_are_placed() -> Outcome {
 /// Two masses on one compressed spring at the step at which `m/dt² = c`: the first transverse pivot vanishes while A is far
 /// from singular. An unpivoted LDLᵀ then divides by rounding; its answer must be right or refused.
 fn vanishing_pivot() -> Outcome {
+    let (stiffness, length) = (50.0, 0.7);
     let mut builder = SystemBuilder::new();
-    chain(&mut builder, 2, -0.3, 0.0);
+    let ends = [0.0, length].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+    builder.spring(ends[0], ends[1], Spring { stiffness, rest_length: 1.0, damping: 0.0 });
     let (system, state) = builder.build()?;
-    let length = (state.positions[0] - state.positions[1]).norm();
-    let critical = 50.0 * (1.0 / length - 1.0);
+    let critical = stiffness * (1.0 / length - 1.0);
     let extensions = Extensions::at(&system, &state.positions)?;
     let n = system.dofs().len();
     let b: Vec<f64> = (0..n).map(|row| 1.0 + 0.37 * row as f64).collect();
@@ -122,13 +135,7 @@ fn vanishing_pivot() -> Outcome {
 }
 
 /// The normwise backward error of x by a dense product.
-fn backward_error(
-    system: &sprung::System,
-    state: &sprung::State,
-    dt: f64,
-    x: &[f64],
-    b: &[f64],
-) -> Result<f64, sprung::Error> {
+fn backward_error(system: &System, state: &State, dt: f64, x: &[f64], b: &[f64]) -> Result<f64, sprung::Error> {
     let a = StepMatrices::assemble(system, state, Stiffness::Full, dt)?.a;
     let mut residual = b.to_vec();
     let mut sums = vec![0.0; b.len()];

@@ -15,8 +15,8 @@ use std::{fs, io};
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
-/// What the program consists of.
-const PARTS: [&str; 7] = ["Cargo.toml", "Cargo.lock", "README.md", "src", "verification", "tests", "examples"];
+/// What is no part of the program.
+const LEFT_OUT: [&str; 3] = ["target", ".git", "out"];
 
 /// Longest time that the suite may take on a faulty program; it takes some seconds on the right one.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -73,8 +73,11 @@ fn run() -> Result<bool> {
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or(root.join("target"), PathBuf::from).join("faults");
     let copy = target.join("program");
     fs::create_dir_all(&copy)?;
-    for part in PARTS {
-        synchronise(&root.join(part), &copy.join(part))?;
+    for part in fs::read_dir(root)? {
+        let part = part?.file_name();
+        if !LEFT_OUT.iter().any(|left_out| part == *left_out) {
+            synchronise(&root.join(&part), &copy.join(&part))?;
+        }
     }
     if let Verdict::Failed(tests) = verdict(&copy, &target)? {
         return Err(format!("the program fails without a fault: {}", tests.join(", ")).into());
@@ -133,7 +136,7 @@ fn verdict(copy: &Path, target: &Path) -> Result<Verdict> {
         .stderr(Stdio::null())
         .output()?;
     if !build.status.success() {
-        return Err("the faulty program does not compile".into());
+        return Err(format!("the program in {} does not compile", copy.display()).into());
     }
     let messages = String::from_utf8(build.stdout)?;
     let messages = messages.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());

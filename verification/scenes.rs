@@ -3,6 +3,7 @@
 use crate::collect::{Collector, slug};
 use libtest_mimic::Trial;
 use sprung::Scene;
+use sprung::scene::builtin::cloth;
 use sprung::verify::{FAMILIES, Subject, built_in};
 use std::path::Path;
 use std::sync::Arc;
@@ -18,7 +19,19 @@ pub fn trials(collector: &mut Collector) -> Vec<Trial> {
             trials.push(collector.trial(family.claim, name, move || family.check(&subject)));
         }
     }
+    let large = Arc::new(large());
+    for family in FAMILIES.iter().filter(|family| ["assembly", "repeated"].contains(&family.name)) {
+        let name = format!("{}::{}::{}", family.claim.id(), family.name, slug(&large.name));
+        let large = large.clone();
+        trials.push(collector.trial(family.claim, name, move || family.check(&large)));
+    }
     trials
+}
+
+/// A cloth of 4096 particles and 24 000 springs: large enough for work to be shared out among threads.
+fn large() -> Subject {
+    let cloth = cloth(64).and_then(|scene| Subject::of_scene(&scene)).expect("a usable scene");
+    Subject { name: "large cloth".into(), ..cloth }
 }
 
 /// The scenes that the program carries, and one too large to be carried.

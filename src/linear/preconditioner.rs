@@ -5,7 +5,8 @@ use super::outcome::{Evidence, SolveFailure};
 use super::reuse::ReusedMultigrid;
 use crate::error::Result;
 use crate::operator::SystemOperator;
-use crate::system::System;
+use crate::spring::SpringBlock;
+use crate::system::{Dof, System};
 use crate::work::Work;
 use nalgebra::Vector3;
 
@@ -86,9 +87,7 @@ impl Preconditioner {
     pub fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
         match self {
             Self::Identity => Ok(()),
-            Self::BlockJacobi(block_jacobi) => block_jacobi
-                .update(a)
-                .map_err(|NotPositiveBlock(dof)| SolveFailure::Indefinite(Evidence::DiagonalBlock(dof))),
+            Self::BlockJacobi(block_jacobi) => block_jacobi.update(a).map_err(|NotPositiveBlock(dof)| refused(a, dof)),
             Self::Multigrid(multigrid) => multigrid.update(a, work),
         }
     }
@@ -100,5 +99,15 @@ impl Preconditioner {
             Self::BlockJacobi(block_jacobi) => block_jacobi.apply(r, z),
             Self::Multigrid(multigrid) => multigrid.apply(r, z),
         }
+    }
+}
+
+/// A refused block means an indefinite matrix only if the matrix is finite.
+fn refused(a: &SystemOperator, dof: Dof) -> SolveFailure {
+    let is_finite = |block: &SpringBlock| block.matrix().iter().all(|entry| entry.is_finite());
+    if a.mass_factor().is_finite() && a.blocks().iter().all(is_finite) {
+        SolveFailure::Indefinite(Evidence::DiagonalBlock(dof))
+    } else {
+        SolveFailure::NonFinite
     }
 }

@@ -80,7 +80,7 @@ impl Way {
 }
 
 /// Degrees of freedom up to which every method is run.
-const AFFORDABLE: usize = 20_000;
+const AFFORDABLE: usize = 10_000;
 
 /// Whether the stiffness option is in the result, not only on the way to it.
 fn has_option(method: Method) -> bool {
