@@ -155,5 +155,7 @@ fn refuses_what_it_cannot_use_and_writes_nothing() {
         assert_eq!(answer.status, Some(2), "{arguments:?}");
         assert!(answer.stderr.contains(part), "{}", answer.stderr);
     }
+    let answer = sandbox.sprung(&["inspect", "short.toml", "--dt", "1e-200"]).ends_with(1);
+    answer.complains(&["not finite"]);
     assert_eq!(sandbox.names("."), ["short.toml"]);
 }

@@ -17,6 +17,8 @@ pub struct Failed<'a> {
     pub steps: u64,
     /// Its length, in s.
     pub step: f64,
+    /// The arguments with which it was done.
+    pub repeat: String,
 }
 
 /// Degrees of freedom beyond which a failure is not inspected: it would take longer than a user waits.
@@ -28,18 +30,18 @@ impl Failed<'_> {
     /// # Errors
     /// A file that cannot be written.
     pub fn explain(&self, console: &Console, option: Stiffness, matrix_dt: f64, folder: &Path) -> Result<()> {
-        let Self { scene, system, state, steps, step } = *self;
+        let Self { scene, system, state, steps, step, ref repeat } = *self;
         if system.dofs().len() > LARGEST_INSPECTED {
             console.note("the system is too large to be inspected here: see sprung inspect");
             return Ok(());
         }
         let inspection = Inspection::at(system, state, matrix_dt, option, parallelism(system))?;
-        for line in explain(&inspection) {
+        for line in explain(&inspection, step) {
             error(line);
         }
         FailedStep { scene, system, state, steps, dt: step, inspection: &inspection }.write(folder)?;
         let file = folder.join("scene.toml");
-        let command = format!("sprung run '{}' --stiffness {}", file.display(), option.name());
+        let command = format!("sprung run '{}' {repeat}", file.display());
         console.note(format_args!("{} has A, b and the culprits; this repeats the step: {command}", folder.display()));
         Ok(())
     }

@@ -80,6 +80,10 @@ impl Inspect {
         let LoadedScene { name, system, state, .. } = &scene;
         let par = parallelism(system);
         let inspection = Inspection::at(system, state, dt, self.stiffness, par).map_err(in_file)?;
+        if !inspection.examined().largest.is_finite() && !system.dofs().is_empty() {
+            error(format_args!("A has entries that are not finite numbers (dt = {dt:?} s)"));
+            return Ok(Outcome::Failed);
+        }
         check_writable(&folder, &FILES)?;
         let images = Pictures::of(system, state, &inspection, par).map_err(in_file)?;
         let loss = arrival.loss.as_ref();

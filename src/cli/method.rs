@@ -233,6 +233,13 @@ impl Plan {
         Ok(Stepper::Adaptive { stepper, rtol })
     }
 
+    /// The arguments that choose the same method, stiffness and solver.
+    pub fn repeat(&self) -> String {
+        let Configuration { method, options } = &self.configuration;
+        let (stiffness, solver) = (options.stiffness.name(), options.linear.solver.name());
+        format!("--method {} --stiffness {stiffness} --solver {solver}", method.name())
+    }
+
     /// The option of the matrices that a failed solve was given, and the dt of the first one of a step.
     pub fn failed_matrix(&self, step: f64) -> (Stiffness, f64) {
         let Configuration { method, options } = &self.configuration;

@@ -205,7 +205,8 @@ impl Run {
         if summary.status == Status::Indefinite {
             let step = schedule.step(summary.steps).unwrap_or(schedule.dt());
             let (option, matrix_dt) = plan.failed_matrix(step);
-            let failed = Failed { scene: &summary.scene, system: &system, state: &state, steps: summary.steps, step };
+            let (scene, steps, repeat) = (&summary.scene, summary.steps, plan.repeat());
+            let failed = Failed { scene, system: &system, state: &state, steps, step, repeat };
             failed.explain(console, option, matrix_dt, &folder.join("failure")).map_err(Stop::Broken)?;
         }
         Ok(summary)

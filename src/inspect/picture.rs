@@ -30,8 +30,9 @@ pub struct Pictures {
     pub factor: Spy,
 }
 
-/// Culprits that are singled out in the drawing.
+/// Culprits that are singled out in the drawing: the worst, with a share that can be seen.
 const LABELLED: usize = 6;
+const LEAST_LABELLED: f64 = 0.02;
 
 /// Degrees of freedom up to which λ_min is computed for many steps.
 const LARGEST_CURVE: usize = 3000;
@@ -73,7 +74,7 @@ fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {
     };
     let mut drawing = Drawing::strains(title, system, state);
     if let Some(lowest) = inspection.directions.first() {
-        for culprit in lowest.culprits.iter().take(LABELLED) {
+        for culprit in lowest.culprits.iter().take(LABELLED).filter(|culprit| culprit.share >= LEAST_LABELLED) {
             let [i, j] = culprit.particles;
             let (strain, share) = (short(culprit.strain), 100.0 * culprit.share);
             let label = format!("spring {} ({i}–{j}): strain {strain}, share {share:.0} %", culprit.spring);

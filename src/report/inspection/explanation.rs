@@ -7,9 +7,10 @@ use crate::report::number::{count, plain};
 const NAMED: usize = 3;
 
 /// Which springs, how large a step would have been definite, and what would carry on. `inspection` is that of the last good
-/// state under the run's option and step.
-pub fn explain(inspection: &Inspection) -> [String; 3] {
-    [blame(inspection), limit(inspection), remedy(inspection)]
+/// state under the run's option and for the dt of its matrix; `step` is the length of the step that failed, in s, of which that
+/// dt is a fixed part.
+pub fn explain(inspection: &Inspection, step: f64) -> [String; 3] {
+    [blame(inspection), limit(inspection, step), remedy(inspection)]
 }
 
 fn blame(inspection: &Inspection) -> String {
@@ -34,12 +35,15 @@ fn blame(inspection: &Inspection) -> String {
     format!("A curves downwards in {directions}; along the worst because of {}{more}", named.join(", "))
 }
 
-fn limit(inspection: &Inspection) -> String {
-    let dt = plain(inspection.dt);
+fn limit(inspection: &Inspection, step: f64) -> String {
+    let dt = plain(step);
     match inspection.examined().critical {
         LargestStep::Every => format!("at this state A is positive definite for every dt (it was {dt} s)"),
         LargestStep::UpTo { dt: critical, .. } => {
-            format!("at this state A is positive definite up to dt = {} s (it was {dt} s)", plain(critical))
+            format!(
+                "at this state A is positive definite up to dt = {} s (it was {dt} s)",
+                plain(critical * step / inspection.dt)
+            )
         }
     }
 }
