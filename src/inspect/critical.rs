@@ -28,8 +28,9 @@
 //! **The search.** A factorization `P = L D Lᵀ` with D > 0 is Cholesky's and proves P definite, to rounding: the oracle. Where it
 //! refuses, or where a vector u with `uᵀP(s)u ≤ 0` is known, P is not definite. Along any u the scalar quadratic `uᵀP(s)u` has a
 //! root that is a lower bound for s*, and an excellent one if u is nearly the null vector of P(s*). Such a u comes from a Krylov
-//! space of `−M^{-1/2} C M^{-1/2}`, by products alone, and gets better by inverse iteration with every factorization, accepted or
-//! refused: they are all of matrices near P(s*). Bisection takes over where this does not at least halve the interval between
+//! space of `−M^{-1/2} C M^{-1/2}`, by products alone, and then, with every accepted factorization, from one of
+//! `M^{1/2} P(s)⁻¹ M^{1/2}`: without damping its eigenvector is the null vector at whatever s, with damping it comes near it as s
+//! comes near s*. A refused factorization gives `u = L⁻ᵀe_j`, for which `uᵀPu = d_j < 0`. Bisection takes over where this does not at least halve the interval between
 //! the bound and what was accepted. The interval ends at the oracle's own rounding: a relative width of
 //! `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
 
@@ -83,9 +84,12 @@ pub struct CriticalSteps<'s> {
 /// Bisection alone ends in 64 halvings: a search that takes longer has a defect.
 const LONGEST_SEARCH: usize = 100;
 
-/// Inverse iterations with one factorization, as long as the bound still rises by this part of the interval.
-const INVERSE_ITERATIONS: usize = 6;
-const WORTH: f64 = 0.02;
+/// By how much a margin that was too small grows, and by how much one that was large enough shrinks at least.
+const BOLDER: f64 = 8.0;
+const CLOSER: f64 = 1e-3;
+
+/// By how much s falls from one trial to the next while nothing has been refused.
+const LEAP: f64 = 16.0;
 
 impl<'s> CriticalSteps<'s> {
     /// At a state.
@@ -127,10 +131,19 @@ impl<'s> CriticalSteps<'s> {
             return LargestStep::Every;
         }
         self.raise(requirement, option, &mut bound, &u);
-        let mut margin: f64 = 1e-3;
+        while bound.s == 0.0 {
+            let trial = accepted / LEAP;
+            if trial == 0.0 {
+                return LargestStep::Every;
+            }
+            match self.is_definite(requirement, option, trial) {
+                true => accepted = trial,
+                false => bound.s = trial,
+            }
+        }
+        let mut margin = f64::INFINITY;
         for _ in 0..LONGEST_SEARCH {
-            let gap = accepted / bound.s - 1.0;
-            if gap <= bound.rounding {
+            if accepted / bound.s - 1.0 <= bound.rounding {
                 break;
             }
             // Above the bound by what it is thought to be short of s*, if this at least halves the interval.
@@ -138,21 +151,24 @@ impl<'s> CriticalSteps<'s> {
             if trial <= bound.s || trial >= accepted {
                 break;
             }
-            let before = bound.s;
             if self.is_definite(requirement, option, trial) {
                 accepted = trial;
-                let short = self.improve(requirement, option, &mut bound, &mut u, accepted);
-                margin = (4.0 * short).min(margin / 8.0);
+                let residual = self.family.soften(&mut self.factorization, &mut u, &mut self.work);
+                self.raise(requirement, option, &mut bound, &u);
+                // Rounding may lift the root above what a factorization has accepted; the bracket must stay one.
+                bound.s = bound.s.min(accepted);
+                // The error of the root is of the order of the square of the direction's.
+                margin = residual.min(CLOSER * (accepted / bound.s - 1.0));
             } else {
+                bound.s = trial;
                 let mut worst = vec![0.0; u.len()];
                 if self.factorization.negative_direction(&mut worst)
                     && self.raise(requirement, option, &mut bound, &worst)
                 {
                     u = worst;
+                    bound.s = bound.s.min(accepted);
                 }
-                bound.s = bound.s.max(trial);
-                let short = self.improve(requirement, option, &mut bound, &mut u, accepted);
-                margin = (bound.s / before - 1.0).max(2.0 * margin).min(4.0 * margin).max(4.0 * short);
+                margin *= BOLDER;
             }
         }
         LargestStep::UpTo { dt: 1.0 / accepted, refused: 1.0 / bound.s }
@@ -191,38 +207,6 @@ impl<'s> CriticalSteps<'s> {
             }
             None => false,
         }
-    }
-
-    /// Inverse iteration with the last factorization, as long as it pays; returns the last relative rise of the bound, which
-    /// tells what it may still be short of s*.
-    fn improve(
-        &mut self,
-        requirement: Requirement,
-        option: Stiffness,
-        bound: &mut Bound,
-        u: &mut Vec<f64>,
-        accepted: f64,
-    ) -> f64 {
-        let mut rise = 0.0;
-        for _ in 0..INVERSE_ITERATIONS {
-            let mut next = u.clone();
-            self.factorization.solve_in_place(&mut next);
-            self.work.solves += 1;
-            let length = dot(&next, &next).sqrt();
-            next.iter_mut().for_each(|u| *u /= length);
-            let before = bound.s;
-            if !length.is_finite() || !self.raise(requirement, option, bound, &next) {
-                break;
-            }
-            // Rounding may lift the root above what a factorization has accepted; the bracket must stay one.
-            bound.s = bound.s.min(accepted);
-            *u = next;
-            rise = bound.s / before - 1.0;
-            if rise < WORTH * (accepted / bound.s - 1.0) {
-                break;
-            }
-        }
-        rise
     }
 }
 

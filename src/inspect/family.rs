@@ -8,10 +8,11 @@
 
 use super::krylov::Krylov;
 use crate::force::Extensions;
-use crate::linear::dot;
+use crate::linear::{Ldlt, dot};
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::{SpringBlock, Stiffness};
 use crate::system::System;
+use crate::work::Work;
 
 /// What a step is to keep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -40,9 +41,9 @@ impl Requirement {
     }
 }
 
-/// Relative residual of the direction found by products alone, and the most steps for it.
-const FIRST_RESIDUAL: f64 = 1e-6;
-const FIRST_STEPS: usize = 150;
+/// Relative residual at which a direction is good enough, and the most steps for it: as many as fill the space once.
+const RESIDUAL: f64 = 1e-9;
+const STEPS: usize = 12;
 
 /// P(s) of a system at one state, as an operator.
 pub(super) struct Family<'s> {
@@ -52,6 +53,8 @@ pub(super) struct Family<'s> {
     /// G, for the curvature along a vector.
     damping: SystemOperator<'s>,
     product: Vec<f64>,
+    /// √m of every degree of freedom.
+    roots: Vec<f64>,
 }
 
 /// `uᵀP(s)u = mass s² + damping s + constant`.
@@ -76,7 +79,11 @@ impl<'s> Family<'s> {
     pub fn new(system: &'s System, extensions: Extensions) -> Self {
         let operator = |combination| SystemOperator::new(system, &extensions, Stiffness::Full, combination);
         let (damping, operator) = (operator(Combination::DAMPING), operator(Combination::STIFFNESS));
-        Self { system, damping, operator, extensions, product: vec![0.0; system.dofs().len()] }
+        let mut roots = vec![0.0; system.dofs().len()];
+        for (particle, mass) in system.masses().iter().enumerate() {
+            roots[system.dofs().rows(particle)].fill(mass.sqrt());
+        }
+        Self { system, damping, operator, extensions, product: vec![0.0; roots.len()], roots }
     }
 
     /// Makes the operator P(s).
@@ -113,30 +120,44 @@ impl<'s> Family<'s> {
         Curvature { mass: requirement.mass() * kinetic, damping: requirement.damping() * damping, constant }
     }
 
-    /// A vector along which `uᵀCu/uᵀMu` is nearly lowest, from a Krylov space of `−M^{-1/2} C M^{-1/2}`; expects the operator at
-    /// s = 0.
+    /// A vector along which `uᵀCu/uᵀMu` is nearly lowest, from a Krylov space of `τ − M^{-1/2} C M^{-1/2}`, τ a bound for the norm
+    /// of the latter; expects the operator at s = 0.
     pub fn softest_direction(&mut self) -> Vec<f64> {
         let n = self.system.dofs().len();
-        let mut scale = vec![0.0; n];
-        for (particle, mass) in self.system.masses().iter().enumerate() {
-            scale[self.system.dofs().rows(particle)].fill(mass.sqrt().recip());
-        }
-        let Self { operator, product, .. } = self;
+        let size = |block: &SpringBlock| block.transverse.abs().max(block.axial.abs());
+        let bound = self.largest_per_mass(size);
+        let Self { operator, product, roots, .. } = self;
         let mut apply = |x: &[f64], y: &mut [f64]| {
-            for ((p, x), scale) in product.iter_mut().zip(x).zip(&scale) {
-                *p = x * scale;
-            }
-            operator.apply(product, y);
-            for (y, scale) in y.iter_mut().zip(&scale) {
-                *y *= -scale;
+            for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
+                product.iter_mut().zip(x).zip(&*roots).for_each(|((p, x), root)| *p = x / root);
+                operator.apply(product, y);
+                y.iter_mut().zip(x).zip(&*roots).for_each(|((y, x), root)| *y = bound * x - *y / root);
             }
         };
-        let found = Krylov::new(n, 1, &mut apply).iterate(FIRST_RESIDUAL, FIRST_STEPS, &mut apply);
+        let found = Krylov::new(n, 1, &mut apply).iterate(RESIDUAL, STEPS, &mut apply);
         let mut u = found.into_iter().next().map_or_else(|| vec![0.0; n], |pair| pair.vector);
-        for (u, scale) in u.iter_mut().zip(&scale) {
-            *u *= scale;
-        }
+        u.iter_mut().zip(&self.roots).for_each(|(u, root)| *u /= root);
         u
+    }
+
+    /// Where P(s) has been factored and found definite: turns u to the vector along which `uᵀPu/uᵀMu` is lowest, by solves.
+    /// Without damping that is the null vector of P(s*). Returns the relative residual.
+    pub fn soften(&self, factorization: &mut Ldlt, u: &mut [f64], work: &mut Work) -> f64 {
+        let n = u.len();
+        let roots = &self.roots;
+        let mut solve = |x: &[f64], y: &mut [f64]| {
+            work.solves += (x.len() / n) as u64;
+            for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
+                y.iter_mut().zip(x).zip(roots).for_each(|((y, x), root)| *y = x * root);
+            }
+            factorization.solve_columns_in_place(n, y);
+            y.chunks_mut(n).for_each(|y| y.iter_mut().zip(roots).for_each(|(y, root)| *y *= root));
+        };
+        u.iter_mut().zip(roots).for_each(|(u, root)| *u *= root);
+        let found = Krylov::from_vectors(n, 1, &[u.to_vec()], &mut solve).iterate(RESIDUAL, STEPS, &mut solve);
+        let Some(softest) = found.into_iter().next() else { return f64::INFINITY };
+        u.iter_mut().zip(&softest.vector).zip(roots).for_each(|((u, x), root)| *u = x / root);
+        softest.residual
     }
 
     /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a particle. Expects the operator
@@ -156,17 +177,23 @@ impl<'s> Family<'s> {
     /// A spring with the lowest eigenvalue −c takes at most `c‖u_i − u_j‖² ≤ 2c(‖u_i‖² + ‖u_j‖²)` from uᵀPu, and only
     /// `c‖u_i‖²` where j is held. So `μ s² m_i > Σ 2c` over the springs at every particle i is enough.
     pub fn surely_definite(&self, requirement: Requirement) -> f64 {
+        let largest = self.largest_per_mass(|block| (-block.lowest()).max(0.0));
+        // A little above, so that rounding does not make the factorization fail there.
+        (largest / requirement.mass()).sqrt() * (1.0 + 1e-6)
+    }
+
+    /// The largest `Σ 2c/m_i` of all particles i, c what `coefficient` says of the block of each spring at i (`c/m_i` instead where
+    /// the spring's other end is held). For c ≥ ‖block‖ it bounds `‖M^{-1/2} C M^{-1/2}‖`.
+    fn largest_per_mass(&self, coefficient: impl Fn(&SpringBlock) -> f64) -> f64 {
         let dofs = self.system.dofs();
         let mut taken = vec![0.0; self.system.particles()];
         for ((_, [i, j], _), block) in self.system.active().zip(self.blocks()) {
             let both_free = [i, j].iter().all(|&p| !dofs.rows(p).is_empty());
-            let share = (-block.lowest()).max(0.0) * if both_free { 2.0 } else { 1.0 };
+            let share = coefficient(block) * if both_free { 2.0 } else { 1.0 };
             taken[i] += share;
             taken[j] += share;
         }
         let free = taken.iter().zip(self.system.masses()).enumerate().filter(|(p, _)| !dofs.rows(*p).is_empty());
-        let largest = free.map(|(_, (taken, mass))| taken / mass).fold(0.0, f64::max);
-        // A little above, so that rounding does not make the factorization fail there.
-        (largest / requirement.mass()).sqrt() * (1.0 + 1e-6)
+        free.map(|(_, (taken, mass))| taken / mass).fold(0.0, f64::max)
     }
 }

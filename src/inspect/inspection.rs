@@ -60,11 +60,14 @@ pub struct Inspection {
     pub work: Work,
 }
 
-/// Eigenpairs that an inspection looks for, in a matrix too large to be diagonalised whole.
+/// Eigenpairs that an inspection looks for, in a matrix too large to be diagonalised whole, and directions of negative
+/// curvature that it takes apart at most.
 const EIGENPAIRS: usize = 12;
-
-/// Directions of negative curvature that are taken apart.
 const DIRECTIONS: usize = 24;
+
+/// From so many degrees of freedom on both are fewer: every pair takes time.
+const LARGE: usize = 30_000;
+const FEWER: usize = 6;
 
 impl Inspection {
     /// Inspects A at a state for a step of length dt, under an option for which the directions are examined.
@@ -89,16 +92,25 @@ impl Inspection {
             let a: SymmetricMatrix = assemble(each, Combination::step(dt));
             work.assemblies += 1;
             let inertia = counter.count(&a, &mut work);
-            let wanted = if each == option { EIGENPAIRS.max(inertia.negative.min(DIRECTIONS)) } else { 1 };
+            let wanted = match each == option {
+                true if a.dofs().len() >= LARGE => FEWER,
+                true => EIGENPAIRS.max(inertia.negative.min(DIRECTIONS)),
+                false => 1,
+            };
             let spectrum = spectrum(&a, &inertia, wanted, par, &mut work)?;
+            let definite = critical.largest_step(Requirement::Definite, each);
             let report = OptionInspection {
                 option: each,
                 inertia,
                 smallest: spectrum.smallest(),
                 largest: spectrum.largest,
                 condition: spectrum.condition,
-                critical: critical.largest_step(Requirement::Definite, each),
-                stable: critical.largest_step(Requirement::Stable, each),
+                critical: definite,
+                // Under `Full` the requirements coincide, see [`CriticalSteps`].
+                stable: match each {
+                    Stiffness::Full => definite,
+                    Stiffness::Tension | Stiffness::Axial => critical.largest_step(Requirement::Stable, each),
+                },
             };
             if each == option {
                 examined = Some(spectrum);

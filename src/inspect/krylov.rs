@@ -5,26 +5,31 @@
 //! basis, which spans the same space as block Lanczos would. A full basis is compressed to its best Ritz vectors (a thick
 //! restart, Wu and Simon 2000). For symmetric B there is an eigenvalue within ‖r‖ of θ.
 //!
-//! Several vectors at once find an eigenvalue as often as it occurs, up to their number; fresh random vectors, which
-//! [`Krylov::refresh`] adds, find it more often still.
+//! The basis grows by several vectors at once, whose products with B cost little more than one's where B is a factorization.
+//! They find an eigenvalue as often as it occurs, up to their number; fresh random vectors, which [`Krylov::refresh`] adds, find it
+//! more often still.
 
 use super::random::gaussian;
-use nalgebra::{DMatrix, SymmetricEigen};
+use crate::linear::norm;
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 /// Vectors by which the basis grows at a time: the largest multiplicity that is found at once.
-const BLOCK: usize = 4;
+const BLOCK: usize = crate::linear::SOLVE_COLUMNS;
 
-/// Steps after which a search stops, converged or not.
-pub(super) const LONGEST_SEARCH: usize = 1000;
+/// `Y = B X` for matrices of n rows and up to [`BLOCK`] columns, stored by columns.
+pub(super) type Product<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
 
-/// A Ritz pair: an approximate eigenvalue with its unit vector and what bounds its error.
+/// How much larger than the first the residuals of the other pairs may be.
+const OTHERS: f64 = 10.0;
+
+/// A Ritz pair: an approximate eigenvalue θ with a unit vector, `Bx` for the Ritz vector x.
 #[derive(Debug, Clone)]
 pub(super) struct Ritz {
     pub value: f64,
     pub vector: Vec<f64>,
-    /// `‖Bx − θx‖`.
+    /// `‖Bx − θx‖` relative to the largest |θ|, before that step.
     pub residual: f64,
 }
 
@@ -43,98 +48,121 @@ pub(super) struct Krylov {
 
 impl Krylov {
     /// A space spanned by random vectors.
-    pub fn new(n: usize, wanted: usize, apply: &mut dyn FnMut(&[f64], &mut [f64])) -> Self {
-        let wanted = wanted.min(n);
-        let capacity = (2 * wanted + 12 * BLOCK).min(n);
-        let zeros = |rows| DMatrix::zeros(rows, capacity);
-        let (basis, products, projected) = (zeros(n), zeros(n), zeros(capacity));
-        let mut space = Self { n, wanted, basis, products, projected, size: 0, rng: ChaCha8Rng::seed_from_u64(1) };
+    pub fn new(n: usize, wanted: usize, apply: &mut Product<'_>) -> Self {
+        let mut space = Self::empty(n, wanted);
         space.refresh(apply);
         space
     }
 
+    /// A space that begins with vectors, at least one and not more than wanted, and random ones.
+    pub fn from_vectors(n: usize, wanted: usize, start: &[Vec<f64>], apply: &mut Product<'_>) -> Self {
+        let mut space = Self::empty(n, wanted);
+        if !start.is_empty() {
+            space.extend(DMatrix::from_fn(n, start.len(), |row, column| start[column][row]), apply);
+        }
+        space.refresh(apply);
+        space
+    }
+
+    fn empty(n: usize, wanted: usize) -> Self {
+        let wanted = wanted.min(n);
+        let capacity = (2 * wanted + 12 * BLOCK).min(n);
+        let zeros = |rows| DMatrix::zeros(rows, capacity);
+        let (basis, products, projected) = (zeros(n), zeros(n), zeros(capacity));
+        Self { n, wanted, basis, products, projected, size: 0, rng: ChaCha8Rng::seed_from_u64(1) }
+    }
+
     /// Adds random vectors, making room first.
-    pub fn refresh(&mut self, apply: &mut dyn FnMut(&[f64], &mut [f64])) {
+    pub fn refresh(&mut self, apply: &mut Product<'_>) {
         if self.size > BLOCK && self.size + BLOCK > self.basis.ncols() {
             let (values, vectors) = self.ritz_pairs();
             self.compress(&values, &vectors);
         }
-        for _ in 0..BLOCK {
-            let mut fresh = vec![0.0; self.n];
-            gaussian(&mut self.rng, &mut fresh);
-            self.extend(fresh, apply);
-        }
+        let mut fresh = DMatrix::zeros(self.n, BLOCK);
+        gaussian(&mut self.rng, fresh.as_mut_slice());
+        self.extend(fresh, apply);
     }
 
-    /// Iterates until the residuals of the wanted pairs are below `tolerance` times the largest |θ|, or `longest` steps have
-    /// been taken. Returns the pairs, largest first; their residuals bound their errors.
-    pub fn iterate(&mut self, tolerance: f64, longest: usize, apply: &mut dyn FnMut(&[f64], &mut [f64])) -> Vec<Ritz> {
+    /// Iterates until the first residual is below `tolerance` times the largest |θ| and the others of the wanted pairs below
+    /// its [`OTHERS`]-fold, or `longest` steps have been taken. Returns the pairs, largest first.
+    pub fn iterate(&mut self, tolerance: f64, longest: usize, apply: &mut Product<'_>) -> Vec<Ritz> {
         let mut step = 0;
         loop {
             let (values, vectors) = self.ritz_pairs();
             let scale = values.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
-            let count = self.wanted.min(self.size);
+            let count = self.wanted.max(BLOCK).min(self.size);
             let y = vectors.columns(0, count);
             let x = self.basis.columns(0, self.size) * y;
             let mut residuals = self.products.columns(0, self.size) * y;
             for (k, &value) in values.iter().take(count).enumerate() {
                 residuals.column_mut(k).axpy(-value, &x.column(k), 1.0);
             }
-            let is_open = |&k: &usize| residuals.column(k).norm() > tolerance * scale;
-            let open: Vec<usize> = (0..count).filter(is_open).take(BLOCK).collect();
+            let norms: Vec<f64> = residuals.column_iter().map(|column| column.norm()).collect();
+            let is_open = |k: usize| norms[k] > scale * tolerance * if k == 0 { 1.0 } else { OTHERS };
             step += 1;
             let mut grown = false;
-            if self.size < self.n && step <= longest {
+            if (0..self.wanted.min(count)).any(is_open) && self.size < self.n && step <= longest {
+                let open: Vec<usize> = (0..count).filter(|&k| is_open(k)).take(BLOCK).collect();
                 if self.size + open.len() > self.basis.ncols() {
                     self.compress(&values, &vectors);
                 }
-                for &k in &open {
-                    grown |= self.extend(residuals.column(k).as_slice().to_vec(), apply);
-                }
+                grown = self.extend(residuals.select_columns(&open), apply);
             }
             if !grown {
-                let pair = |k: usize| Ritz {
-                    value: values[k],
-                    vector: x.column(k).as_slice().to_vec(),
-                    residual: residuals.column(k).norm(),
+                // Bx instead of x: one more step of inverse iteration, for nothing.
+                let pair = |k: usize| {
+                    let mut vector: Vec<f64> = (residuals.column(k) + x.column(k) * values[k]).as_slice().to_vec();
+                    let length = norm(&vector);
+                    vector.iter_mut().for_each(|x| *x /= length);
+                    Ritz { value: values[k], vector, residual: norms[k] / scale }
                 };
-                return (0..count).map(pair).collect();
+                return (0..self.wanted.min(count)).map(pair).collect();
             }
         }
     }
 
-    /// Orthonormalises a vector against the basis and adds it with its product; not if nothing of it is left.
-    fn extend(&mut self, mut vector: Vec<f64>, apply: &mut dyn FnMut(&[f64], &mut [f64])) -> bool {
-        if self.size == self.basis.ncols() {
+    /// Orthonormalises columns against the basis and adds them with their products; those of which nothing is left are
+    /// passed over. Says whether any was added.
+    fn extend(&mut self, mut columns: DMatrix<f64>, apply: &mut Product<'_>) -> bool {
+        let before = self.size;
+        let lengths: Vec<f64> = columns.column_iter().map(|column| column.norm()).collect();
+        for _ in 0..2 {
+            let basis = self.basis.columns(0, before);
+            let parts = basis.tr_mul(&columns);
+            columns.gemm(-1.0, &basis, &parts, 1.0);
+        }
+        for (column, length) in columns.column_iter().zip(lengths) {
+            self.add(column.into_owned(), before, length);
+        }
+        if self.size == before {
             return false;
         }
-        let before = crate::linear::norm(&vector);
+        let range = before * self.n..self.size * self.n;
+        apply(&self.basis.as_slice()[range.clone()], &mut self.products.as_mut_slice()[range]);
+        let added = self.size - before;
+        let projected = self.basis.columns(0, self.size).tr_mul(&self.products.columns(before, added));
+        self.projected.view_mut((0, before), (self.size, added)).copy_from(&projected);
+        self.projected.view_mut((before, 0), (added, self.size)).copy_from(&projected.transpose());
+        true
+    }
+
+    /// Orthonormalises a vector against the columns from `first` on and adds it, unless what is left of its `length` is rounding.
+    fn add(&mut self, mut vector: DVector<f64>, first: usize, length: f64) {
+        if self.size == self.basis.ncols() {
+            return;
+        }
         for _ in 0..2 {
-            for k in 0..self.size {
-                let column = self.basis.column(k);
-                let part = crate::linear::dot(column.as_slice(), &vector);
-                for (v, b) in vector.iter_mut().zip(column.as_slice()) {
-                    *v -= part * b;
-                }
+            for k in first..self.size {
+                let part = self.basis.column(k).dot(&vector);
+                vector.axpy(-part, &self.basis.column(k), 1.0);
             }
         }
-        let after = crate::linear::norm(&vector);
-        // What is left of a dependent vector is rounding.
-        if after.is_nan() || after <= 1e-12 * before {
-            return false;
+        let left = vector.norm();
+        // A NaN fails this test too.
+        if left > 1e-12 * length {
+            self.basis.column_mut(self.size).axpy(left.recip(), &vector, 0.0);
+            self.size += 1;
         }
-        for (target, v) in self.basis.column_mut(self.size).as_mut_slice().iter_mut().zip(&vector) {
-            *target = v / after;
-        }
-        apply(self.basis.column(self.size).as_slice(), self.products.column_mut(self.size).as_mut_slice());
-        let product = self.products.column(self.size);
-        for k in 0..=self.size {
-            let entry = crate::linear::dot(self.basis.column(k).as_slice(), product.as_slice());
-            self.projected[(k, self.size)] = entry;
-            self.projected[(self.size, k)] = entry;
-        }
-        self.size += 1;
-        true
     }
 
     /// Eigenpairs of `VᵀBV`, largest first.

@@ -12,6 +12,7 @@ mod family;
 mod inertia;
 mod inspection;
 mod krylov;
+mod lanczos;
 mod picture;
 mod random;
 mod smallest_set;

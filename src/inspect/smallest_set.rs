@@ -22,7 +22,7 @@ use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::force::Extensions;
 use crate::integrate::Softening;
-use crate::linear::{Ldlt, norm};
+use crate::linear::{Ldlt, SOLVE_COLUMNS, norm};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::System;
@@ -166,14 +166,19 @@ impl<'s> Trial<'s> {
         let (columns, owners) = self.columns(enough);
         let n = self.system.dofs().len();
         let mut h = DMatrix::zeros(columns.len(), columns.len());
-        let mut z = vec![0.0; n];
-        for (c, column) in columns.iter().enumerate() {
-            z.fill(0.0);
-            column.iter().for_each(|&(row, value)| z[row] = value);
-            self.factorization.solve_in_place(&mut z);
-            work.solves += 1;
-            for (r, row) in columns.iter().enumerate() {
-                h[(r, c)] = row.iter().map(|&(index, value)| value * z[index]).sum::<f64>();
+        let mut z = Vec::new();
+        for (group, together) in columns.chunks(SOLVE_COLUMNS).enumerate() {
+            z.clear();
+            z.resize(n * together.len(), 0.0);
+            for (column, z) in together.iter().zip(z.chunks_mut(n)) {
+                column.iter().for_each(|&(row, value)| z[row] = value);
+            }
+            self.factorization.solve_columns_in_place(n, &mut z);
+            work.solves += together.len() as u64;
+            for (c, z) in z.chunks(n).enumerate() {
+                for (r, row) in columns.iter().enumerate() {
+                    h[(r, group * SOLVE_COLUMNS + c)] = row.iter().map(|&(index, value)| value * z[index]).sum::<f64>();
+                }
             }
         }
         let order = choose(&h, &owners, enough.len());

@@ -1,20 +1,23 @@
 //! Both ends of the spectrum of A, and the condition number.
 //!
-//! Small matrices are diagonalised whole. Large ones are searched from three sides, each by a block Krylov method:
+//! Small matrices are diagonalised whole. Large ones are searched from three sides by block Krylov methods:
 //!
-//! - the largest eigenvalue by products with A;
-//! - the lowest ones by solves with `A − σ`, σ below all of them. Where A is positive definite σ = 0 will do, and even a
-//!   λ_min far below ‖A‖ is found to many digits; otherwise products with A tell where the spectrum begins, and a
-//!   factorization without negative pivots proves that σ lies below it;
+//! - the largest and the lowest eigenvalues by solves with `A − σ`, σ beyond the end in question. Products with A, in a short
+//!   Lanczos recurrence, tell where the spectrum ends; that σ lies beyond is proven by a factorization all of whose pivots have
+//!   one sign. Where A is positive definite σ = 0 will do for the low end, and even a λ_min far below ‖A‖ is found to many
+//!   digits;
 //! - the one nearest to zero, which decides about the condition number of an indefinite A, by solves with A itself.
 //!
-//! For every pair (λ, x) the residual bounds the error: A has an eigenvalue within `‖Ax − λx‖` of λ.
+//! Both ends are certified: a Rayleigh quotient never lies outside the spectrum, and a factorization with pivots of one sign proves
+//! that the spectrum does not reach half a millionth of ‖A‖ further (nor, where A is definite, a thousandth of λ_min). For every
+//! other pair (λ, x) the residual bounds the error: A has an eigenvalue within `‖Ax − λx‖` of λ.
 
 use super::inertia::Inertia;
-use super::krylov::{Krylov, LONGEST_SEARCH, Ritz};
+use super::krylov::{Krylov, Ritz};
+use super::lanczos::{End, lanczos_ends};
 use crate::assembly::SymmetricMatrix;
 use crate::error::Result;
-use crate::linear::{Ldlt, norm};
+use crate::linear::{Ldlt, dot, norm};
 use crate::operator::LinearOperator;
 use crate::work::Work;
 use faer::Par;
@@ -57,12 +60,24 @@ impl Spectrum {
 /// Up to this order a matrix is diagonalised whole.
 const LARGEST_DENSE: usize = 240;
 
-/// Residuals of searches with solves, relative to the largest eigenvalue of the inverse.
-const TOLERANCE: f64 = 1e-8;
+/// Residual at which a search with solves stops, relative to the largest eigenvalue of the inverse, and the most steps it
+/// takes, to which each wanted pair adds one; then the shift is moved nearer.
+const TOLERANCE: f64 = 1e-5;
+const STEPS: usize = 20;
 
-/// Residual of the search with products, relative to λ_max: a bound for the relative error of λ_max, whose actual error is
-/// nearer to its square.
-const RESIDUAL: f64 = 1e-6;
+/// The same for the last search, with a shift so near that it converges in a few steps.
+const LAST_TOLERANCE: f64 = 1e-12;
+const LAST_STEPS: usize = 5;
+
+/// How often the shift is moved nearer, and by how much.
+const MOVES: usize = 12;
+const NEARER: f64 = 1.0 / 16.0;
+
+/// How far outside the spectrum may reach beyond what was found, relative to ‖A‖.
+const ACCURACY: f64 = 5e-7;
+
+/// The same relative to λ_min, where A is positive definite.
+const RELATIVE_ACCURACY: f64 = 1e-3;
 
 /// The lowest `wanted` eigenpairs (all, for a small matrix), the largest eigenvalue and the condition number. `inertia` is
 /// that of A. Where A has up to `wanted` negative eigenvalues, all of them are found.
@@ -82,8 +97,9 @@ pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par,
     }
     let mut search = Search { a, factorization: Ldlt::analyse(a.pattern(), par)?, work };
     search.work.symbolic_factorizations += 1;
-    let largest = search.largest();
-    let lowest = search.lowest(inertia.negative, wanted.clamp(1, n), largest);
+    let ends = search.ends();
+    let largest = search.largest(&ends).first().map_or(f64::NAN, |pair| pair.value);
+    let lowest = search.lowest(inertia.negative, wanted.clamp(1, n), &ends);
     let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
     let nearest = match () {
         () if inertia.zero > 0 => 0.0,
@@ -109,8 +125,8 @@ pub fn smallest_eigenvalue(a: &SymmetricMatrix, par: Par, work: &mut Work) -> Re
     }
     let mut search = Search { a, factorization: Ldlt::analyse(a.pattern(), par)?, work };
     search.work.symbolic_factorizations += 1;
-    let largest = search.largest();
-    Ok(search.lowest(0, 1, largest).first().map_or(f64::NAN, |pair| pair.value))
+    let ends = search.ends();
+    Ok(search.lowest(0, 1, &ends).first().map_or(f64::NAN, |pair| pair.value))
 }
 
 fn diagonalise(a: &SymmetricMatrix) -> Option<SymmetricEigen<f64, Dyn>> {
@@ -129,7 +145,7 @@ fn dense(a: &SymmetricMatrix, inertia: &Inertia) -> Option<Spectrum> {
     let eigen = diagonalise(a)?;
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
-    let pair = |&k: &usize| eigenpair(a, eigen.eigenvalues[k], eigen.eigenvectors.column(k).as_slice().to_vec());
+    let pair = |&k: &usize| eigenpair(a, eigen.eigenvectors.column(k).as_slice().to_vec());
     let lowest: Vec<Eigenpair> = order.iter().map(pair).collect();
     let sizes = || lowest.iter().map(|pair| pair.value.abs());
     let nearest = if inertia.zero > 0 { 0.0 } else { sizes().fold(f64::INFINITY, f64::min) };
@@ -137,13 +153,49 @@ fn dense(a: &SymmetricMatrix, inertia: &Inertia) -> Option<Spectrum> {
     Some(Spectrum { lowest, largest, condition })
 }
 
-fn eigenpair(a: &SymmetricMatrix, value: f64, vector: Vec<f64>) -> Eigenpair {
+/// A unit vector with its Rayleigh quotient.
+fn eigenpair(a: &SymmetricMatrix, vector: Vec<f64>) -> Eigenpair {
     let mut product = vec![0.0; vector.len()];
     a.apply(&vector, &mut product);
+    let value = dot(&vector, &product);
     for (p, x) in product.iter_mut().zip(&vector) {
         *p -= value * x;
     }
     Eigenpair { value, residual: norm(&product), vector }
+}
+
+/// Doublings of the distance to a shift: 1e-8 of ‖A‖ has then become far more than ‖A‖.
+const LONGEST_RETREAT: usize = 60;
+
+/// Products that tell where a spectrum ends.
+const ENDS_STEPS: usize = 60;
+
+/// On which side of the spectrum a shift lies.
+#[derive(Clone, Copy)]
+enum Side {
+    Below,
+    Above,
+}
+
+impl Side {
+    fn outwards(self) -> f64 {
+        match self {
+            Self::Below => -1.0,
+            Self::Above => 1.0,
+        }
+    }
+}
+
+/// A Krylov search at one end of the spectrum.
+struct Target {
+    side: Side,
+    /// σ, beyond the end.
+    shift: f64,
+    wanted: usize,
+    /// How many negative eigenvalues must be among those found.
+    due: usize,
+    /// How far the spectrum may reach beyond the first eigenvalue λ found: as a part of ‖A‖ and of |λ|.
+    accuracy: [f64; 2],
 }
 
 struct Search<'a> {
@@ -157,59 +209,108 @@ impl Search<'_> {
         self.a.dofs().len()
     }
 
-    fn largest(&self) -> f64 {
-        let mut apply = |x: &[f64], y: &mut [f64]| self.a.apply(x, y);
-        let pairs = Krylov::new(self.n(), 1, &mut apply).iterate(RESIDUAL, LONGEST_SEARCH, &mut apply);
-        pairs.first().map_or(f64::NAN, |pair| pair.value)
+    fn ends(&self) -> [End; 2] {
+        lanczos_ends(self.n(), ENDS_STEPS, |x, y| self.a.apply(x, y))
     }
 
-    /// The lowest pairs, by solves with `A − σ`.
-    /// As many of them as Sylvester's count says are negative, `negative`, are not missed for being multiple.
-    fn lowest(&mut self, negative: usize, wanted: usize, largest: f64) -> Vec<Eigenpair> {
-        let Some(shift) = self.factor_below_spectrum(largest) else { return Vec::new() };
-        let Self { a, factorization, work } = self;
-        let mut solve = |x: &[f64], y: &mut [f64]| {
-            work.solves += 1;
-            y.copy_from_slice(x);
-            factorization.solve_in_place(y);
+    fn largest(&mut self, ends: &[End; 2]) -> Vec<Eigenpair> {
+        let side = Side::Above;
+        let Some(shift) = self.factor_beyond(ends, side) else { return Vec::new() };
+        self.extreme(ends, &Target { side, shift, wanted: 1, due: 0, accuracy: [ACCURACY, f64::INFINITY] })
+    }
+
+    /// The lowest pairs. As many of them as Sylvester's count says are negative are not missed for being multiple.
+    fn lowest(&mut self, negative: usize, wanted: usize, ends: &[End; 2]) -> Vec<Eigenpair> {
+        let (side, due) = (Side::Below, negative.min(wanted));
+        let accuracy = |relative| [ACCURACY, relative];
+        let target = if self.is_beyond(0.0, side) {
+            Target { side, shift: 0.0, wanted, due, accuracy: accuracy(RELATIVE_ACCURACY) }
+        } else {
+            let Some(shift) = self.factor_beyond(ends, side) else { return Vec::new() };
+            Target { side, shift, wanted, due, accuracy: accuracy(f64::INFINITY) }
         };
-        let mut space = Krylov::new(a.dofs().len(), wanted, &mut solve);
-        let mut found = space.iterate(TOLERANCE, LONGEST_SEARCH, &mut solve);
-        let due = negative.min(wanted);
+        self.extreme(ends, &target)
+    }
+
+    /// Searches at one end, with `A − σ` factored, until the end is certified; σ is moved nearer as long as it is not.
+    fn extreme(&mut self, ends: &[End; 2], target: &Target) -> Vec<Eigenpair> {
+        let Target { side, shift, accuracy, .. } = *target;
+        let size = ends.iter().fold(0.0f64, |size, end| size.max(end.value.abs()));
+        let mut distance = f64::INFINITY;
+        let mut pairs = self.search(target, Vec::new(), TOLERANCE, STEPS + target.wanted);
+        for _ in 0..MOVES {
+            let Some(first) = pairs.first().map(|pair| pair.value) else { return pairs };
+            let reach = (accuracy[0] * size).min(accuracy[1] * first.abs());
+            let outside = |distance: f64| first + side.outwards() * distance;
+            if self.is_beyond(outside(reach), side) {
+                return self.search(
+                    &Target { shift: outside(reach), ..*target },
+                    pairs,
+                    LAST_TOLERANCE,
+                    LAST_STEPS + target.wanted,
+                );
+            }
+            distance = (NEARER * distance.min((first - shift).abs())).max(2.0 * reach);
+            while !self.is_beyond(outside(distance), side) {
+                distance *= 2.0;
+                if distance > 4.0 * size {
+                    return pairs;
+                }
+            }
+            pairs =
+                self.search(&Target { shift: outside(distance), ..*target }, pairs, TOLERANCE, STEPS + target.wanted);
+        }
+        pairs
+    }
+
+    /// The pairs nearest to the target's σ, for which `A − σ` is factored, from those found before; the outermost first.
+    fn search(&mut self, target: &Target, before: Vec<Eigenpair>, tolerance: f64, steps: usize) -> Vec<Eigenpair> {
+        let Target { side, shift, wanted, due, .. } = *target;
+        let Self { a, factorization, work } = self;
+        let n = a.dofs().len();
+        // (A − σ)⁻¹ below the spectrum, (σ − A)⁻¹ above it: positive definite both.
+        let mut solve = |x: &[f64], y: &mut [f64]| {
+            work.solves += (x.len() / n) as u64;
+            y.iter_mut().zip(x).for_each(|(y, x)| *y = -side.outwards() * x);
+            factorization.solve_columns_in_place(n, y);
+        };
+        let start: Vec<Vec<f64>> = before.into_iter().map(|pair| pair.vector).collect();
+        let mut space = Krylov::from_vectors(n, wanted, &start, &mut solve);
+        let mut found = space.iterate(tolerance, steps, &mut solve);
         let missed = |pairs: &[Ritz]| pairs.iter().filter(|pair| shift + 1.0 / pair.value < 0.0).count() < due;
         for _ in 0..due {
             if !missed(&found) {
                 break;
             }
             space.refresh(&mut solve);
-            found = space.iterate(TOLERANCE, LONGEST_SEARCH, &mut solve);
+            found = space.iterate(tolerance, steps, &mut solve);
         }
-        found.into_iter().map(|pair| eigenpair(a, shift + 1.0 / pair.value, pair.vector)).collect()
+        let mut pairs: Vec<Eigenpair> = found.into_iter().map(|pair| eigenpair(a, pair.vector)).collect();
+        pairs.sort_by(|a, b| (side.outwards() * b.value).total_cmp(&(side.outwards() * a.value)));
+        pairs
     }
 
-    /// Factors `A − σ` with a σ below the spectrum, and returns σ.
-    fn factor_below_spectrum(&mut self, largest: f64) -> Option<f64> {
+    /// Factors `A − σ`; whether σ lies beyond that end of the spectrum.
+    fn is_beyond(&mut self, shift: f64, side: Side) -> bool {
+        let mut shifted = self.a.clone();
+        shifted.shift(-shift);
         self.work.factorizations += 1;
-        if self.factorization.factor(self.a).is_ok() && self.factorization.is_positive() {
-            return Some(0.0);
-        }
-        // The lowest eigenvalue of A is what λ_max − A has as its largest, from the other side.
-        let mut apply = |x: &[f64], y: &mut [f64]| {
-            self.a.apply(x, y);
-            for (y, x) in y.iter_mut().zip(x) {
-                *y = largest * x - *y;
-            }
+        self.factorization.factor(&shifted).is_ok()
+            && self.factorization.pivots().all(|(_, d)| d * side.outwards() < 0.0)
+    }
+
+    /// Factors `A − σ` with a σ beyond one end of the spectrum, and returns σ.
+    fn factor_beyond(&mut self, ends: &[End; 2], side: Side) -> Option<f64> {
+        let [low, high] = ends;
+        let size = low.value.abs().max(high.value.abs());
+        let end = match side {
+            Side::Below => low,
+            Side::Above => high,
         };
-        let pairs = Krylov::new(self.n(), 1, &mut apply).iterate(1e-4, LONGEST_SEARCH, &mut apply);
-        let estimate = pairs.first()?;
-        let lowest = largest - estimate.value;
-        let mut margin = estimate.residual.max(0.05 * lowest.abs()).max(1e-8 * largest.abs());
-        for _ in 0..60 {
-            let shift = lowest - margin;
-            let mut shifted = self.a.clone();
-            shifted.shift(-shift);
-            self.work.factorizations += 1;
-            if self.factorization.factor(&shifted).is_ok() && self.factorization.is_positive() {
+        let mut margin = end.residual.max(0.02 * end.value.abs()).max(1e-8 * size);
+        for _ in 0..LONGEST_RETREAT {
+            let shift = end.value + side.outwards() * margin;
+            if self.is_beyond(shift, side) {
                 return Some(shift);
             }
             margin *= 2.0;
@@ -224,13 +325,14 @@ impl Search<'_> {
         if factorization.factor(a).is_err() {
             return 0.0;
         }
+        let n = a.dofs().len();
         let mut solve = |x: &[f64], y: &mut [f64]| {
-            work.solves += 2;
+            work.solves += 2 * (x.len() / n) as u64;
             y.copy_from_slice(x);
-            factorization.solve_in_place(y);
-            factorization.solve_in_place(y);
+            factorization.solve_columns_in_place(n, y);
+            factorization.solve_columns_in_place(n, y);
         };
-        let pairs = Krylov::new(a.dofs().len(), 1, &mut solve).iterate(TOLERANCE, LONGEST_SEARCH, &mut solve);
+        let pairs = Krylov::new(n, 1, &mut solve).iterate(TOLERANCE, 4 * STEPS, &mut solve);
         pairs.first().map_or(f64::NAN, |pair| pair.value.abs().sqrt().recip())
     }
 }

@@ -21,6 +21,9 @@ use faer::{Conj, Par, Side, Spec};
 use serde::Serialize;
 use std::time::Instant;
 
+/// Right-hand sides that are solved for together: the factor is read once for all of them.
+pub const SOLVE_COLUMNS: usize = 4;
+
 /// A pivot that is not positive (LLᵀ), or is zero or not finite (LDLᵀ).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NonPositivePivot {
@@ -90,7 +93,7 @@ impl Analysis {
             .factorize_numeric_llt_scratch::<f64>(par, Spec::default())
             .or(symbolic.factorize_numeric_ldlt_scratch::<f64>(par, Spec::default()))
             .or(symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(par, Spec::default()))
-            .or(symbolic.solve_in_place_scratch::<f64>(1, par));
+            .or(symbolic.solve_in_place_scratch::<f64>(SOLVE_COLUMNS, par));
         let memory = MemBuffer::try_new(scratch)
             .map_err(|_| Error::Usage("the matrix is too large to factor: out of memory".into()))?;
         let times = FactorTimes { analysis_seconds: start.elapsed().as_secs_f64(), ..FactorTimes::default() };
@@ -307,11 +310,19 @@ impl Ldlt {
 
     /// `x ← A⁻¹ x` with the last factored matrix.
     pub fn solve_in_place(&mut self, x: &mut [f64]) {
+        self.solve_columns_in_place(x.len(), x);
+    }
+
+    /// `X ← A⁻¹ X` for a matrix of n rows, n the order of A, stored by columns: [`SOLVE_COLUMNS`] at a time.
+    pub fn solve_columns_in_place(&mut self, n: usize, x: &mut [f64]) {
         let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
         let start = Instant::now();
-        let rows = x.len();
-        let x = MatMut::from_column_major_slice_mut(x, rows, 1);
-        LdltRef::new(symbolic, values).solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
+        for x in x.chunks_mut((SOLVE_COLUMNS * n).max(1)) {
+            let columns = x.len() / n.max(1);
+            let x = MatMut::from_column_major_slice_mut(x, n, columns);
+            let factor = LdltRef::new(symbolic, values);
+            factor.solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
+        }
         times.solve_seconds += start.elapsed().as_secs_f64();
     }
 }

@@ -1,8 +1,8 @@
-//! Sparse `A = L B Lᵀ` with pivoting, for counting the signs of eigenvalues.
+//! Sparse `A = L B Lᵀ` for counting the signs of eigenvalues, with or without pivoting.
 //!
-//! Inside each supernode's dense triangle faer pivots as Bunch and Kaufman (1977) do, so B has blocks of order 1 and 2;
-//! between supernodes the order stays. That keeps the symbolic analysis valid and most of the rounding errors small, but
-//! not all: [`PivotedLdlt::multiply`] gives `L B Lᵀ w`, with which the error `A − L B Lᵀ` is measured.
+//! Without pivoting B is diagonal. With it, faer pivots inside each supernode's dense triangle as Bunch and Kaufman (1977) do, so
+//! B has blocks of order 1 and 2; between supernodes the order stays. That keeps the symbolic analysis valid and most of the
+//! rounding errors small, but not all: [`PivotedLdlt::multiply`] gives `L B Lᵀ W`, with which the error `A − L B Lᵀ` is measured.
 
 use super::factorization::{Analysis, Supernode, supernodes};
 use crate::assembly::{BlockPattern, SymmetricMatrix};
@@ -47,7 +47,16 @@ impl PivotSigns {
     }
 }
 
-/// The pivoted factorization: analysed once, refactored for every matrix on the pattern.
+/// How pivots are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pivoting {
+    /// In the order of elimination: fast, and accurate for a definite matrix.
+    None,
+    /// The best inside each supernode.
+    InSupernodes,
+}
+
+/// The factorization: analysed once, refactored for every matrix on the pattern.
 pub struct PivotedLdlt {
     analysis: Analysis,
     subdiagonal: Vec<f64>,
@@ -68,21 +77,35 @@ impl PivotedLdlt {
     }
 
     /// Factors a matrix on the analysed pattern. Never fails: what went wrong shows in the pivots and in the error.
-    pub fn factor(&mut self, a: &SymmetricMatrix) {
+    pub fn factor(&mut self, a: &SymmetricMatrix, pivoting: Pivoting) {
         let Self { analysis: Analysis { symbolic, values, memory, par, .. }, subdiagonal, forward, inverse } = self;
-        let stack = MemStack::new(memory);
-        let spec = Spec::default();
-        symbolic.factorize_numeric_intranode_lblt(
-            values,
-            subdiagonal,
-            forward,
-            inverse,
-            a.as_faer(),
-            Side::Lower,
-            *par,
-            stack,
-            spec,
-        );
+        let (a, stack) = (a.as_faer(), MemStack::new(memory));
+        match pivoting {
+            Pivoting::None => {
+                subdiagonal.fill(0.0);
+                forward.iter_mut().zip(0..).for_each(|(k, same)| *k = same);
+                let plain = Default::default();
+                let done = symbolic.factorize_numeric_ldlt(values, a, Side::Lower, plain, *par, stack, Spec::default());
+                if done.is_err() {
+                    // A pivot that vanished: the values are half done, and must not look like a factorization.
+                    values.fill(f64::NAN);
+                }
+            }
+            Pivoting::InSupernodes => {
+                let spec = Spec::default();
+                symbolic.factorize_numeric_intranode_lblt(
+                    values,
+                    subdiagonal,
+                    forward,
+                    inverse,
+                    a,
+                    Side::Lower,
+                    *par,
+                    stack,
+                    spec,
+                );
+            }
+        }
     }
 
     /// The signs of the eigenvalues of B: by Sylvester's law those of `L B Lᵀ`.
@@ -97,41 +120,51 @@ impl PivotedLdlt {
         signs
     }
 
-    /// `y = L B Lᵀ w` in the order of A; `scratch` has the length of w.
-    pub fn multiply(&self, w: &[f64], y: &mut [f64], scratch: &mut [f64]) {
-        y.fill(0.0);
+    /// `Y = L B Lᵀ W` in the order of A, for matrices of K columns stored by rows: the factor is read once for all of them.
+    pub fn multiply<const K: usize>(&self, w: &[[f64; K]], y: &mut [[f64; K]]) {
+        y.fill([0.0; K]);
         let order = self.analysis.forward();
         let row = |k: usize| order.map_or(k, |order| order[k] as usize);
         // Row k of a supernode's triangle after pivoting; rows below it are not pivoted.
         let top = |k: usize| row(self.forward[k] as usize);
+        let mut z = Vec::new();
+        let mut gathered = Vec::new();
         for s in supernodes(&self.analysis.symbolic) {
+            gathered.clear();
+            gathered.extend((s.first..s.first + s.columns).map(|k| w[top(k)]));
+            gathered.extend(s.below.iter().map(|&k| w[row(k as usize)]));
+            z.clear();
             for c in 0..s.columns {
-                let column = self.column(s, c);
-                let (triangle, below) = column.split_at(s.columns - c - 1);
-                let rows = (s.first + c + 1..).zip(triangle);
-                let above: f64 = rows.map(|(k, l)| l * w[top(k)]).sum();
-                let under: f64 = s.below.iter().zip(below).map(|(&k, l)| l * w[row(k as usize)]).sum();
-                scratch[s.first + c] = w[top(s.first + c)] + above + under;
+                let mut sum = gathered[c];
+                for (l, w) in self.column(s, c).iter().zip(&gathered[c + 1..]) {
+                    add(&mut sum, *l, w);
+                }
+                z.push(sum);
             }
-            self.for_each_block(s, |c, block| match block {
-                Block::One(d) => scratch[c] *= d,
-                Block::Two([a, b, d]) => {
-                    let (p, q) = (scratch[c], scratch[c + 1]);
-                    scratch[c] = a * p + b * q;
-                    scratch[c + 1] = b * p + d * q;
+            self.for_each_block(s, |k, block| {
+                let c = k - s.first;
+                match block {
+                    Block::One(d) => z[c].iter_mut().for_each(|z| *z *= d),
+                    Block::Two([a, b, d]) => {
+                        let (p, q) = (z[c], z[c + 1]);
+                        z[c] = std::array::from_fn(|k| a * p[k] + b * q[k]);
+                        z[c + 1] = std::array::from_fn(|k| b * p[k] + d * q[k]);
+                    }
                 }
             });
-            for c in 0..s.columns {
-                let value = scratch[s.first + c];
-                let column = self.column(s, c);
-                let (triangle, below) = column.split_at(s.columns - c - 1);
-                y[top(s.first + c)] += value;
-                for (k, l) in (s.first + c + 1..).zip(triangle) {
-                    y[top(k)] += l * value;
+            gathered.fill([0.0; K]);
+            for (c, z) in z.iter().enumerate() {
+                add(&mut gathered[c], 1.0, z);
+                for (l, y) in self.column(s, c).iter().zip(&mut gathered[c + 1..]) {
+                    add(y, *l, z);
                 }
-                for (&k, l) in s.below.iter().zip(below) {
-                    y[row(k as usize)] += l * value;
-                }
+            }
+            let (triangle, below) = gathered.split_at(s.columns);
+            for (k, part) in (s.first..).zip(triangle) {
+                add(&mut y[top(k)], 1.0, part);
+            }
+            for (&k, part) in s.below.iter().zip(below) {
+                add(&mut y[row(k as usize)], 1.0, part);
             }
         }
     }
@@ -156,6 +189,14 @@ impl PivotedLdlt {
                 c += 2;
             }
         }
+    }
+}
+
+/// `y += l x`.
+#[inline]
+fn add<const K: usize>(y: &mut [f64; K], l: f64, x: &[f64; K]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += l * x;
     }
 }
 
