@@ -17,14 +17,15 @@ pub fn scene(kind: &str, size: usize) -> Result<Scene> {
         (i - j).norm()
     });
     scene.springs.rest_lengths = Some(Values::Each(lengths.collect()));
-    for (particle, row) in scene.particles.positions.iter_mut().enumerate() {
-        let mut position = rest.positions[particle];
-        for axis in 0..3 {
-            // Multiples of the golden ratio, modulo 1, spread evenly.
-            let uniform = ((3 * particle + axis) as f64 * 0.618_033_988_749_895).fract();
-            position[axis] += 0.06 * spacing * (uniform - 0.5);
-        }
-        *row = <[f64; 3]>::from(position).into();
+    let mut seed = 1u64;
+    let mut uniform = || {
+        // Knuth's linear congruential generator; its high bits are good.
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        2.0 * (seed >> 11) as f64 / (1u64 << 53) as f64 - 1.0
+    };
+    for (position, row) in rest.positions.iter().zip(&mut scene.particles.positions) {
+        let moved = position.map(|x| x + 0.03 * spacing * uniform());
+        *row = <[f64; 3]>::from(moved).into();
     }
     Ok(scene)
 }
