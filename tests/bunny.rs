@@ -134,7 +134,8 @@ fn compare(option: Stiffness) {
     assert!(apart <= 100.0 * growth, "{option:?}: {apart} against {growth}");
     for (stepper, _) in &alone {
         let work = stepper.statistics().work;
-        let expected = if stepper.solver().is_some_and(|name| name.starts_with("cg")) { 0 } else { 1 };
+        let expected =
+            if stepper.linear_solver().is_some_and(|solver| solver.name().starts_with("cg")) { 0 } else { 1 };
         assert_eq!((work.symbolic_factorizations, work.solves), (expected, STEPS as u64));
     }
 }

@@ -1,10 +1,9 @@
-"""Measures scipy and pyamg on a linear system written by `sprung matrix`, by the processor time of one thread; one JSON
-object a line.
+"""Measures scipy and pyamg on the linear system that `ours.rs` has written to FOLDER, by the processor time of one thread; one
+JSON object a line.
 
     amg.py NAME PARTICLES FOLDER
 """
 
-import csv
 import json
 import sys
 import time
@@ -12,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pyamg
-import scipy.io
-import scipy.sparse.linalg
+import scipy.sparse
 
 
 def line(library, stage, seconds, **more):
@@ -22,6 +20,7 @@ def line(library, stage, seconds, **more):
 
 
 def median(kernel):
+    kernel()
     times = []
     while sum(times) < 1.0 and len(times) < 21:
         start = time.process_time()
@@ -43,14 +42,19 @@ def rigid_modes(dofs, positions):
     return modes
 
 
+def read(folder):
+    """A from its lower triangle, and b."""
+    with open(folder / "a.bin", "rb") as file:
+        n, entries = np.fromfile(file, np.uint64, 2).astype(int)
+        starts, rows = np.fromfile(file, np.int32, n + 1), np.fromfile(file, np.int32, entries)
+        lower = scipy.sparse.csc_matrix((np.fromfile(file, float, entries), rows, starts), shape=(n, n))
+    return (lower + scipy.sparse.tril(lower, -1).T).tocsr(), np.fromfile(folder / "b.bin")
+
+
 def main(folder):
-    a = scipy.io.mmread(folder / "A.mtx").tocsr()
-    b = np.asarray(scipy.io.mmread(folder / "b.mtx")).ravel()
-    with open(folder / "dofs.csv") as file:
-        rows = list(csv.DictReader(file))
-    axes = {"x": 0, "y": 1, "z": 2, "0": 0, "1": 1, "2": 2}
-    dofs = np.array([(int(row["particle"]), axes[row["axis"]]) for row in rows])
-    positions = np.load(folder / "positions.npy")
+    a, b = read(folder)
+    dofs = np.fromfile(folder / "dofs.bin", np.uint32).reshape(-1, 2)
+    positions = np.fromfile(folder / "positions.bin").reshape(-1, 3)
     line("scipy", "product", median(lambda: a @ b))
 
     start = time.process_time()

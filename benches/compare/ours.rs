@@ -1,5 +1,6 @@
 //! Measures this library for the comparison: `cargo bench --bench compare -- measure KIND SIZE` prints one JSON object a
-//! line, `… -- scene KIND SIZE` the scene itself as JSON. `run.py` beside this file calls both.
+//! line, `… -- steps KIND SIZE` times whole steps with every solver, `… -- memory KIND SIZE PRECONDITIONER` tells the memory of
+//! a run, `… -- export KIND SIZE FOLDER` writes the system for others. `run.py` beside this file calls both.
 //!
 //! One thread is timed by its processor time, which other programs on the machine do not count into; two threads by the
 //! clock. Every figure is the median of repeats, and the floors' bandwidth is measured between them.
@@ -7,22 +8,41 @@
 #[path = "../scenes.rs"]
 mod scenes;
 
+use bytemuck::cast_slice;
 use cpu_time::ThreadTime;
 use serde_json::json;
 use sprung::assembly::{SpringPattern, SystemMatrix};
 use sprung::force::{Extensions, add_elastic_force, add_weight};
-use sprung::linear::{CgOutcome, Cholesky, ConjugateGradient, Preconditioner, PreconditionerKind};
+use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
+use sprung::linear::{
+    CgOutcome, Cholesky, CholeskySolver, ConjugateGradient, Preconditioner, PreconditionerKind, SolverChoice,
+    SolverOptions,
+};
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::work::Work;
 use sprung::{State, Stiffness, System};
+use std::fs::File;
 use std::hint::black_box;
+use std::io::{BufWriter, Write};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+/// The step, in s.
+const DT: f64 = 0.01;
+
+/// Particles from which what takes very long is left out.
+const HUGE: usize = 200_000;
+
+/// Factorizations of more operations than this are measured on all threads only, and twice.
+const LARGE_FACTOR: f64 = 2e11;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     match &arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["scene", kind, size] => println!("{}", scene(kind, size).to_json()),
+        ["steps", kind, size] => steps(kind, size),
+        ["memory", kind, size, preconditioner] => memory(kind, size, preconditioner),
+        ["export", kind, size, folder] => export(kind, size, Path::new(folder)).expect("files that can be written"),
         ["measure", kind, size] => measure(kind, size, ""),
         ["measure", kind, size, stage] => measure(kind, size, stage),
         // `cargo bench` without arguments runs the kernels; the comparison wants to be asked for.
@@ -44,6 +64,100 @@ fn measure(kind: &str, size: &str, only: &str) {
     }
 }
 
+/// The step's matrix and right-hand side, and what an assembly or a near-null space needs, as plain arrays:
+/// `a.bin` is n and the number of entries of the lower triangle (64 bits), column starts, rows (32 bits), values;
+/// `dofs.bin` particle and axis of every row; `springs.bin` ends of every spring, `parameters.bin` its k, l0 and b.
+fn export(kind: &str, size: &str, folder: &Path) -> std::io::Result<()> {
+    let (system, state) = scene(kind, size).build().expect("a valid scene");
+    let extensions = Extensions::at(&system, &state.positions).expect("no coincident ends");
+    let operator = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(DT));
+    let pattern = Arc::new(SpringPattern::of_stiffness(&system).expect("a matrix that fits"));
+    let a = SystemMatrix::assemble(pattern, &operator);
+    let a = a.matrix();
+    let symbolic = a.pattern().symbolic();
+    let write = |name: &str, arrays: &[&[u8]]| {
+        let mut file = BufWriter::new(File::create(folder.join(name))?);
+        arrays.iter().try_for_each(|array| file.write_all(array)).and_then(|()| file.flush())
+    };
+    let sizes = [a.pattern().order() as u64, a.values().len() as u64];
+    let arrays =
+        [cast_slice(&sizes), cast_slice(symbolic.col_ptr()), cast_slice(symbolic.row_idx()), cast_slice(a.values())];
+    write("a.bin", &arrays)?;
+    write("b.bin", &[cast_slice(&test_vector(system.dofs().len()))])?;
+    let dofs: Vec<u32> = system.dofs().iter().flat_map(|dof| [dof.particle as u32, dof.axis as u32]).collect();
+    write("dofs.bin", &[cast_slice(&dofs)])?;
+    let positions: Vec<f64> = state.positions.iter().flat_map(|x| [x.x, x.y, x.z]).collect();
+    write("positions.bin", &[cast_slice(&positions)])?;
+    write("masses.bin", &[cast_slice(system.masses())])?;
+    let ends: Vec<u32> = system.active().flat_map(|(_, pair, _)| pair.map(|end| end as u32)).collect();
+    write("springs.bin", &[cast_slice(&ends)])?;
+    let parameters: Vec<f64> = system.active().flat_map(|(.., s)| [s.stiffness, s.rest_length, s.damping]).collect();
+    write("parameters.bin", &[cast_slice(&parameters)])
+}
+
+/// Whole steps with every solver: ten of them, the set-up not counted.
+fn steps(kind: &str, size: &str) {
+    let (system, state) = scene(kind, size).build().expect("a valid scene");
+    let factor = CholeskySolver::new(&system, faer::Par::Seq, &mut Work::default());
+    let flops = factor.map_or(f64::INFINITY, |factor| factor.size().flops);
+    let name = format!("{kind} {size}");
+    let solvers = [
+        ("auto", SolverChoice::Auto, None),
+        ("llt", SolverChoice::Llt, None),
+        ("cg block-jacobi", SolverChoice::Cg, Some(PreconditionerKind::BlockJacobi)),
+        ("cg multigrid", SolverChoice::Cg, Some(PreconditionerKind::Multigrid)),
+    ];
+    for (label, solver, preconditioner) in solvers {
+        let takes_long = match preconditioner {
+            Some(PreconditionerKind::BlockJacobi) => system.particles() > HUGE,
+            _ => solver == SolverChoice::Llt && flops > LARGE_FACTOR,
+        };
+        if takes_long {
+            continue;
+        }
+        let par = if flops > 1e9 { faer::Par::rayon(2) } else { faer::Par::Seq };
+        let linear = SolverOptions { solver, preconditioner, par, ..Default::default() };
+        let options = ImplicitOptions { stiffness: Stiffness::Tension.into(), linear };
+        let mut stepper = LinearBackwardEuler::new(&system, &state, &options).expect("a system that can be stepped");
+        let mut moving = state.clone();
+        let start = Instant::now();
+        for _ in 0..10 {
+            stepper.step(&mut moving, DT).expect("a step");
+        }
+        let time = start.elapsed();
+        let used = stepper.linear_solver().map_or("", |solver| solver.name());
+        let line = json!({"scene": name, "particles": system.particles(), "library": "sprung", "threads": 2,
+            "stage": format!("ten steps, {label}"), "ms": ms(time), "used": used, "work": stepper.statistics().work});
+        println!("{line}");
+    }
+}
+
+/// What two steps by conjugate gradients hold at once, all in all, a particle.
+fn memory(kind: &str, size: &str, preconditioner: &str) {
+    let kinds = [PreconditionerKind::BlockJacobi, PreconditionerKind::Multigrid];
+    let preconditioner = kinds.into_iter().find(|kind| kind.name() == preconditioner);
+    let (system, state) = scene(kind, size).build().expect("a valid scene");
+    let resident = || {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let line =
+            status.lines().find(|line| line.starts_with("VmRSS:")).and_then(|line| line.split_whitespace().nth(1));
+        line.and_then(|kilobytes| kilobytes.parse::<f64>().ok()).unwrap_or(f64::NAN) * 1024.0
+    };
+    let linear = SolverOptions { solver: SolverChoice::Cg, preconditioner, ..Default::default() };
+    let options = ImplicitOptions { stiffness: Stiffness::Tension.into(), linear };
+    let mut stepper = LinearBackwardEuler::new(&system, &state, &options).expect("a system that can be stepped");
+    let mut moving = state.clone();
+    (0..2).for_each(|_| stepper.step(&mut moving, DT).expect("a step"));
+    let label = preconditioner.map_or("automatic", PreconditionerKind::name);
+    let line = json!({"scene": format!("{kind} {size}"), "particles": system.particles(), "library": "sprung", "threads": 2,
+        "stage": format!("memory {label}"), "bytes": resident(), "bytes_per_particle": resident() / system.particles() as f64});
+    println!("{line}");
+}
+
+fn test_vector(n: usize) -> Vec<f64> {
+    (0..n).map(|i| (i as f64 * 1.3).cos()).collect()
+}
+
 struct Measurement<'s> {
     name: String,
     system: &'s System,
@@ -57,7 +171,7 @@ impl Measurement<'_> {
     fn all(&self) {
         let Self { system, state, .. } = self;
         let extensions = Extensions::at(system, &state.positions).expect("no coincident ends");
-        let step = Combination::step(0.01);
+        let step = Combination::step(DT);
         let mut operator = SystemOperator::new(system, &extensions, Stiffness::Tension, step);
         let n = system.dofs().len();
         let w: Vec<f64> = (0..n).map(|i| (i as f64 * 0.7).sin()).collect();
@@ -72,7 +186,7 @@ impl Measurement<'_> {
         let mut force = vec![nalgebra::Vector3::zeros(); system.particles()];
         let right_hand_side = || {
             for ((b, mass), v) in force.iter_mut().zip(system.masses()).zip(&state.velocities) {
-                *b = v * (mass / 0.01);
+                *b = v * (mass / DT);
             }
             add_weight(system, &mut force);
             add_elastic_force(system, &extensions, &mut force);
@@ -80,8 +194,10 @@ impl Measurement<'_> {
         self.print("right-hand side", right_hand_side, self.force_bytes());
         self.print("blocks", || operator.update(&extensions, Stiffness::Tension, step), self.block_bytes());
 
-        let b: Vec<f64> = (0..n).map(|i| (i as f64 * 1.3).cos()).collect();
-        for kind in [PreconditionerKind::BlockJacobi, PreconditionerKind::Multigrid] {
+        let b = test_vector(n);
+        let simple = [PreconditionerKind::None, PreconditionerKind::Jacobi].into_iter();
+        let better = [PreconditionerKind::BlockJacobi, PreconditionerKind::Multigrid];
+        for kind in simple.filter(|_| system.particles() < HUGE).chain(better) {
             if format!("cg {}", kind.name()).starts_with(self.only) {
                 self.conjugate_gradients(kind, &operator, &b);
             }
@@ -109,13 +225,16 @@ impl Measurement<'_> {
             let report = method.solve(operator, &mut preconditioner, b, &mut x);
             (start.elapsed(), setup, report)
         };
-        let first = run().0;
-        let repeats = (2.0 / first.as_secs_f64()).clamp(1.0, 21.0) as usize;
-        let mut runs: Vec<_> = (0..repeats).map(|_| run()).collect();
+        let first = run();
+        let seconds = first.0.as_secs_f64();
+        let repeats = (2.0 / seconds).clamp(1.0, 21.0) as usize;
+        let first_ms = ms(first.0);
+        let mut runs: Vec<_> = if seconds > 10.0 { vec![first] } else { (0..repeats).map(|_| run()).collect() };
         runs.sort_unstable_by_key(|(time, ..)| *time);
         let (time, setup, report) = &runs[runs.len() / 2];
         let solved = report.outcome == CgOutcome::Converged;
-        let with = json!({"setup_ms": ms(*setup), "first_ms": ms(first), "iterations": report.iterations, "solved": solved});
+        let with =
+            json!({"setup_ms": ms(*setup), "first_ms": first_ms, "iterations": report.iterations, "solved": solved});
         self.line(&format!("cg {}", kind.name()), *time, with);
     }
 
@@ -127,7 +246,7 @@ impl Measurement<'_> {
         let size = cholesky.size();
         let size = json!({"entries": size.entries, "flops": size.flops, "ordering": size.ordering});
         self.line("analyse", analysis, size.clone());
-        if cholesky.size().flops > 2e11 {
+        if cholesky.size().flops > LARGE_FACTOR && self.threads == 1 {
             return;
         }
         self.time("factor", || cholesky.factor(matrix.matrix()).expect("a definite matrix"), size);
@@ -168,7 +287,7 @@ impl Measurement<'_> {
     /// The first call, which takes new memory from the system, does not count.
     fn time(&self, stage: &str, mut kernel: impl FnMut(), with: serde_json::Value) {
         let first = self.once(&mut kernel).as_secs_f64();
-        let repeats = (1.0 / first).clamp(3.0, 21.0) as usize;
+        let repeats = if first > 10.0 { 1 } else { (1.0 / first).clamp(3.0, 21.0) as usize };
         let mut times: Vec<_> = (0..repeats).map(|_| self.once(&mut kernel)).collect();
         times.sort_unstable();
         self.line(stage, times[times.len() / 2], with);

@@ -1,10 +1,11 @@
-// Measures Eigen and CHOLMOD on a linear system written by `sprung matrix`, and Eigen's assembly on the element
-// triplets in TRIPLETS. One JSON object a line, as `ours.rs` prints them.
+// Measures Eigen and CHOLMOD on the linear system that `ours.rs` has written to FOLDER, and Eigen's assembly on the element
+// triplets there. One JSON object a line, as `ours.rs` prints them.
 //
-//     peers LIBRARY NAME PARTICLES A.mtx b.mtx TRIPLETS THREADS LARGEST_FACTOR_FLOPS
+//     peers LIBRARY NAME PARTICLES FOLDER THREADS LARGEST_FACTOR_FLOPS
 #include <Eigen/Sparse>
 #include <algorithm>
 #include <chrono>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
@@ -53,43 +54,32 @@ template <class Kernel> static double median(Kernel kernel) {
     return times[times.size() / 2];
 }
 
-static std::ifstream matrix_market(const char *path, std::string &sizes) {
-    std::ifstream file(path);
-    while (std::getline(file, sizes) && sizes[0] == '%') {}
-    return file;
+template <class Value> static void read(std::ifstream &file, Value *values, size_t count) {
+    file.read(reinterpret_cast<char *>(values), count * sizeof(Value));
 }
 
-static Matrix read_lower(const char *path) {
-    std::string sizes;
-    std::ifstream file = matrix_market(path, sizes);
-    long rows, columns, entries;
-    std::istringstream(sizes) >> rows >> columns >> entries;
-    std::vector<Triplet> triplets;
-    triplets.reserve(entries);
-    int row, column;
-    std::string value;
-    for (long entry = 0; entry < entries && file >> row >> column >> value; ++entry)
-        triplets.emplace_back(row - 1, column - 1, std::strtod(value.c_str(), nullptr));
-    Matrix lower(rows, columns);
-    lower.setFromTriplets(triplets.begin(), triplets.end());
+static Matrix read_lower(const std::string &folder) {
+    std::ifstream file(folder + "/a.bin", std::ios::binary);
+    std::uint64_t sizes[2];
+    read(file, sizes, 2);
+    Matrix lower(sizes[0], sizes[0]);
+    lower.resizeNonZeros(sizes[1]);
+    read(file, lower.outerIndexPtr(), sizes[0] + 1);
+    read(file, lower.innerIndexPtr(), sizes[1]);
+    read(file, lower.valuePtr(), sizes[1]);
     return lower;
 }
 
-static Eigen::VectorXd read_vector(const char *path) {
-    std::string sizes;
-    std::ifstream file = matrix_market(path, sizes);
-    Eigen::VectorXd vector(std::atol(sizes.c_str()));
-    std::string value;
-    for (auto &entry : vector) {
-        file >> value;
-        entry = std::strtod(value.c_str(), nullptr);
-    }
+static Eigen::VectorXd read_vector(const std::string &folder, long rows) {
+    std::ifstream file(folder + "/b.bin", std::ios::binary);
+    Eigen::VectorXd vector(rows);
+    read(file, vector.data(), rows);
     return vector;
 }
 
 // What a program without a slot map does in every step: all element triplets, then setFromTriplets.
-static void eigen_assembly(const char *path, const Matrix &lower) {
-    std::ifstream file(path, std::ios::binary);
+static void eigen_assembly(const std::string &folder, const Matrix &lower) {
+    std::ifstream file(folder + "/triplets.bin", std::ios::binary);
     struct Element { int row, column; double value; };
     std::vector<Element> elements;
     Element element;
@@ -194,21 +184,22 @@ static void cholmod(const Matrix &lower, const Eigen::VectorXd &b, double larges
 }
 
 int main(int count, char **arguments) {
-    if (count != 9) {
-        std::cerr << "peers LIBRARY NAME PARTICLES A.mtx b.mtx TRIPLETS THREADS LARGEST_FACTOR_FLOPS\n";
+    if (count != 7) {
+        std::cerr << "peers LIBRARY NAME PARTICLES FOLDER THREADS LARGEST_FACTOR_FLOPS\n";
         return 2;
     }
     scene = arguments[2];
     particles = std::atol(arguments[3]);
-    Matrix lower = read_lower(arguments[4]);
-    Eigen::VectorXd b = read_vector(arguments[5]);
-    threads = std::atoi(arguments[7]);
-    double largest = std::atof(arguments[8]);
+    const std::string folder = arguments[4];
+    Matrix lower = read_lower(folder);
+    Eigen::VectorXd b = read_vector(folder, lower.rows());
+    threads = std::atoi(arguments[5]);
+    double largest = std::atof(arguments[6]);
     if (std::string(arguments[1]) == "cholmod") {
         cholmod(lower, b, largest);
     } else {
         // Eigen's assembly and factorization have one thread.
-        if (threads == 1) eigen_assembly(arguments[6], lower);
+        if (threads == 1) eigen_assembly(folder, lower);
         eigen(lower, b, threads == 1 ? largest : 0);
     }
 }

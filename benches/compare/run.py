@@ -4,7 +4,7 @@
     benches/compare/run.py [SCENE…]        for example: benches/compare/run.py "cloth 100" "lattice 22"
 
 Needs Rust, a C++ compiler, the Debian packages libeigen3-dev, libsuitesparse-dev and libopenblas-dev, and the Python
-packages numpy, scipy, pyamg and matplotlib. Builds everything, writes every scene and its matrix (`sprung matrix`), measures
+packages numpy, scipy, pyamg and matplotlib. Builds everything, writes every scene's system, measures
 scene by scene, one program after the other, and writes docs/performance/{results.json, README.md, *.svg}.
 
 The peers get their best settings: CHOLMOD is supernodal with its better ordering of AMD and METIS and a BLAS tuned for the
@@ -26,10 +26,10 @@ ROOT = HERE.parent.parent
 DOCS = ROOT / "docs" / "performance"
 SCENES = ["cloth 10", "cloth 32", "cloth 100", "cloth 316", "cloth 1000", "lattice 5", "lattice 10", "lattice 22", "lattice 46"]
 DT = 0.01
-# Beyond this many degrees of freedom a matrix is too large a text file: there only sprung is measured.
-LARGEST_EXPORT = 350_000
-# Beyond this many operations a factorization takes too long to be repeated.
-LARGEST_FACTOR = 2e11
+# Beyond this many degrees of freedom only sprung and CHOLMOD are measured: the others would take hours.
+LARGEST_FOR_ALL = 350_000
+# Factorizations of more operations than this are measured on two threads only, as in `ours.rs`.
+LARGE_FACTOR = 2e11
 # Eigen's factorization works column by column; on this scene it would take hours.
 NOT_FACTORED_BY_EIGEN = {"lattice 46"}
 
@@ -39,22 +39,21 @@ def output(*command, **keywords):
 
 
 def build(folder):
-    output("cargo", "build", "--release", "--bin", "sprung", cwd=ROOT)
     messages = output("cargo", "bench", "--bench", "compare", "--no-run", "--message-format", "json", cwd=ROOT)
     targets = [message for message in map(json.loads, messages.splitlines()) if message.get("executable")]
     ours = next(message["executable"] for message in targets if message["target"]["name"] == "compare")
     peers = folder / "peers"
     output("g++", "-std=c++17", "-O3", "-march=native", "-fopenmp", "-I/usr/include/eigen3", HERE / "peers.cpp", "-o", peers,
            "-lcholmod", "-lopenblas")
-    return ours, ROOT / "target" / "release" / "sprung", peers
+    return ours, peers
 
 
-def lower_triplets(scene, dofs):
+def write_triplets(folder):
     """What assembly without a slot map sorts: the lower triangle of every spring's four blocks and of every mass."""
-    x = np.array(scene["particles"]["positions"])
-    pairs = np.array(scene["springs"]["pairs"])
-    k, l0, damping = (np.broadcast_to(np.array(scene["springs"][key], float), len(pairs))
-                      for key in ("stiffness", "rest_lengths", "damping"))
+    dofs = np.fromfile(folder / "dofs.bin", np.uint32).reshape(-1, 2)
+    x = np.fromfile(folder / "positions.bin").reshape(-1, 3)
+    pairs = np.fromfile(folder / "springs.bin", np.uint32).reshape(-1, 2)
+    k, l0, damping = np.fromfile(folder / "parameters.bin").reshape(-1, 3).T
     d = x[pairs[:, 0]] - x[pairs[:, 1]]
     length = np.linalg.norm(d, axis=1)
     n = d / length[:, None]
@@ -65,7 +64,7 @@ def lower_triplets(scene, dofs):
     row[dofs[:, 0], dofs[:, 1]] = np.arange(len(dofs))
     parts = [(row[pairs[:, p]], row[pairs[:, q]], sign * blocks) for p, q, sign in
              [(0, 0, 1), (1, 1, 1), (0, 1, -1), (1, 0, -1)]]
-    masses = np.broadcast_to(np.array(scene["particles"]["masses"], float), len(x)) / DT**2
+    masses = np.fromfile(folder / "masses.bin") / DT**2
     parts.append((row, row, masses[:, None, None] * np.eye(3)))
     triplets = []
     for rows, columns, values in parts:
@@ -74,23 +73,7 @@ def lower_triplets(scene, dofs):
         part = np.empty(keep.sum(), dtype=[("row", "i4"), ("column", "i4"), ("value", "f8")])
         part["row"], part["column"], part["value"] = rows[keep], columns[keep], values[keep]
         triplets.append(part)
-    return np.concatenate(triplets)
-
-
-def export(folder, name, ours, sprung):
-    """The scene, its matrix, positions and element triplets; returns the number of particles and whether all was written."""
-    scene_file = folder / "scene.json"
-    scene_file.write_text(output(ours, "--bench", "scene", *name.split()))
-    scene = json.loads(scene_file.read_text())
-    positions = np.array(scene["particles"]["positions"])
-    if 3 * len(positions) > LARGEST_EXPORT:
-        return len(positions), False
-    output(sprung, "matrix", scene_file, "--dt", DT, "--stiffness", "tension", "--out", folder, "--quiet")
-    table = np.genfromtxt(folder / "dofs.csv", delimiter=",", names=True, dtype=None, encoding=None)
-    dofs = np.column_stack([table["particle"], [("x", "y", "z").index(axis) for axis in table["axis"]]])
-    np.save(folder / "positions.npy", positions)
-    lower_triplets(scene, dofs).tofile(folder / "triplets.bin")
-    return len(positions), True
+    np.concatenate(triplets).tofile(folder / "triplets.bin")
 
 
 def environment(library, threads):
@@ -104,17 +87,24 @@ def environment(library, threads):
     return tuned
 
 
-def measure(folder, name, ours, sprung, peers):
-    particles, exported = export(folder, name, ours, sprung)
+def measure(folder, name, ours, peers):
+    output(ours, "--bench", "export", *name.split(), folder)
+    particles = (folder / "positions.bin").stat().st_size // 24
     lines = output(ours, "--bench", "measure", *name.split())
-    if exported:
-        for threads in (1, 2):
-            for library in ("eigen", "cholmod"):
-                skip = library == "eigen" and name in NOT_FACTORED_BY_EIGEN
-                lines += output(peers, library, name, particles, folder / "A.mtx", folder / "b.mtx", folder / "triplets.bin",
-                                threads, 0 if skip else LARGEST_FACTOR, env=environment(library, threads))
-        lines += output(sys.executable, HERE / "amg.py", name, particles, folder,
-                        env=environment("pyamg", 1))
+    lines += output(ours, "--bench", "steps", *name.split())
+    for preconditioner in ("block-jacobi", "multigrid"):
+        lines += output(ours, "--bench", "memory", *name.split(), preconditioner)
+    is_huge = 3 * particles > LARGEST_FOR_ALL
+    if not is_huge:
+        write_triplets(folder)
+    for threads in (1, 2):
+        for library in ("eigen", "cholmod"):
+            if is_huge and (library, threads) != ("cholmod", 2):
+                continue
+            largest = 0 if library == "eigen" and name in NOT_FACTORED_BY_EIGEN else LARGE_FACTOR if threads == 1 else 1e15
+            lines += output(peers, library, name, particles, folder, threads, largest, env=environment(library, threads))
+    if not is_huge:
+        lines += output(sys.executable, HERE / "amg.py", name, particles, folder, env=environment("pyamg", 1))
     return [json.loads(line) for line in lines.splitlines()]
 
 
@@ -128,7 +118,7 @@ def main():
             print(f"measuring {name}", file=sys.stderr, flush=True)
             results += measure(folder, name, *programs)
     DOCS.mkdir(parents=True, exist_ok=True)
-    (DOCS / "results.json").write_text(json.dumps(results, indent=1) + "\n")
+    (DOCS / "results.json").write_text("[\n" + ",\n".join(map(json.dumps, results)) + "\n]\n")
     import report
     report.write(results, DOCS)
 

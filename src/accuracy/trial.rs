@@ -94,7 +94,7 @@ pub fn trial(
     Ok(Trial {
         status: outcome.status(),
         failure: outcome.end.err(),
-        solver: stepper.solver().unwrap_or("none"),
+        solver: stepper.linear_solver().map_or("none", |solver| solver.name()),
         steps: outcome.steps,
         state,
         statistics: *stepper.statistics(),

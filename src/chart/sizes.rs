@@ -62,7 +62,7 @@ pub(super) fn study(deadline: Instant) -> Result<Vec<SizeRun>> {
                 runs.push(SizeRun {
                     kind: kind.name(),
                     dofs: system.dofs().len(),
-                    solver: stepper.solver().unwrap_or("none"),
+                    solver: stepper.linear_solver().map_or("none", |solver| solver.name()),
                     seconds_per_step: shortest.as_secs_f64(),
                     setup_seconds: setup.as_secs_f64(),
                     work: stepper.statistics().work,

@@ -9,6 +9,7 @@ use super::values::{count, positive, positive_count};
 use super::{Outcome, Stop, interrupt};
 use sprung::accuracy::{Pace, Reduction, choose, reduce};
 use sprung::integrate::{Schedule, Status};
+use sprung::linear::LinearSolver;
 use sprung::output::{ChoiceReport, FailureReport, Summary, write_final_state};
 use sprung::{Error, Result};
 use std::num::NonZeroU64;
@@ -170,13 +171,15 @@ impl Run {
         }
 
         let stepper = stepper.get();
+        let solver = stepper.linear_solver();
         let summary = Summary {
             scene: name,
             status: outcome.status(),
             method: stepper.name(),
             stiffness: plan.configuration.stiffness(),
-            solver: stepper.solver().unwrap_or("none"),
-            preconditioner: stepper.preconditioner().unwrap_or("none"),
+            solver: solver.map_or("none", LinearSolver::name),
+            preconditioner: solver.and_then(LinearSolver::preconditioner).unwrap_or("none"),
+            solver_choice: solver.and_then(LinearSolver::choice),
             dt: schedule.dt(),
             steps: outcome.steps,
             time: state.time,
@@ -185,7 +188,7 @@ impl Run {
             dofs: system.dofs().len(),
             wall_seconds: start.elapsed().as_secs_f64(),
             statistics: *stepper.statistics(),
-            factor: stepper.factor(),
+            factor: solver.and_then(LinearSolver::factor),
             energy: recorder.energy(),
             choice,
             reductions: reductions.iter().map(ToString::to_string).collect(),
@@ -227,6 +230,9 @@ fn text(summary: &Summary, folder: &Path, frames: bool) -> String {
         let with =
             if summary.preconditioner == "none" { String::new() } else { format!(" with {}", summary.preconditioner) };
         lines.push(format!("  method    {method}, stiffness {stiffness}, solver {solver}{with}"));
+        if let Some(choice) = &summary.solver_choice {
+            lines.push(format!("  chosen    {choice}"));
+        }
         lines.push(format!(
             "  work      {} solves, {} factorizations, {} CG iterations, {} Newton iterations",
             work.solves, work.factorizations, work.cg_iterations, work.newton_iterations,

@@ -7,7 +7,7 @@ use super::linear_backward_euler::advance;
 use super::newton::{Newton, NewtonOptions};
 use super::{Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::linear::FactorReport;
+use crate::linear::LinearSolver;
 use crate::system::{State, System};
 
 /// Backward Euler, first order, nonlinear.
@@ -28,16 +28,8 @@ impl TimeStepper for BackwardEuler<'_> {
         "backward-euler"
     }
 
-    fn solver(&self) -> Option<&'static str> {
+    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
         Some(self.0.linear.solver())
-    }
-
-    fn preconditioner(&self) -> Option<&'static str> {
-        self.0.linear.preconditioner()
-    }
-
-    fn factor(&self) -> Option<FactorReport> {
-        self.0.linear.factor()
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {

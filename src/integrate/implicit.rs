@@ -3,9 +3,7 @@
 use super::{Softening, Statistics};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Extensions};
-use crate::linear::{
-    Definiteness, Evidence, FactorReport, LinearSolver, Solution, SolveFailure, SolverOptions, select,
-};
+use crate::linear::{Definiteness, Evidence, LinearSolver, Promise, Solution, SolveFailure, SolverOptions, select};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -31,9 +29,12 @@ impl StiffnessPolicy {
         }
     }
 
-    /// Whether A is positive definite in every accepted solve, whatever the state.
-    fn promises_definite(self) -> bool {
-        self != Self::Always(Stiffness::Full)
+    fn promise(self) -> Promise {
+        match self {
+            Self::Always(Stiffness::Full) => Promise::Unknown,
+            Self::Always(Stiffness::Tension | Stiffness::Axial) => Promise::Definite,
+            Self::OnDemand => Promise::MadeDefinite,
+        }
     }
 }
 
@@ -101,7 +102,7 @@ impl<'s> LinearSystem<'s> {
         let operator = SystemOperator::new(system, &extensions, option, combination);
         let (policy, tolerance) = (options.stiffness, options.linear.tolerance);
         let mut statistics = Statistics::default();
-        let solver = select(system, &options.linear, policy.promises_definite(), &mut statistics.work)?;
+        let solver = select(system, &options.linear, policy.promise(), &mut statistics.work)?;
         let prepared =
             Prepared { policy, combination, terms: Terms::Of(option), dropped: 0, definiteness: Definiteness::Unknown };
         let softening = Softening::new(system);
@@ -122,16 +123,8 @@ impl<'s> LinearSystem<'s> {
         })
     }
 
-    pub fn solver(&self) -> &'static str {
-        self.solver.name()
-    }
-
-    pub fn preconditioner(&self) -> Option<&'static str> {
-        self.solver.preconditioner()
-    }
-
-    pub fn factor(&self) -> Option<FactorReport> {
-        self.solver.factor()
+    pub fn solver(&self) -> &dyn LinearSolver {
+        &*self.solver
     }
 
     pub fn set_extensions(&mut self, positions: &[Vector3<f64>]) -> Result<(), DegenerateSpring> {

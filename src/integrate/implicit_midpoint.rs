@@ -12,7 +12,7 @@ use super::implicit::ImplicitOptions;
 use super::newton::{Newton, NewtonOptions};
 use super::{Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::linear::FactorReport;
+use crate::linear::LinearSolver;
 use crate::system::{State, System};
 
 /// The implicit midpoint rule, second order, nonlinear.
@@ -36,16 +36,8 @@ impl TimeStepper for ImplicitMidpoint<'_> {
         "implicit-midpoint"
     }
 
-    fn solver(&self) -> Option<&'static str> {
+    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
         Some(self.newton.linear.solver())
-    }
-
-    fn preconditioner(&self) -> Option<&'static str> {
-        self.newton.linear.preconditioner()
-    }
-
-    fn factor(&self) -> Option<FactorReport> {
-        self.newton.linear.factor()
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {

@@ -14,7 +14,7 @@ use super::implicit::{ImplicitOptions, LinearSystem};
 use super::{Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::{add_elastic_force, add_weight};
-use crate::linear::FactorReport;
+use crate::linear::LinearSolver;
 use crate::operator::Combination;
 use crate::system::{State, System};
 use nalgebra::Vector3;
@@ -42,16 +42,8 @@ impl TimeStepper for LinearBackwardEuler<'_> {
         "linear-backward-euler"
     }
 
-    fn solver(&self) -> Option<&'static str> {
+    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
         Some(self.linear.solver())
-    }
-
-    fn preconditioner(&self) -> Option<&'static str> {
-        self.linear.preconditioner()
-    }
-
-    fn factor(&self) -> Option<FactorReport> {
-        self.linear.factor()
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {

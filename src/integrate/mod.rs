@@ -33,7 +33,7 @@ pub use softening::Softening;
 pub use statistics::Statistics;
 pub use w_method::{ErrorEstimate, WMethod};
 
-use crate::linear::FactorReport;
+use crate::linear::LinearSolver;
 use crate::system::State;
 
 /// A method that advances a system's state.
@@ -42,17 +42,7 @@ pub trait TimeStepper {
     fn name(&self) -> &'static str;
 
     /// The linear solver really used; `None` for explicit methods.
-    fn solver(&self) -> Option<&'static str> {
-        None
-    }
-
-    /// The preconditioner really used; `None` where there is none to choose.
-    fn preconditioner(&self) -> Option<&'static str> {
-        None
-    }
-
-    /// Size and times of the factorization; `None` where there is none.
-    fn factor(&self) -> Option<FactorReport> {
+    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
         None
     }
 

@@ -43,7 +43,7 @@ use super::implicit::{ImplicitOptions, LinearSystem};
 use super::{AdaptiveStepper, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
-use crate::linear::FactorReport;
+use crate::linear::LinearSolver;
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
 use crate::system::{State, System};
@@ -251,16 +251,8 @@ impl TimeStepper for WMethod<'_> {
         "w2"
     }
 
-    fn solver(&self) -> Option<&'static str> {
+    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
         Some(self.linear.solver())
-    }
-
-    fn preconditioner(&self) -> Option<&'static str> {
-        self.linear.preconditioner()
-    }
-
-    fn factor(&self) -> Option<FactorReport> {
-        self.linear.factor()
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {

@@ -3,7 +3,7 @@
 use super::LinearSolver;
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
-use super::preconditioner::{Preconditioner, PreconditionerKind};
+use super::preconditioner::{MULTIGRID_SETUP, Preconditioner, PreconditionerKind};
 use super::warm_start::WarmStart;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
@@ -35,6 +35,9 @@ pub struct CgSolver {
     /// While block Jacobi is on trial: where the particles are, for multigrid.
     trial: Option<Vec<Vector3<f64>>>,
     warm_start: WarmStart,
+    /// Effort so far, and the most that it may grow to.
+    effort: f64,
+    allowed: f64,
 }
 
 impl CgSolver {
@@ -68,6 +71,8 @@ impl CgSolver {
             application,
             warm_start: WarmStart::new(system.dofs().len()),
             trial: kind.is_none().then(|| vec![Vector3::zeros(); system.particles()]),
+            effort: 0.0,
+            allowed: f64::INFINITY,
         })
     }
 
@@ -78,11 +83,33 @@ impl CgSolver {
             Application::Assembled(matrix) => method.solve(matrix.matrix(), preconditioner, b, x),
         };
         work.cg_iterations += report.iterations;
+        self.effort += report.iterations as f64 * self.preconditioner.kind().iteration_effort();
         report
+    }
+
+    /// What set-ups and iterations have cost so far, counted, not timed, in products with A.
+    pub fn effort(&self) -> f64 {
+        self.effort
+    }
+
+    /// Lets the effort grow by so much; a solve that needs more ends as [`NotConverged::IterationLimit`].
+    pub fn allow(&mut self, more: f64) {
+        self.allowed = self.effort + more;
+    }
+
+    /// Iterations that can be afforded.
+    fn affordable(&self) -> u64 {
+        ((self.allowed - self.effort) / self.preconditioner.kind().iteration_effort()) as u64
+    }
+
+    /// Whether coarse levels can be afforded, and iterations that make them worth it.
+    fn affords_multigrid(&self) -> bool {
+        self.allowed - self.effort > 1.5 * MULTIGRID_SETUP
     }
 
     /// Makes a preconditioner that has lost patience a better one.
     fn improve(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
+        self.effort += MULTIGRID_SETUP;
         if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
             return multigrid.rebuild(a, work);
         }
@@ -126,8 +153,10 @@ impl LinearSolver for CgSolver {
         if let Application::Assembled(matrix) = &mut self.application {
             matrix.refill(a);
         }
-        self.preconditioner.update(a, work)?;
-        Ok(Definiteness::Unknown)
+        let setups = work.multigrid_setups;
+        let updated = self.preconditioner.update(a, work);
+        self.effort += (work.multigrid_setups - setups) as f64 * MULTIGRID_SETUP;
+        updated.map(|()| Definiteness::Unknown)
     }
 
     fn set_tolerance(&mut self, tolerance: f64) {
@@ -156,14 +185,17 @@ impl LinearSolver for CgSolver {
             _ => self.trial.as_ref().map(|_| TRIAL),
         };
         let limit = self.method.iteration_limit;
-        self.method.iteration_limit = patience.map_or(limit, |patience| limit.min(patience));
+        self.method.iteration_limit = limit.min(patience.unwrap_or(limit)).min(self.affordable());
         let mut report = self.run(a, b, x, work);
         let digits = digits.min((report.first_residual / self.method.tolerance).log10());
-        self.method.iteration_limit = limit;
-        if patience.is_some() && report.outcome == CgOutcome::IterationLimit {
-            self.improve(a, work)?;
-            report = self.run(a, b, x, work);
+        if patience.is_some() && report.outcome == CgOutcome::IterationLimit && self.affords_multigrid() {
+            let improved = self.improve(a, work);
+            self.method.iteration_limit = limit.min(self.affordable());
+            report = if improved.is_ok() { self.run(a, b, x, work) } else { report };
+            self.method.iteration_limit = limit;
+            improved?;
         }
+        self.method.iteration_limit = limit;
         if report.outcome == CgOutcome::Converged {
             self.warm_start.record(x);
             if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {

@@ -4,6 +4,7 @@
 //! [`LinearOperator`](crate::operator::LinearOperator). [`LinearSolver`] is what a time step uses: it takes a
 //! [`SystemOperator`], does once a matrix what can be done once, and solves as often as asked.
 
+mod automatic;
 mod block_jacobi;
 mod cg;
 mod direct;
@@ -19,6 +20,7 @@ mod select;
 mod vector;
 mod warm_start;
 
+pub use automatic::AutomaticSolver;
 pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
 pub use direct::{CholeskySolver, LdltSolver};
@@ -30,7 +32,7 @@ pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
 pub use pivoted::{PivotSigns, PivotedLdlt, Pivoting};
 pub use preconditioner::{Preconditioner, PreconditionerKind};
 pub use reuse::ReusedMultigrid;
-pub use select::{SolverChoice, SolverOptions, select};
+pub use select::{Promise, SolverChoice, SolverOptions, select};
 pub use warm_start::WarmStart;
 
 use crate::operator::SystemOperator;
@@ -49,6 +51,11 @@ pub trait LinearSolver {
 
     /// Size and times of the factorization, for a solver that factors.
     fn factor(&self) -> Option<FactorReport> {
+        None
+    }
+
+    /// Why this solver, in words, for one that chooses.
+    fn choice(&self) -> Option<String> {
         None
     }
 

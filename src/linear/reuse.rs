@@ -6,6 +6,7 @@
 //! does the same on every machine.
 
 use super::outcome::{Evidence, SolveFailure};
+use super::preconditioner::{MULTIGRID_SETUP, PreconditionerKind};
 use crate::error::Result;
 use crate::multigrid::{Multigrid, SetupFailure};
 use crate::operator::SystemOperator;
@@ -14,7 +15,7 @@ use crate::work::Work;
 use nalgebra::Vector3;
 
 /// What recomputing the coarse levels costs, in iterations.
-const REBUILD: f64 = 10.0;
+const REBUILD: f64 = MULTIGRID_SETUP / PreconditionerKind::Multigrid.iteration_effort();
 
 /// Iterations that old coarse levels may take in one solve, in those that new ones took.
 const PATIENCE: f64 = 2.0;

@@ -1,6 +1,6 @@
 //! Choosing a solver.
 
-use super::{CgSolver, CholeskySolver, LdltSolver, LinearSolver, PreconditionerKind};
+use super::{AutomaticSolver, CgSolver, CholeskySolver, LdltSolver, LinearSolver, PreconditionerKind};
 use crate::error::Result;
 use crate::system::System;
 use crate::work::Work;
@@ -53,42 +53,63 @@ impl Default for SolverOptions {
     }
 }
 
-/// Factor operations per spring up to which `Auto` factors: about what conjugate gradients with multigrid cost, which is
-/// proportional to the number of springs. Cloths of 10⁴ particles (3e4 per spring) are near the border; those of 10⁵
-/// (1.3e5) and lattices of 10⁴ (1.3e6) iterate faster than they factor.
-const FLOPS_PER_SPRING: f64 = 3e4;
+/// What a stiffness option says about the definiteness of A.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Promise {
+    /// Positive definite, whatever the state.
+    Definite,
+    /// Replaced by one that is where it is found not to be: a solver that finds out is worth something.
+    MadeDefinite,
+    /// Nothing.
+    Unknown,
+}
 
-/// Where an option does not promise a definite A, a factorization is worth ten times as much: it alone refuses.
-const FLOPS_PER_SPRING_UNPROMISED: f64 = 3e5;
+impl Promise {
+    /// Factor operations per spring up to which `Auto` factors without trying anything else. Cloths of 10⁴ particles
+    /// have 3e4, those of 10⁵ 1.3e5, lattices of 10⁴ 2e5.
+    fn worth_proving(self) -> f64 {
+        match self {
+            Self::Definite => 0.0,
+            Self::MadeDefinite => 3e4,
+            Self::Unknown => 3e5,
+        }
+    }
+}
+
+/// Degrees of freedom up to which `Auto` always factors: that takes well under a millisecond.
+const SMALL: usize = 300;
 
 /// Degrees of freedom beyond which `Auto` does not even analyse: the analysis alone would take seconds.
 const LARGEST_ANALYSED: usize = 1_500_000;
 
-/// Makes the solver. `Auto` takes sparse Cholesky up to a cost per spring, beyond it matrix-free conjugate gradients.
-/// `promised` says whether the stiffness option keeps A positive definite; where it does not, Cholesky is preferred
-/// for longer, because it proves definiteness while conjugate gradients may pass over an indefinite A.
+/// Makes the solver. `Auto` factors what is small or where a proof of definiteness is worth it; elsewhere it tries
+/// conjugate gradients and keeps what costs less, see [`AutomaticSolver`].
 ///
 /// # Errors
 /// When the matrix or its factor is too large.
 pub fn select(
     system: &System,
     options: &SolverOptions,
-    promised: bool,
+    promise: Promise,
     work: &mut Work,
 ) -> Result<Box<dyn LinearSolver>> {
     let preconditioner = options.preconditioner;
-    let matrix_free = || CgSolver::matrix_free(system, preconditioner, options.tolerance).map(Box::new);
+    let matrix_free = || CgSolver::matrix_free(system, preconditioner, options.tolerance);
+    let dofs = system.dofs().len();
     Ok(match options.solver {
         SolverChoice::Llt => Box::new(CholeskySolver::new(system, options.par, work)?),
         SolverChoice::Ldlt => Box::new(LdltSolver::new(system, options.par, work)?),
-        SolverChoice::Cg => matrix_free()?,
+        SolverChoice::Cg => Box::new(matrix_free()?),
         SolverChoice::CgAssembled => Box::new(CgSolver::assembled(system, preconditioner, options.tolerance)?),
-        SolverChoice::Auto if system.dofs().len() > LARGEST_ANALYSED => matrix_free()?,
+        SolverChoice::Auto if dofs > LARGEST_ANALYSED => Box::new(matrix_free()?),
         SolverChoice::Auto => {
-            let cholesky = CholeskySolver::new(system, options.par, work)?;
-            let springs = system.active_springs().len().max(1);
-            let limit = if promised { FLOPS_PER_SPRING } else { FLOPS_PER_SPRING_UNPROMISED };
-            if cholesky.size().flops <= limit * springs as f64 { Box::new(cholesky) } else { matrix_free()? }
+            let direct = CholeskySolver::new(system, options.par, work)?;
+            let springs = system.active_springs().len().max(1) as f64;
+            if dofs <= SMALL || direct.size().flops <= promise.worth_proving() * springs {
+                Box::new(direct)
+            } else {
+                Box::new(AutomaticSolver::new(direct, matrix_free()?, springs))
+            }
         }
     })
 }

@@ -25,6 +25,9 @@ pub struct Summary {
     pub solver: &'static str,
     /// The preconditioner really used; `none` where there is none.
     pub preconditioner: &'static str,
+    /// Why this solver, in words, where the program chose it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solver_choice: Option<String>,
     /// Time step, in s; the last step may have been shorter.
     pub dt: f64,
     /// Steps done.

@@ -141,7 +141,8 @@ fn solve_with(
     let preconditioner = Some(PreconditionerKind::BlockJacobi);
     let options = SolverOptions { solver, preconditioner, tolerance, ..SolverOptions::default() };
     let mut work = Work::default();
-    let mut solver = select(system, &options, true, &mut work).map_err(|error| error.to_string())?;
+    let mut solver =
+        select(system, &options, crate::linear::Promise::Definite, &mut work).map_err(|error| error.to_string())?;
     let mut x = vec![0.0; b.len()];
     solver.prepare(operator, &mut work).map_err(|failure| failure.to_string())?;
     solver.solve(operator, b, &mut x, &mut work).map_err(|failure| failure.to_string())?;

@@ -1,0 +1,112 @@
+//! The automatic choice of a solver: the cheaper one in the end, and little wasted on finding out.
+
+use nalgebra::Vector3;
+use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, StiffnessPolicy, TimeStepper};
+use sprung::linear::{CholeskySolver, SolverChoice, SolverOptions};
+use sprung::scene::builtin;
+use sprung::work::Work;
+use sprung::{State, Stiffness, System};
+
+/// A cloth of n × n particles, every coordinate moved by up to 3 % of the spacing.
+fn cloth(n: usize) -> (System, State) {
+    let (system, mut state) = builtin::cloth(n).unwrap().build().unwrap();
+    for (p, x) in state.positions.iter_mut().enumerate() {
+        let noise = |axis: usize| ((3 * p + axis) as f64 * 12.9898).sin() * 43758.5453 % 1.0;
+        *x += Vector3::new(noise(0), noise(1), noise(2)) * 0.0015;
+    }
+    state.prescribe(&system);
+    (system, state)
+}
+
+fn stepper<'s>(
+    (system, start): &'s (System, State),
+    solver: SolverChoice,
+    stiffness: impl Into<StiffnessPolicy>,
+) -> LinearBackwardEuler<'s> {
+    let linear = SolverOptions { solver, ..Default::default() };
+    LinearBackwardEuler::new(system, start, &ImplicitOptions { stiffness: stiffness.into(), linear }).unwrap()
+}
+
+fn walk(stepper: &mut LinearBackwardEuler<'_>, start: &State, steps: usize, dt: f64) -> State {
+    let mut state = start.clone();
+    for _ in 0..steps {
+        stepper.step(&mut state, dt).unwrap();
+    }
+    state
+}
+
+fn name(stepper: &LinearBackwardEuler<'_>) -> &'static str {
+    stepper.linear_solver().unwrap().name()
+}
+
+#[test]
+fn soft_steps_iterate_and_stiff_ones_factor() {
+    let scene = cloth(24);
+    for (dt, expected, factorizations) in [(1e-4, "cg", 0), (0.01, "llt", 10)] {
+        let mut auto = stepper(&scene, SolverChoice::Auto, Stiffness::Tension);
+        let end = walk(&mut auto, &scene.1, 10, dt);
+        assert_eq!(name(&auto), expected, "dt = {dt}");
+        let work = auto.statistics().work;
+        assert_eq!(work.factorizations, factorizations, "dt = {dt}: {work:?}");
+        let choice = auto.linear_solver().unwrap().choice().unwrap();
+        assert!(choice.starts_with(expected) && choice.contains("products with A"), "{choice}");
+
+        let mut direct = stepper(&scene, SolverChoice::Llt, Stiffness::Tension);
+        let reference = walk(&mut direct, &scene.1, 10, dt);
+        let apart = end.positions.iter().zip(&reference.positions).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+        assert!(apart < 1e-8, "dt = {dt}: {apart:e} m apart");
+        assert_eq!(direct.linear_solver().unwrap().choice(), None);
+    }
+}
+
+/// Trying must not cost more than two factorizations, by the program's own count.
+#[test]
+fn finding_out_is_cheap() {
+    let scene = cloth(24);
+    let mut auto = stepper(&scene, SolverChoice::Auto, Stiffness::Tension);
+    walk(&mut auto, &scene.1, 10, 0.01);
+    let work = auto.statistics().work;
+    let size = CholeskySolver::new(&scene.0, faer::Par::Seq, &mut Work::default()).unwrap().size();
+    let springs = scene.0.active_springs().len() as f64;
+    let direct = (size.flops / 200.0 + 1.6 * size.entries as f64) / springs;
+    assert!(work.cg_iterations > 0 && 1.4 * work.cg_iterations as f64 <= 2.0 * direct + 1.4, "{work:?}, {direct}");
+    assert_eq!((work.factorizations, work.solves, work.symbolic_factorizations), (10, 11, 1));
+}
+
+/// Steps that become long on the way: conjugate gradients are given up when they no longer pay, and never taken up again.
+#[test]
+fn the_choice_follows_the_scene_once() {
+    let scene = cloth(24);
+    let mut auto = stepper(&scene, SolverChoice::Auto, Stiffness::Tension);
+    let state = walk(&mut auto, &scene.1, 5, 1e-4);
+    assert_eq!((name(&auto), auto.statistics().work.factorizations), ("cg", 0));
+    let state = walk(&mut auto, &state, 5, 0.02);
+    assert_eq!(name(&auto), "llt");
+    let factored = auto.statistics().work.factorizations;
+    assert!(factored >= 4, "{factored}");
+    let iterations = auto.statistics().work.cg_iterations;
+    walk(&mut auto, &state, 5, 1e-4);
+    assert_eq!((name(&auto), auto.statistics().work.cg_iterations), ("llt", iterations));
+    assert_eq!(auto.statistics().work.factorizations, factored + 5);
+}
+
+/// What is small is factored at once; so is, up to a size, what may be indefinite, because a factorization finds out.
+#[test]
+fn proofs_are_preferred_where_they_say_something() {
+    let small = cloth(8);
+    let medium = cloth(24);
+    for (scene, policy) in [
+        (&small, Stiffness::Tension.into()),
+        (&medium, StiffnessPolicy::OnDemand),
+        (&medium, StiffnessPolicy::Always(Stiffness::Full)),
+    ] {
+        let mut auto = stepper(scene, SolverChoice::Auto, policy);
+        walk(&mut auto, &scene.1, 3, 1e-4);
+        assert_eq!((name(&auto), auto.statistics().work.cg_iterations), ("llt", 0), "{}", policy.name());
+    }
+    // Beyond it, factorizations of many times the work of a solve by multigrid are not even kept.
+    let lattice = builtin::lattice(30).unwrap().build().unwrap();
+    let mut auto = stepper(&lattice, SolverChoice::Auto, StiffnessPolicy::OnDemand);
+    walk(&mut auto, &lattice.1, 1, 1e-3);
+    assert_eq!((name(&auto), auto.statistics().work.factorizations), ("cg", 0));
+}
