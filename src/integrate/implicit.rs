@@ -66,7 +66,8 @@ pub(super) struct LinearSystem<'s> {
     pub extensions: Extensions,
     pub statistics: Statistics,
     operator: SystemOperator<'s>,
-    softening: Softening,
+    /// Made when the policy asks for it, or Newton's method first does.
+    softening: Option<Softening>,
     solver: Box<dyn LinearSolver>,
     pub policy: StiffnessPolicy,
     /// The relative residual asked of iterative solvers.
@@ -105,7 +106,7 @@ impl<'s> LinearSystem<'s> {
         let solver = select(system, &options.linear, policy.promise(), &mut statistics.work)?;
         let prepared =
             Prepared { policy, combination, terms: Terms::Of(option), dropped: 0, definiteness: Definiteness::Unknown };
-        let softening = Softening::new(system);
+        let softening = (policy == StiffnessPolicy::OnDemand).then(|| Softening::new(system));
         let zeros = || vec![0.0; system.dofs().len()];
         let (rhs, solution) = (zeros(), zeros());
         Ok(Self {
@@ -211,6 +212,7 @@ impl<'s> LinearSystem<'s> {
                 operator.update(extensions, option, prepared.combination);
             }
             Terms::Softened => {
+                let softening = softening.get_or_insert_with(|| Softening::new(system));
                 prepared.dropped = softening.choose(system, extensions, prepared.combination);
                 let options = softening.options();
                 operator.update_each(extensions, prepared.combination, |position| options[position]);

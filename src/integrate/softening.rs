@@ -14,7 +14,7 @@
 use crate::force::Extensions;
 use crate::operator::Combination;
 use crate::spring::Stiffness;
-use crate::system::System;
+use crate::system::{Axes, System};
 use nalgebra::{Cholesky, Matrix3};
 
 /// A choice of transverse terms to drop; allocated once for a system.
@@ -22,9 +22,8 @@ use nalgebra::{Cholesky, Matrix3};
 pub struct Softening {
     /// Of every active spring: `Full`, or `Tension` where its term is dropped.
     options: Vec<Stiffness>,
-    /// What every active spring's transverse term takes, and from how many ends: `c` and the factor 1 or 2.
+    /// What every active spring's transverse term takes from each of its ends that can move: 2c, or c from the only one.
     taken: Vec<f64>,
-    factors: Vec<f64>,
     /// The active springs of every particle: springs[starts[p]..starts[p + 1]].
     starts: Vec<u32>,
     springs: Vec<u32>,
@@ -34,7 +33,7 @@ impl Softening {
     /// Nothing dropped.
     pub fn new(system: &System) -> Self {
         let active = system.active_springs().len();
-        let is_free = |p: usize| !system.dofs().rows(p).is_empty();
+        let is_free = |p: usize| system.dofs().free_axes(p) != Axes::NONE;
         let mut starts = vec![0u32; system.particles() + 1];
         for (_, ends, _) in system.active() {
             ends.into_iter().filter(|&p| is_free(p)).for_each(|p| starts[p + 1] += 1);
@@ -50,17 +49,16 @@ impl Softening {
                 filled[p] += 1;
             }
         }
-        let factor = |(_, ends, _): (usize, [usize; 2], _)| if ends.into_iter().all(is_free) { 2.0 } else { 1.0 };
-        let factors = system.active().map(factor).collect();
-        Self { options: vec![Stiffness::Full; active], taken: vec![0.0; active], factors, starts, springs }
+        Self { options: vec![Stiffness::Full; active], taken: vec![0.0; active], starts, springs }
     }
 
     /// Chooses for the matrix `combination` at the given extensions, without allocating; returns the number of terms that
     /// are dropped.
     pub fn choose(&mut self, system: &System, extensions: &Extensions, combination: Combination) -> usize {
-        for (position, ((_, _, spring), at)) in system.active().zip(extensions.iter()).enumerate() {
+        for (position, ((_, ends, spring), at)) in system.active().zip(extensions.iter()).enumerate() {
             let transverse = spring.stiffness_block(at, Stiffness::Full).transverse * -combination.stiffness;
-            self.taken[position] = (-transverse).max(0.0) * self.factors[position];
+            let both_move = ends.iter().all(|&end| system.dofs().free_axes(end) != Axes::NONE);
+            self.taken[position] = (-transverse).max(0.0) * if both_move { 2.0 } else { 1.0 };
             self.options[position] = Stiffness::Full;
         }
         let mut dropped = 0;

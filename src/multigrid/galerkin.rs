@@ -1,19 +1,36 @@
 //! The coarse matrix `A_c = Pᵀ A P`: sparsity once, numbers many times.
 
 use super::block::{Block, add_product, add_transposed_product, double, zero};
-use super::parallel::for_each_sparse_row;
+use super::parallel::for_each_row_of;
 use super::prolongator::Prolongator;
 use super::sparse::{BlockMatrix, Pattern, Rows};
 use crate::error::Result;
+use std::ops::Range;
 use std::sync::Arc;
 
-/// The triple product with its intermediate A P.
+/// Rows of A P that are held at once.
+const SECTION: usize = 16_384;
+
+/// Rows of A_c that one thread sums up at a stretch: few of them have a part in a section.
+const GRAIN: usize = 64;
+
+/// The triple product. Its intermediate A P takes several times the memory of P, so it is made section by section.
 #[derive(Debug, Clone)]
 pub(super) struct Galerkin<const N: usize, const M: usize> {
-    /// A P.
-    pub product: BlockMatrix<N, M>,
+    /// Which blocks A P has.
+    product: Pattern,
+    sections: Vec<Section>,
+    /// The blocks of one section of A P.
+    section: Vec<Block<N, M>>,
     /// A_c.
     pub coarse: BlockMatrix<M, M>,
+}
+
+/// Consecutive rows of A P, and the range of rows of A_c that they add to.
+#[derive(Debug, Clone)]
+struct Section {
+    rows: Range<usize>,
+    coarse: Range<usize>,
 }
 
 impl<const N: usize, const M: usize> Galerkin<N, M> {
@@ -30,39 +47,54 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
         )?;
         let coarse = Pattern::build(
             columns,
-            union(columns, |row| prolongator.column(row).map(|(node, _)| product.columns(node))),
+            union(columns, |row| prolongator.column(row, 0..a.rows()).map(|(node, _)| product.columns(node))),
         )?;
-        Ok(Self { product: BlockMatrix::zeros(Arc::new(product)), coarse: BlockMatrix::zeros(Arc::new(coarse)) })
+        let section = |start: usize| {
+            let rows = start..a.rows().min(start + SECTION);
+            let touched = || rows.clone().flat_map(|row| p.columns(row)).map(|&column| column as usize);
+            let coarse = touched().min().unwrap_or(0)..touched().max().map_or(0, |last| last + 1);
+            Section { rows, coarse }
+        };
+        let sections: Vec<_> = (0..a.rows()).step_by(SECTION).map(section).collect();
+        let largest = sections.iter().map(|section| product.positions(&section.rows).len()).max().unwrap_or(0);
+        Ok(Self { product, sections, section: vec![zero(); largest], coarse: BlockMatrix::zeros(Arc::new(coarse)) })
     }
 
-    /// Recomputes A P and A_c. A motion that an aggregate does not have gets the equation x = 0.
+    /// Recomputes A_c. A motion that an aggregate does not have gets the equation x = 0.
     pub fn update(&mut self, a: &impl Rows<N>, prolongator: &Prolongator<N, M>) {
         let p = &prolongator.matrix;
-        let BlockMatrix { pattern, values } = &mut self.product;
-        for_each_sparse_row(pattern, values, &mut vec![(); pattern.rows()], &|row, sums, ()| {
-            sums.fill(zero());
-            a.visit(row, |node, a| {
-                let mut slots = Slots::new(pattern.columns(row), sums);
-                for (column, p) in p.row(node) {
-                    if let Some(sum) = slots.find(column) {
-                        add_product(sum, a, &double(p));
+        let Self { product, sections, section, coarse: BlockMatrix { pattern, values } } = self;
+        values.fill(zero());
+        for Section { rows, coarse } in sections {
+            let positions = product.positions(rows);
+            let section = &mut section[..positions.len()];
+            for_each_row_of(product, rows.clone(), GRAIN, section, &|row, sums| {
+                sums.fill(zero());
+                a.visit(row, |node, a| {
+                    let mut slots = Slots::new(product.columns(row), sums);
+                    for (column, p) in p.row(node) {
+                        if let Some(sum) = slots.find(column) {
+                            add_product(sum, a, &double(p));
+                        }
+                    }
+                });
+            });
+            let values = &mut values[pattern.positions(coarse)];
+            for_each_row_of(pattern, coarse.clone(), GRAIN, values, &|row, sums| {
+                for (node, p) in prolongator.column(row, rows.clone()) {
+                    let p = double(p);
+                    let mut slots = Slots::new(pattern.columns(row), sums);
+                    let of_node = product.row(node);
+                    let blocks = &section[of_node.start - positions.start..of_node.end - positions.start];
+                    for (&column, product) in product.columns(node).iter().zip(blocks) {
+                        if let Some(sum) = slots.find(column as usize) {
+                            add_transposed_product(sum, &p, product);
+                        }
                     }
                 }
             });
-        });
-        let product = &self.product;
-        let BlockMatrix { pattern, values } = &mut self.coarse;
-        for_each_sparse_row(pattern, values, &mut vec![(); pattern.rows()], &|row, sums, ()| {
-            sums.fill(zero());
-            for (node, p) in prolongator.column(row) {
-                let p = double(p);
-                let mut slots = Slots::new(pattern.columns(row), sums);
-                for (column, product) in product.row(node) {
-                    if let Some(sum) = slots.find(column) {
-                        add_transposed_product(sum, &p, product);
-                    }
-                }
-            }
+        }
+        for_each_row_of(pattern, 0..pattern.rows(), GRAIN, values, &|row, sums| {
             if let Some(block) = Slots::new(pattern.columns(row), sums).find(row) {
                 for motion in (0..M).filter(|&motion| !prolongator.modes[row].has(motion)) {
                     block[motion][motion] = 1.0;
@@ -73,8 +105,8 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        let patterns = self.product.pattern.bytes() + self.coarse.pattern.bytes();
-        patterns + self.product.bytes() + self.coarse.bytes()
+        let patterns = self.product.bytes() + self.coarse.pattern.bytes();
+        patterns + size_of_val(&self.section[..]) + size_of_val(&self.sections[..]) + self.coarse.bytes()
     }
 }
 

@@ -40,17 +40,31 @@ pub(super) fn for_each_sparse_row<T: Send, U: Send>(
     beside: &mut [U],
     f: &(impl Fn(usize, &mut [T], &mut U) + Sync),
 ) {
-    split(pattern, 0..pattern.rows(), values, beside, f);
+    split(pattern, 0..pattern.rows(), GRAIN, values, beside, f);
+}
+
+/// Calls `f(row, values of the row)` for some rows of a sparse matrix; `values` are those of these rows. At most `grain` rows
+/// stay together.
+pub(super) fn for_each_row_of<T: Send>(
+    pattern: &Pattern,
+    rows: Range<usize>,
+    grain: usize,
+    values: &mut [T],
+    f: &(impl Fn(usize, &mut [T]) + Sync),
+) {
+    let mut beside = vec![(); rows.len()];
+    split(pattern, rows, grain, values, &mut beside, &|row, values, ()| f(row, values));
 }
 
 fn split<T: Send, U: Send>(
     pattern: &Pattern,
     rows: Range<usize>,
+    grain: usize,
     values: &mut [T],
     beside: &mut [U],
     f: &(impl Fn(usize, &mut [T], &mut U) + Sync),
 ) {
-    if rows.len() <= GRAIN {
+    if rows.len() <= grain {
         let mut rest = values;
         for (row, beside) in rows.zip(beside) {
             let (mine, others) = rest.split_at_mut(pattern.row(row).len());
@@ -63,8 +77,8 @@ fn split<T: Send, U: Send>(
         let (low, high) = values.split_at_mut(pattern.row(middle).start - pattern.row(rows.start).start);
         let (low_beside, high_beside) = beside.split_at_mut(half);
         rayon::join(
-            || split(pattern, rows.start..middle, low, low_beside, f),
-            || split(pattern, middle..rows.end, high, high_beside, f),
+            || split(pattern, rows.start..middle, grain, low, low_beside, f),
+            || split(pattern, middle..rows.end, grain, high, high_beside, f),
         );
     }
 }

@@ -15,6 +15,7 @@ use super::modes::{AggregateModes, Frames};
 use super::parallel::{for_each_row, for_each_sparse_row};
 use super::sparse::{BlockMatrix, Pattern, Rows, Transpose};
 use crate::error::Result;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// ω, for `λ_max = 2`.
@@ -122,12 +123,12 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         for_each_row(by_columns, |place, p| *p = values[transpose.entry(place).1 as usize]);
     }
 
-    /// Nodes and blocks of a column of P.
+    /// Nodes and blocks of a column of P within some rows.
     #[inline(always)]
-    pub fn column(&self, aggregate: usize) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
-        let range = self.transpose.column(aggregate);
-        let nodes = self.transpose.entries(range.clone()).iter().map(|&(node, _)| node as usize);
-        nodes.zip(&self.by_columns[range])
+    pub fn column(&self, aggregate: usize, rows: Range<usize>) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
+        let places = self.transpose.column(aggregate, rows);
+        let nodes = self.transpose.entries(places.clone()).iter().map(|&(node, _)| node as usize);
+        nodes.zip(&self.by_columns[places])
     }
 
     /// Number of aggregates.
@@ -144,7 +145,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
     pub fn restrict(&self, r: &[[f32; N]], coarse: &mut [[f32; M]]) {
         for_each_row(coarse, |aggregate, sum| {
             *sum = [0.0; M];
-            for (node, p) in self.column(aggregate) {
+            for (node, p) in self.column(aggregate, 0..r.len()) {
                 add_transposed_apply(sum, p, &r[node]);
             }
         });

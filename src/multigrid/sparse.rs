@@ -52,6 +52,11 @@ impl Pattern {
         start..self.starts.get(row + 1).copied().unwrap_or(start)
     }
 
+    /// Positions of the blocks of consecutive rows.
+    pub fn positions(&self, rows: &Range<usize>) -> Range<usize> {
+        self.starts[rows.start]..self.starts[rows.end]
+    }
+
     /// The columns of a row.
     #[inline(always)]
     pub fn columns(&self, row: usize) -> &[u32] {
@@ -93,10 +98,13 @@ pub(super) struct Transpose {
 }
 
 impl Transpose {
-    /// Places of a column's blocks.
+    /// Places of a column's blocks in some rows.
     #[inline(always)]
-    pub fn column(&self, column: usize) -> Range<usize> {
-        self.starts[column]..self.starts[column + 1]
+    pub fn column(&self, column: usize, rows: Range<usize>) -> Range<usize> {
+        let (start, end) = (self.starts[column], self.starts[column + 1]);
+        let entries = &self.entries[start..end];
+        let before = |row: usize| entries.partition_point(|&(r, _)| (r as usize) < row);
+        start + before(rows.start)..start + before(rows.end)
     }
 
     /// Rows and positions of the blocks at some places.
