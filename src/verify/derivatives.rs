@@ -2,6 +2,7 @@
 
 use super::Subject;
 use super::consistency::{damping_dissipates, damping_entries, energy_slope};
+use super::damping_turn::damping_turns;
 use super::difference::{spring_blocks, stiffness_entries};
 use super::dropped::dropped_terms;
 use super::dual::{blocks_against_duals, force_against_energy, stiffness_against_duals};
@@ -59,6 +60,7 @@ pub(super) fn consistency(subject: &Subject) -> Outcome {
         let g = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?.g;
         checks.push(damping_entries(system, state, damping_force(system, state), &g.to_csc(), name));
         checks.push(damping_dissipates(system, &g, name));
+        checks.push(damping_turns(system, state, name));
     }
     Ok(checks)
 }

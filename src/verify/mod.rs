@@ -11,6 +11,7 @@ mod coloring;
 mod condition;
 mod consistency;
 mod convergence;
+mod damping_turn;
 mod definiteness;
 mod derivatives;
 mod difference;
@@ -48,6 +49,7 @@ pub use claim::Claim;
 pub use coloring::ColumnGroups;
 pub use condition::{Condition, forward_bound, one_norm_estimate};
 pub use consistency::{damping_dissipates, damping_entries, energy_slope};
+pub use damping_turn::damping_turns;
 pub use difference::{spring_blocks, stiffness_entries};
 pub use dropped::dropped_terms;
 pub use dual::{
