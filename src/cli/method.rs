@@ -118,7 +118,7 @@ const SOLVERS: [SolverChoice; 5] =
 
 fn describe_solver(solver: SolverChoice) -> &'static str {
     match solver {
-        SolverChoice::Auto => "llt or cg, by the size and shape of the system",
+        SolverChoice::Auto => "llt or cg: by size, and from there by the effort that the first steps take",
         SolverChoice::Llt => "sparse Cholesky factorization; refuses an indefinite A",
         SolverChoice::Ldlt => "sparse LDLᵀ factorization; accepts an indefinite A",
         SolverChoice::Cg => "conjugate gradients without a matrix",

@@ -9,7 +9,7 @@ use faer::Par;
 /// Which linear solver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum SolverChoice {
-    /// By size and by what the option promises about definiteness, see [`select`].
+    /// By size, by what the option promises about definiteness, and by counted effort, see [`select`].
     Auto,
     /// Sparse Cholesky.
     Llt,

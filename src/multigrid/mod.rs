@@ -50,7 +50,7 @@
 //! | lattice 22 | 10 648 | 10 164, 448, 27 | 1.21 | 12 (13) | | 479 |
 //! | lattice 46 | 97 336 | 95 220, 3840, 180, 12 | 1.22 | 13 | | 922 |
 //!
-//! One cycle costs as much as three to five products with A, recomputing the coarse levels as much as ten to fifteen cycles.
+//! One cycle costs as much as five to seven products with A, recomputing the coarse levels as much as twenty cycles.
 //! `cargo bench --bench multigrid` measures them.
 //!
 //! Under `axial` A has soft motions that are not rigid: all those that stretch no spring. The stiffer, the more iterations
