@@ -21,6 +21,10 @@ pub(super) enum Kind {
     Conservative,
 }
 
+impl Kind {
+    pub const ALL: [Self; 3] = [Self::Euler, Self::Rosenbrock, Self::Conservative];
+}
+
 /// Of a method.
 pub(super) fn kind(method: Method) -> Kind {
     match method {

@@ -15,7 +15,7 @@ pub(super) const SAFETY: f64 = 0.75;
 const LIMIT_SHARE: f64 = 1.0 / 3.0;
 
 /// A ladder that needs this many times the work of another is given up.
-const HOPELESS: f64 = 4.0;
+const HOPELESS: f64 = 2.0;
 
 /// A run that confirms another may have this many times the error allowed, by its own estimate.
 const CONFIRMATION: f64 = 2.0;
@@ -49,19 +49,26 @@ impl Race {
         Ok(())
     }
 
-    /// The ladder to climb next: the one with the cheapest rung, among those that may still win against `cheapest`. As long as
-    /// there is no winner a ladder is measured against its own kind only: what the methods of one kind agree on may be wrong.
+    /// The ladder to climb next: the one with the cheapest rung, among those that may still win against `cheapest`.
+    ///
+    /// As long as there is no winner a ladder is measured against its own kind, and against the second cheapest of all kinds:
+    /// what the methods of one kind agree on may be wrong, but hardly what two do. One that does not converge yet needs at
+    /// least its next rung.
     pub fn next(&self, cheapest: f64, accuracy: f64) -> Option<usize> {
         let predicted = |ladder: &Ladder| ladder.predicted_cost(SAFETY * accuracy);
         let least = |of: Kind| {
-            let rivals =
-                self.ladders.iter().filter(|rival| cheapest.is_finite() || kind(rival.configuration.method) == of);
+            let rivals = self.ladders.iter().filter(|rival| kind(rival.configuration.method) == of);
             rivals.filter_map(predicted).fold(cheapest, f64::min)
         };
+        let mut of_kinds = Kind::ALL.map(least);
+        of_kinds.sort_by(f64::total_cmp);
+        let [first, second, _] = of_kinds;
+        let of_any = if cheapest.is_finite() { first } else { second };
         let promising = |ladder: &Ladder| {
+            let rival = least(kind(ladder.configuration.method)).min(of_any);
             ladder.open
                 && ladder.next_cost() < cheapest
-                && predicted(ladder).is_none_or(|cost| cost <= HOPELESS * least(kind(ladder.configuration.method)))
+                && predicted(ladder).unwrap_or(ladder.next_cost()) <= HOPELESS * rival
         };
         let open = self.ladders.iter().enumerate().filter(|(_, ladder)| promising(ladder));
         open.min_by(|(_, a), (_, b)| a.next_cost().total_cmp(&b.next_cost())).map(|(index, _)| index)
