@@ -56,12 +56,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 cheapest.map_or("none".into(), |best| format!("{} {}, {:.0}", best.method, best.stiffness, best.cost));
             writeln!(
                 rows,
-                "| {accuracy:e} | {} | {} | {:.1e} | {error:.1e} | {:.0} | {best} | {ratio:.2} | {:.0} |",
+                "| {accuracy:e} | {} | {} | {:.1e} | {error:.1e} | {:.0} | {best} | {ratio:.2} | {:.0} | {:.0} |",
                 scene.name,
                 method.trim_end_matches(" none").trim_end_matches(" on-demand"),
                 choice.estimated_error,
                 choice.cost,
                 choice.pilot_cost,
+                choice.pilot_cost / choice.cost,
             )?;
         }
         writeln!(
@@ -76,8 +77,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
          scene's motion; the achieved one is measured against an independent reference (DOP853 to 10⁻¹²) that the choice knows nothing\n\
          of. Work is counted in force evaluations of the scene. The cheapest run is that of a sweep over all methods, options and solvers\n\
          with steps halved from run to run. Pilot work is what finding the choice costs, once.\n\n{summary}\n\
-         | accuracy | scene | choice | estimated | achieved | work | cheapest run of the sweep, its work | ratio | pilot work |\n\
-         |---|---|---|---|---|---|---|---|---|\n{rows}"
+         | accuracy | scene | choice | estimated | achieved | work | cheapest run of the sweep, its work | ratio | pilot work | pilot work / work |\n\
+         |---|---|---|---|---|---|---|---|---|---|\n{rows}"
     );
     std::fs::write(root.join("accuracy.md"), page)?;
     Ok(())

@@ -23,6 +23,12 @@ const TILES: [&str; 6] = [
     "stability-symplectic-euler-none-damping",
 ];
 
+/// The end of the page: pictures that another program makes.
+const PEERS: &str = "\n## Peers\n\nThis crate's methods beside integrators of other libraries, by time; `benches/peers` makes these and says what they show.\n\n\
+    ![This crate and its peers: stiff pendulum](peers-stiff-pendulum.svg)\n\
+    ![This crate and its peers: tetrahedron](peers-tetrahedron.svg)\n\
+    ![This crate and its peers: cloth](peers-cloth.svg)\n";
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let budget: f64 = std::env::args().nth(1).map_or(Ok(30.0), |text| text.parse())?;
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification");
@@ -92,6 +98,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         fs::write(folder.join(&file), tiles::svg(&figure))?;
         writeln!(page, "![{}]({file})", figure.title)?;
     }
+    page += PEERS;
     fs::write(folder.join("README.md"), page)?;
     Ok(())
 }

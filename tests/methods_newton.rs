@@ -184,3 +184,62 @@ fn an_indefinite_matrix_is_refused_by_cholesky() {
     assert_eq!(step(Stiffness::Full.into()).unwrap_err().status(), Status::Indefinite);
     assert_eq!(step(StiffnessPolicy::OnDemand), Ok(()));
 }
+
+/// A particle between two springs along x, moved off the middle.
+fn between_springs(wall: f64, mass: f64, rest_length: f64, offset: [f64; 2]) -> (System, State) {
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    let particle = builder.particle([offset[0], offset[1], 0.0], mass);
+    for wall in [-wall, wall] {
+        let wall = builder.particle([wall, 0.0, 0.0], 1.0);
+        builder.spring(particle, wall, Spring { stiffness: 0.5, rest_length, damping: 0.0 });
+        builder.hold(wall);
+    }
+    builder.build().unwrap()
+}
+
+#[test]
+fn no_tolerance_asks_for_digits_that_rounding_takes() {
+    // At their rest lengths springs give no force across to first order: motions slow down to where all is rounding.
+    for i in 0..200 {
+        let (offset, dt) = (1e-4 * (1.0 + 0.05 * f64::from(i)), 0.05 * 1.02f64.powi(i));
+        let (system, start) = between_springs(1.2, 2.0, 1.2, [offset; 2]);
+        for policy in policies() {
+            let newton = NewtonOptions { tolerance: 0.0, iteration_limit: 20 };
+            let mut stepper = BackwardEuler::new(&system, &start, &with(policy), newton).unwrap();
+            let mut state = start.clone();
+            for step in 0..60 {
+                let outcome = stepper.step(&mut state, dt);
+                assert_eq!(outcome, Ok(()), "{offset}, dt = {dt}, {}, step {step}", policy.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn a_shallow_saddle_is_left() {
+    // Compressed to 0.9: `c = k (1/l − 1/l0)` of both springs, and the critical step sqrt(m / 2c) = 3.
+    let (system, start) = between_springs(0.9, 1.0, 1.0, [0.0, 1e-6]);
+    for policy in [StiffnessPolicy::OnDemand, Stiffness::Tension.into(), Stiffness::Axial.into()] {
+        for beyond in [1e-3, 1e-2, 1e-1] {
+            let newton = NewtonOptions { iteration_limit: 60, ..Default::default() };
+            let mut stepper = BackwardEuler::new(&system, &start, &with(policy), newton).unwrap();
+            let mut state = start.clone();
+            let step = stepper.step(&mut state, 3.0 * (1.0 + beyond));
+            assert_eq!(step, Ok(()), "{}, {beyond}", policy.name());
+            assert!(state.positions[0].y > 1e-3, "{}, {beyond}: {}", policy.name(), state.positions[0]);
+        }
+    }
+}
+
+#[test]
+fn an_indefinite_matrix_taken_as_it_is_may_not_descend() {
+    let (system, start) = between_springs(0.5, 1.0, 1.0, [0.0, 1e-3]);
+    let linear = SolverOptions { solver: SolverChoice::Ldlt, ..Default::default() };
+    let options = ImplicitOptions { stiffness: Stiffness::Full.into(), linear };
+    let mut stepper = BackwardEuler::new(&system, &start, &options, NewtonOptions::default()).unwrap();
+    let mut state = start.clone();
+    let failure = stepper.step(&mut state, 3.0).unwrap_err();
+    assert!(matches!(failure, StepFailure::Newton { reason: NotSolved::Ascent, .. }), "{failure}");
+    assert!(failure.to_string().contains("does not descend"));
+    assert_eq!(state, start);
+}

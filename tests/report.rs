@@ -154,7 +154,13 @@ fn points_without_a_place_are_counted_or_railed() {
     // Once in the legend, once in its lane.
     assert_eq!(report::plot::svg(&plot).matches(">\nbroke down\n<").count(), 2);
     let plot = Plot::log_log("", "", "").with_series(Series::failures("broke down", vec![(f64::INFINITY, 1.0)]));
-    assert!(report::plot::svg(&plot).contains(">\nfailed\n<"));
+    assert_eq!(report::plot::svg(&plot).matches(">\nbroke down\n<").count(), 2);
+    // In the colour of a method the lane alone names the cause.
+    let plot = plot.with_series(Series::line("method", vec![(0.5, 0.5), (1.0, 2.0)]));
+    let failures = |x| Series::failures("gave up", vec![x]).like("method");
+    let svg = report::plot::svg(&plot.with_series(failures((2.0, 0.0))).with_series(failures((3.0, f64::NAN))));
+    assert_eq!(svg.matches(">\ngave up\n<").count(), 1);
+    assert_eq!(svg.matches("in the colour of its method").count(), 1);
 }
 
 #[test]

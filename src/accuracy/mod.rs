@@ -1,11 +1,14 @@
 //! How accurate a run is, what it costs, and which run is the cheapest that is accurate enough.
 
+mod candidates;
 mod choose;
 mod cost;
 mod ladder;
 mod norm;
 mod preset;
+mod race;
 mod reduction;
+mod settle;
 mod trial;
 
 pub use choose::{Choice, Requirement, choose};

@@ -76,6 +76,17 @@ pub fn curves(runs: &[Run]) -> Vec<Curve<'_>> {
     curves
 }
 
+/// The runs that failed, by cause.
+fn failures<'a>(runs: impl Iterator<Item = &'a Run>) -> BTreeMap<String, Vec<&'a Run>> {
+    let mut failures: BTreeMap<String, Vec<&Run>> = BTreeMap::new();
+    for run in runs {
+        if let Some(cause) = run.cause() {
+            failures.entry(cause).or_default().push(run);
+        }
+    }
+    failures
+}
+
 /// Of each method the configuration that costs least.
 pub fn best_of_each(runs: &[Run]) -> Vec<Curve<'_>> {
     let mut best: Vec<Curve<'_>> = Vec::new();
@@ -154,15 +165,11 @@ impl WorkPrecision {
         for curve in curves {
             plot = plot.with_series(Series::line(legend(curve), curve.points(y)));
         }
-        let failed: Vec<(f64, f64)> = curves
-            .iter()
-            .flat_map(|curve| &curve.runs)
-            .filter(|run| run.cause().is_some())
-            .map(|run| (f64::INFINITY, y(run)))
-            .filter(|point| point.1 > 0.0)
-            .collect();
-        if !failed.is_empty() {
-            plot = plot.with_series(Series::failures("failed", failed));
+        for curve in curves {
+            for (cause, runs) in failures(curve.runs.iter().copied()) {
+                let points = runs.iter().map(|run| (f64::INFINITY, y(run))).filter(|point| point.1 > 0.0).collect();
+                plot = plot.with_series(Series::failures(cause, points).like(legend(curve)));
+            }
         }
         plot = self.with_floor(plot);
         // The guides pass where the curves are: through the middle of the most accurate half of the errors.
@@ -173,8 +180,9 @@ impl WorkPrecision {
             }
         }
         let caption = "To the left is more accurate, down is cheaper: the lowest curve at the error you need wins. Steps are \
-            halved from point to point. A method of order 1 follows the slope −1, one of order 2 the slope −1/2. Crosses at the \
-            right edge are runs that broke down or ended more than 100 % off, at the cost they had until then."
+            halved from point to point. A method of order 1 follows the slope −1, one of order 2 the slope −½. Crosses at the \
+            right edge are runs that broke down or ended more than 100 % off, each cause in a lane of its own, at the cost they \
+            had until then."
             .into();
         Figure { name, caption, plot }
     }
@@ -191,14 +199,14 @@ impl WorkPrecision {
             let points = curve.runs.iter().filter_map(|run| Some((run.dt, run.useful_error()?))).collect();
             plot = plot.with_series(Series::line(legend(curve), points));
         }
-        let mut failures: BTreeMap<String, Vec<(f64, f64)>> = BTreeMap::new();
-        for run in &self.runs {
-            if let Some(cause) = run.cause() {
-                failures.entry(cause).or_default().push((run.dt, f64::INFINITY));
+        let all = self::curves(&self.runs);
+        for curve in curves {
+            // Those of the method's other configurations too.
+            let of_method = all.iter().filter(|other| other.method == curve.method);
+            for (cause, runs) in failures(of_method.flat_map(|curve| &curve.runs).copied()) {
+                let points = runs.iter().map(|run| (run.dt, f64::INFINITY)).collect();
+                plot = plot.with_series(Series::failures(cause, points).like(legend(curve)));
             }
-        }
-        for (cause, points) in failures {
-            plot = plot.with_series(Series::failures(cause, points));
         }
         let all: Vec<(f64, f64)> =
             plot.series.iter().flat_map(|series| series.points.iter().copied()).filter(|p| p.1.is_finite()).collect();
@@ -208,8 +216,8 @@ impl WorkPrecision {
         }
         let level = Guide::Level { y: self.reference.error_estimate, label: "error of the reference".into() };
         let caption =
-            "The slope of a curve is the order of its method. Crosses are runs of any configuration that failed, \
-            at their step, each cause in a lane of its own; the table below names them."
+            "The slope of a curve is the order of its method. Crosses are runs of any of its configurations that failed, at their \
+            step, each cause in a lane of its own; the table below names them."
                 .into();
         Figure { name: "error", caption, plot: plot.with_guide(level) }
     }

@@ -88,23 +88,30 @@ pub struct Series {
     pub mark: Mark,
     /// The slope measured on the logarithmic axes, where one was; the legend states it.
     pub slope: Option<f64>,
+    /// The name of the series whose colour this one has: of failures, that of the runs that did not fail.
+    pub like: Option<String>,
 }
 
 impl Series {
     /// Points joined by a line.
     pub fn line(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, mark: Mark::Line, slope: None }
+        Self { name: name.into(), points, mark: Mark::Line, slope: None, like: None }
     }
 
     /// Points that stand alone.
     pub fn scatter(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, mark: Mark::Point, slope: None }
+        Self { name: name.into(), points, mark: Mark::Point, slope: None, like: None }
     }
 
-    /// Points of what failed, drawn as crosses. One whose y is not finite, or has no place on a logarithmic axis,
-    /// stands on a rail along the upper edge instead of being left out.
+    /// Points of what failed, drawn as crosses, by the cause of the failure. One whose y (or x) is not finite, or has no place
+    /// on a logarithmic axis, stands on a rail along the upper (the right) edge instead of being left out.
     pub fn failures(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, mark: Mark::Cross, slope: None }
+        Self { name: name.into(), points, mark: Mark::Cross, slope: None, like: None }
+    }
+
+    /// Gives it the colour of another series.
+    pub fn like(self, name: impl Into<String>) -> Self {
+        Self { like: Some(name.into()), ..self }
     }
 
     /// States the measured slope.

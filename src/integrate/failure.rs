@@ -36,7 +36,8 @@ pub enum StepFailure {
 pub enum NotSolved {
     /// No step length along the Newton direction makes progress.
     LineSearch,
-    /// The direction does not descend: the full stiffness is indefinite here.
+    /// The direction does not descend: the matrix is indefinite, and a policy and a solver that take it as it is (`full` by LDLᵀ)
+    /// were asked for.
     Ascent,
     /// The iteration limit.
     IterationLimit,

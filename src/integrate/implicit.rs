@@ -94,6 +94,8 @@ enum Terms {
     Of(Stiffness),
     /// All but those that a [`Softening`] drops.
     Softened,
+    /// All, in a matrix whose definiteness its caller sees to.
+    Whole,
 }
 
 impl<'s> LinearSystem<'s> {
@@ -164,6 +166,19 @@ impl<'s> LinearSystem<'s> {
         outcome
     }
 
+    /// Takes over the matrix of the given combination at the current extensions with the full stiffness. It is refused as
+    /// indefinite, here or by [`solve`](Self::solve), where it is not positive definite, whatever the solver.
+    pub fn prepare_whole(&mut self, combination: Combination) -> Result<(), SolveFailure> {
+        self.prepared.policy = StiffnessPolicy::OnDemand;
+        self.prepared.combination = combination;
+        self.take_over(Terms::Whole)
+    }
+
+    /// Whether the prepared matrix is the full one less some terms.
+    pub fn is_softened(&self) -> bool {
+        self.prepared.dropped > 0
+    }
+
     /// Solves `A_ff δx_f = force_f − A_fc δx_c` with the prepared matrix.
     ///
     /// `force` is full-length. `displacement` is full-length too: its prescribed entries hold δx_c on entry and its free
@@ -210,6 +225,10 @@ impl<'s> LinearSystem<'s> {
                 let compressed = || system.active().zip(extensions.iter()).filter(|((.., s), at)| s.is_compressed(at));
                 prepared.dropped = if option == Stiffness::Tension { compressed().count() } else { 0 };
                 operator.update(extensions, option, prepared.combination);
+            }
+            Terms::Whole => {
+                prepared.dropped = 0;
+                operator.update(extensions, Stiffness::Full, prepared.combination);
             }
             Terms::Softened => {
                 let softening = softening.get_or_insert_with(|| Softening::new(system));

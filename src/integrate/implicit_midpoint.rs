@@ -4,8 +4,11 @@
 //! `v_mid = (v + v')/2`. Since `x_mid = x + (h/2) v_mid` and `M (v_mid − v)/(h/2) = f(x_mid, v_mid)`, the midpoint is a backward
 //! Euler step of length h/2, solved by Newton's method; then `x' = 2x_mid − x`, `v' = 2v_mid − v`.
 //!
-//! Second order, symmetric and symplectic; conserves linear and angular momentum exactly, and energy up to bounded
-//! oscillations. A-stable without damping of its own: stiff modes ring on. Prescribed coordinates go by the chord of their
+//! Second order, symmetric and symplectic; conserves linear and angular momentum exactly. A-stable, and without damping of its
+//! own: stiff modes ring on. Energy oscillates within bounds where steps resolve the fastest vibration, and only there: with
+//! longer ones the nonlinearity of undamped springs pumps energy into vibrations at every step. (An undamped cloth of
+//! 8 × 8 particles, whose weight can give it less than 1 J, has 5·10⁴ J after 400 steps of 5 ms.) The equations of a step then have solutions far apart or
+//! none that Newton's method reaches, and the run may end `not-converged`. Prescribed coordinates go by the chord of their
 //! motion over the step, as in the W-method, which keeps the order where the motion has kinks.
 
 use super::implicit::ImplicitOptions;

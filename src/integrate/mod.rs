@@ -9,6 +9,7 @@ mod implicit;
 mod implicit_midpoint;
 mod linear_backward_euler;
 mod matrices;
+mod merit;
 mod method;
 mod newton;
 mod run;

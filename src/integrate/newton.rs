@@ -33,16 +33,23 @@
 //! `tension` leaves out what compressed springs take away: its directions are too short, and the convergence is linear. When a
 //! step must be cut below a quarter, or r does not fall to a quarter, the rest of the time step is solved `on-demand`: with the
 //! full stiffness wherever it is definite. All lead to the same solution.
+//!
+//! **Saddles.** Where Φ bends downwards a little, as for a column just beyond its buckling load, a softened matrix is thousands
+//! of times too stiff along the buckling mode: iterations creep off the saddle by a constant small factor. When softened matrices
+//! have been slow a few times, the rest of the time step keeps the full stiffness and raises the masses instead, `A + σ M/dt²`
+//! with σ about as small as makes it definite (Levenberg's and Marquardt's shift in the metric of the masses). Off the saddle
+//! σ falls to zero, and the convergence is quadratic again.
 
 use super::forcing::Forcing;
 use super::implicit::{ImplicitOptions, LinearSystem, StiffnessPolicy};
+use super::merit::{Balance, Point};
 use super::{NotSolved, StepFailure};
 use crate::error::Result;
 use crate::force::{add_damping_differential, add_damping_force, add_elastic_force, add_weight};
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
 use crate::spring::Stiffness;
-use crate::system::{Axes, State, System};
+use crate::system::{State, System};
 use nalgebra::Vector3;
 
 /// When Newton's method is done, and when it gives up.
@@ -61,9 +68,6 @@ impl Default for NewtonOptions {
     }
 }
 
-/// The least decrease that a step must bring, as a part of what its slope promises (c in Armijo's condition).
-const SUFFICIENT_DECREASE: f64 = 1e-4;
-
 /// How often a step is shortened before the line search gives up.
 const SHORTENINGS: usize = 40;
 
@@ -72,6 +76,14 @@ const TOO_SOFT: f64 = 0.25;
 
 /// A residual above this part of the last says that the matrix is too stiff.
 const TOO_STIFF: f64 = 0.25;
+
+/// So many slow iterations with softened matrices say that these hide where the energy bends downwards.
+const PATIENCE: u32 = 4;
+
+/// Bounds of the part by which masses are raised, and its factor from one attempt to the next.
+const LEAST_SHIFT: f64 = 1e-4;
+const LARGEST_SHIFT: f64 = 1e8;
+const SHIFT_FACTOR: f64 = 4.0;
 
 /// How often a direction is refined by the change of damping directions.
 const REFINEMENTS: usize = 8;
@@ -95,27 +107,13 @@ pub(super) struct Newton<'s> {
     trial: State,
 }
 
-/// A point of the line search.
-#[derive(Clone, Copy)]
-struct Point {
-    /// ‖r‖.
-    residual: f64,
-    /// Φ, and how far rounding of its terms and of the positions leaves it uncertain.
-    potential: f64,
-    noise: f64,
-    /// rᵀΔ.
-    slope: f64,
-    /// −f_dᵀΔ, the part of the slope that is in no potential.
-    damping_slope: f64,
-}
-
-/// What r is small against, in N.
-#[derive(Clone, Copy)]
-struct Balance {
-    /// Norm of the forces that balance in r, their magnitudes added up particle by particle.
-    forces: f64,
-    /// Norm of the change of r by rounding the positions: nothing below it can be asked for.
-    rounding: f64,
+/// What stands for A in an iteration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Matrix {
+    /// A under a stiffness policy.
+    Filtered(StiffnessPolicy),
+    /// A with the full stiffness, its masses raised by this part of themselves where it is not positive definite.
+    Shifted(f64),
 }
 
 impl<'s> Newton<'s> {
@@ -136,12 +134,16 @@ impl<'s> Newton<'s> {
 
     /// Solves for the free entries of `displacement` over dt seconds from a state.
     pub fn solve(&mut self, state: &State, dt: f64) -> Result<(), StepFailure> {
-        let mut policy = self.linear.policy;
+        let mut matrix = Matrix::Filtered(self.linear.policy);
+        let mut slow_filtered = 0;
         let mut forcing = Forcing::new(self.linear.tolerance);
         let mut iterations = 0;
         let mut point = self.start(state, dt)?;
         loop {
-            let balance = self.balance(state, dt);
+            let balance = {
+                let Self { linear, trial, part, .. } = self;
+                Balance::of(linear.system, &linear.extensions, [state, trial], dt, part)
+            };
             let target = self.options.tolerance * balance.forces + balance.rounding;
             let failed = move |reason| {
                 let relative_residual = point.residual / balance.forces;
@@ -156,8 +158,8 @@ impl<'s> Newton<'s> {
             }
             iterations += 1;
             self.linear.statistics.work.newton_iterations += 1;
-            self.linear.prepare(policy, Combination::step(dt))?;
-            [point.slope, point.damping_slope] = self.set_direction(forcing.next(point.residual, target))?;
+            let eta = forcing.next(point.residual, target);
+            [point.slope, point.damping_slope] = self.direct(&mut matrix, Combination::step(dt), eta)?;
             if point.slope >= 0.0 {
                 return failed(NotSolved::Ascent);
             }
@@ -165,8 +167,15 @@ impl<'s> Newton<'s> {
                 return failed(NotSolved::LineSearch);
             };
             let is_slow = step < TOO_SOFT || next.residual > TOO_STIFF * point.residual;
-            if is_slow && policy != StiffnessPolicy::Always(Stiffness::Full) {
-                policy = StiffnessPolicy::OnDemand;
+            match matrix {
+                Matrix::Filtered(policy) if is_slow && policy != StiffnessPolicy::Always(Stiffness::Full) => {
+                    slow_filtered += u32::from(self.linear.is_softened());
+                    matrix = match slow_filtered {
+                        ..PATIENCE => Matrix::Filtered(StiffnessPolicy::OnDemand),
+                        _ => Matrix::Shifted(LEAST_SHIFT),
+                    };
+                }
+                Matrix::Filtered(_) | Matrix::Shifted(_) => {}
             }
             point = next;
         }
@@ -207,7 +216,7 @@ impl<'s> Newton<'s> {
         }
         linear.statistics.work.force_evaluations += 1;
         linear.set_extensions(&trial.positions)?;
-        let (mut potential, mut noise) = (0.0, 0.0);
+        let (mut potential, mut noise, mut rounding) = (0.0, 0.0, 0.0);
         let mut add = |energy: f64| {
             potential += energy;
             noise += NOISE * energy.abs();
@@ -216,16 +225,17 @@ impl<'s> Newton<'s> {
             let change = trial.velocities[p] - state.velocities[p];
             force[p] = change * (-mass / dt);
             add(0.5 * mass * change.norm_squared());
+            // The change is a small difference of rounded velocities.
+            rounding += f64::EPSILON * mass * change.norm() * (state.velocities[p].norm() + trial.velocities[p].norm());
             add(-mass * system.gravity().dot(&trial.velocities[p]) * dt);
         }
-        let mut moved = 0.0;
         for ((_, [i, j], spring), at) in system.active().zip(linear.extensions.iter()) {
             add(spring.elastic_energy(at));
             // Far from the origin a rounded position is a displacement, against which the spring does work.
             let reach = trial.positions[i].norm() + trial.positions[j].norm();
-            moved += f64::EPSILON * (spring.stiffness * spring.strain(at)).abs() * reach;
+            rounding += f64::EPSILON * (spring.stiffness * spring.strain(at)).abs() * reach;
         }
-        noise += moved;
+        noise += rounding;
         add_elastic_force(system, &linear.extensions, force);
         add_weight(system, force);
         let conservative = -dot(force, direction);
@@ -236,6 +246,27 @@ impl<'s> Newton<'s> {
         }
         let slope = -dot(force, direction);
         Ok(Point { residual, potential, noise, slope, damping_slope: slope - conservative })
+    }
+
+    /// Prepares the matrix and sets the direction; see [`set_direction`](Self::set_direction).
+    fn direct(&mut self, matrix: &mut Matrix, step: Combination, forcing: f64) -> Result<[f64; 2], SolveFailure> {
+        let shift = match matrix {
+            Matrix::Filtered(policy) => {
+                self.linear.prepare(*policy, step)?;
+                return self.set_direction(forcing);
+            }
+            Matrix::Shifted(shift) => shift,
+        };
+        *shift = if *shift > LEAST_SHIFT { *shift / SHIFT_FACTOR } else { 0.0 };
+        loop {
+            let shifted = Combination { mass: step.mass * (1.0 + *shift), ..step };
+            match self.linear.prepare_whole(shifted).and_then(|()| self.set_direction(forcing)) {
+                Err(SolveFailure::Indefinite(_)) if *shift < LARGEST_SHIFT => {
+                    *shift = (*shift * SHIFT_FACTOR).max(LEAST_SHIFT);
+                }
+                outcome => return outcome,
+            }
+        }
     }
 
     /// Solves `J Δ = −r` to `‖J Δ + r‖ ≤ η ‖r‖` with the prepared matrix; returns the slopes along Δ at the current point.
@@ -298,47 +329,6 @@ impl<'s> Newton<'s> {
         for (d, direction) in self.displacement.iter_mut().zip(&self.direction) {
             *d += direction * step;
         }
-    }
-
-    /// At the point last evaluated. Uses `part` as scratch: x holds magnitudes of forces, y those of roundings.
-    fn balance(&mut self, state: &State, dt: f64) -> Balance {
-        let Self { linear, part: sums, trial, .. } = self;
-        let system = linear.system;
-        let gravity = system.gravity().norm();
-        for (p, mass) in system.masses().iter().enumerate() {
-            let momentum = state.velocities[p].norm() + trial.velocities[p].norm();
-            sums[p] = Vector3::new(mass * (momentum / dt + gravity), 0.0, 0.0);
-        }
-        for ((_, [i, j], spring), at) in system.active().zip(linear.extensions.iter()) {
-            let damping = spring.damping * at.direction.dot(&(trial.velocities[i] - trial.velocities[j]));
-            let force = (spring.stiffness * spring.strain(at)).abs() + damping.abs();
-            let reach = trial.positions[i].norm() + trial.positions[j].norm();
-            let rounding = f64::EPSILON * spring.stiffness / spring.rest_length * reach;
-            sums[i] += Vector3::new(force, rounding, 0.0);
-            sums[j] += Vector3::new(force, rounding, 0.0);
-        }
-        let norm = |component: usize| {
-            let free = sums.iter().enumerate().filter(|&(p, _)| system.dofs().free_axes(p) != Axes::NONE);
-            free.map(|(_, s)| s[component] * s[component]).sum::<f64>().sqrt()
-        };
-        Balance { forces: norm(0), rounding: norm(1) }
-    }
-}
-
-impl Point {
-    /// Whether φ is low enough after a step.
-    fn is_lower(&self, from: &Self, step: f64) -> bool {
-        let work = 0.5 * step * (from.damping_slope + self.damping_slope);
-        let change = self.potential - from.potential + work;
-        let noise = self.noise + from.noise;
-        change <= SUFFICIENT_DECREASE * step * from.slope
-            || change <= noise && self.slope <= (1.0 - 2.0 * SUFFICIENT_DECREASE) * from.slope.abs()
-    }
-
-    /// The part of a step to try next: to the zero of a linear slope, within reason.
-    fn shortening(&self, from: &Self) -> f64 {
-        let zero = from.slope / (from.slope - self.slope);
-        if self.slope > 0.0 { zero.clamp(0.1, 0.5) } else { 0.5 }
     }
 }
 

@@ -17,6 +17,7 @@ pub mod page;
 mod palette;
 pub mod plot;
 mod projection;
+mod rails;
 mod ruler;
 mod shares;
 pub mod spy;

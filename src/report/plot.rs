@@ -3,6 +3,7 @@
 use super::canvas::{self, Align, LINE, Marker, Outcome, Point, Sheet, WIDTH};
 use super::number;
 use super::palette::{self, Colour};
+use super::rails::{Rails, is_railed};
 use super::ruler::Ruler;
 use crate::figure::{Guide, Mark, Plot, Scale, Series};
 
@@ -12,25 +13,15 @@ const HEIGHT: i32 = 500;
 const BELOW: i32 = 96;
 /// More points than this are not marked one by one where a line joins them.
 const MARKED: usize = 60;
-/// Height of a lane of the rail of failures, and width of the rail for failures without a place on the horizontal axis.
-const LANE: i32 = 38;
-const STRIP: i32 = 96;
-/// The ground of rails.
-const RAIL: Colour = (250, 236, 230);
 
 /// Draws a plot as one SVG element, 800 pixels wide, that can stand in a page or alone in a file.
 ///
 /// Points without a place on the axes (NaN, infinity, on a logarithmic axis zero or less) are left out and counted in
-/// the legend; those of [`Mark::Cross`] stand on a rail instead: along the upper edge, in a lane for every series, where y has
-/// no place, and along the right edge where only x has none.
+/// the legend; those of [`Mark::Cross`] stand on a rail instead: along the upper edge where y has no place, along the right
+/// edge where only x has none, in a lane for every name of a series.
 pub fn svg(plot: &Plot) -> String {
     let layout = Layout::of(plot);
     canvas::sheet(&plot.title, layout.bottom + BELOW, |sheet| layout.draw(sheet))
-}
-
-/// Whether a point stands on a rail: a failure without a place of its own on an axis.
-fn is_railed(series: &Series, place: Option<f64>) -> bool {
-    series.mark == Mark::Cross && place.is_none()
 }
 
 struct Layout<'a> {
@@ -43,16 +34,13 @@ struct Layout<'a> {
     right: i32,
     top: i32,
     bottom: i32,
-    /// Indices of the series with a lane on the rail along the upper edge, from the top.
-    lanes: Vec<usize>,
-    /// Width of the rail along the right edge.
-    strip: i32,
+    rails: Rails<'a>,
 }
 
 /// What the legend explains.
 enum Key<'a> {
     Series(usize, &'a Series),
-    Slope,
+    Failures,
     Level,
 }
 
@@ -69,15 +57,11 @@ impl<'a> Layout<'a> {
         }
         let x = Ruler::over(plot.x.scale, points().map(|p| p.0).chain(verticals));
         let y = Ruler::over(plot.y.scale, points().map(|p| p.1).chain(levels));
-        let has = |series: &Series, wanted: &dyn Fn(&(f64, f64)) -> bool| series.points.iter().any(wanted);
-        let railed = |series: &Series| has(series, &|p| x.place(p.0).is_some() && is_railed(series, y.place(p.1)));
-        let lanes = (0..plot.series.len()).filter(|&i| plot.series.get(i).is_some_and(railed)).collect();
-        let aside = |series: &Series| has(series, &|p| is_railed(series, x.place(p.0)) && y.place(p.1).is_some());
-        let strip = if plot.series.iter().any(aside) { STRIP } else { 0 };
+        let rails = Rails::of(plot, &x, &y);
         let labels = y.ticks.iter().map(|(_, label)| canvas::width(label)).max().unwrap_or(0);
         let title = canvas::wrap(&plot.title, WIDTH - 32);
         let (left, right) = (labels + LINE + 34, WIDTH - 18);
-        let mut layout = Self { plot, x, y, title, legend: Vec::new(), left, right, top: 0, bottom: 0, lanes, strip };
+        let mut layout = Self { plot, x, y, title, legend: Vec::new(), left, right, top: 0, bottom: 0, rails };
         layout.top = 14 + LINE * layout.title.len() as i32;
         layout.place_legend();
         layout.bottom = layout.top + HEIGHT;
@@ -86,16 +70,21 @@ impl<'a> Layout<'a> {
 
     /// Sets the legend's entries in rows under the title and moves the plot's top below them.
     fn place_legend(&mut self) {
-        let keys =
-            self.plot.series.iter().enumerate().map(|(i, series)| (Key::Series(i, series), self.name(i, series)));
+        let series = || self.plot.series.iter().enumerate();
+        let coloured = |series: &Series| series.mark == Mark::Cross && series.like.is_some();
+        // The lanes name the causes of failures, and colours the series that they belong to.
+        let explained = |&(i, series): &(usize, &Series)| coloured(series) && self.missing(i, series) == 0;
+        let keys = series().filter(|entry| !explained(entry));
+        let keys = keys.map(|(i, series)| (Key::Series(i, series), self.name(i, series)));
+        let failures = series().any(|(_, series)| coloured(series));
+        let failures = failures.then(|| (Key::Failures, "failed, in the colour of its method".to_owned()));
         let guides = self.plot.guides.iter().filter_map(|guide| match guide {
-            Guide::Slope { slope, .. } => Some((Key::Slope, format!("slope {}", signed(*slope)))),
             Guide::Level { y, label } => Some((Key::Level, format!("{label}: {}", number::pretty(*y)))),
-            Guide::Vertical { .. } => None,
+            Guide::Slope { .. } | Guide::Vertical { .. } => None,
         });
         let mut at = (16, self.top + LINE / 2);
         let mut legend = Vec::new();
-        for (key, text) in keys.chain(guides).filter(|(_, text)| !text.is_empty()) {
+        for (key, text) in keys.chain(failures).chain(guides).filter(|(_, text)| !text.is_empty()) {
             let text = canvas::clip(&text, WIDTH - 90);
             let wide = 50 + canvas::width(&text) + 24;
             if at.0 > 16 && at.0 + wide > WIDTH {
@@ -112,7 +101,7 @@ impl<'a> Layout<'a> {
 
     /// A series in the legend: its name, its measured slope, and how many of its points could not be drawn.
     fn name(&self, index: usize, series: &Series) -> String {
-        let missing = series.points.iter().filter(|&&p| self.point(index, series, p).is_none()).count();
+        let missing = self.missing(index, series);
         let mut name = series.name.clone();
         if let Some(slope) = series.slope {
             name += &format!(", measured slope {slope:.2}").replace('-', "−");
@@ -123,25 +112,32 @@ impl<'a> Layout<'a> {
         name
     }
 
+    fn missing(&self, index: usize, series: &Series) -> usize {
+        series.points.iter().filter(|&&p| self.point(index, series, p).is_none()).count()
+    }
+
+    /// Where the right rail begins.
+    fn edge(&self) -> i32 {
+        self.right - self.rails.width()
+    }
+
     fn column(&self, place: f64) -> i32 {
-        self.left + (place * f64::from(self.right - self.strip - self.left)).round() as i32
+        self.left + (place * f64::from(self.edge() - self.left)).round() as i32
     }
 
     fn row(&self, place: f64) -> i32 {
-        let rail = LANE * self.lanes.len() as i32;
-        self.bottom - (place * f64::from(self.bottom - self.top - rail)).round() as i32
-    }
-
-    fn lane(&self, series: usize) -> Option<i32> {
-        let lane = self.lanes.iter().position(|&other| other == series)?;
-        Some(self.top + LANE * lane as i32 + LANE / 2)
+        self.bottom - (place * f64::from(self.bottom - self.top - self.rails.height())).round() as i32
     }
 
     fn point(&self, index: usize, series: &Series, (x, y): (f64, f64)) -> Option<Point> {
         match (self.x.place(x), self.y.place(y)) {
             (Some(x), Some(y)) => Some((self.column(x), self.row(y))),
-            (Some(x), None) if is_railed(series, None) => Some((self.column(x), self.lane(index)?)),
-            (None, Some(y)) if is_railed(series, None) => Some((self.right - self.strip / 2, self.row(y))),
+            (Some(x), None) if is_railed(series, None) => {
+                Some((self.column(x), self.top + self.rails.below_the_top(index, series)?))
+            }
+            (None, Some(y)) if is_railed(series, None) => {
+                Some((self.edge() + self.rails.right_of_the_plot(index, series)?, self.row(y)))
+            }
             _ => None,
         }
     }
@@ -172,23 +168,7 @@ impl<'a> Layout<'a> {
     fn draw_axes(&self, sheet: &Sheet<'_>) -> Outcome {
         let (left, right, top, bottom) = (self.left, self.right, self.top, self.bottom);
         let ceiling = self.row(1.0);
-        if !self.lanes.is_empty() {
-            sheet.rectangle((left, top), (right, ceiling), RAIL)?;
-        }
-        for (index, series) in self.plot.series.iter().enumerate() {
-            if let Some(lane) = self.lane(index) {
-                sheet.text(
-                    &canvas::clip(&series.name, (right - left) / 2),
-                    (left + 8, lane),
-                    Align::Left,
-                    palette::FAIL,
-                )?;
-            }
-        }
-        if self.strip > 0 {
-            sheet.rectangle((right - self.strip, ceiling), (right, bottom), RAIL)?;
-            sheet.text("failed", (right - self.strip / 2, ceiling + LINE / 2), Align::Center, palette::FAIL)?;
-        }
+        self.rails.draw(sheet, [left, top, right, bottom], &self.crosses())?;
         let labelled = |ruler: &Ruler| ruler.ticks.iter().map(|tick| tick.0).collect::<Vec<_>>();
         for (places, width) in [(self.x.fine.clone(), 1), (labelled(&self.x), 2)] {
             for column in places.into_iter().map(|place| self.column(place)) {
@@ -197,10 +177,10 @@ impl<'a> Layout<'a> {
         }
         for (places, width) in [(self.y.fine.clone(), 1), (labelled(&self.y), 2)] {
             for row in places.into_iter().map(|place| self.row(place)) {
-                sheet.line(vec![(left, row), (right, row)], palette::GRID, width)?;
+                sheet.line(vec![(left, row), (self.edge(), row)], palette::GRID, width)?;
             }
         }
-        let right = self.right - self.strip;
+        let right = self.edge();
         sheet.line(vec![(left, top), (left, bottom), (right, bottom)], palette::INK, 2)?;
         for (place, label) in &self.x.ticks {
             sheet.text(label, (self.column(*place), bottom + 24), Align::Center, palette::INK)?;
@@ -218,7 +198,7 @@ impl<'a> Layout<'a> {
     }
 
     fn draw_series(&self, sheet: &Sheet<'_>, index: usize, series: &Series) -> Outcome {
-        let (colour, marker) = appearance(index, series);
+        let (colour, marker) = self.appearance(index, series);
         let points: Vec<Option<Point>> = series.points.iter().map(|&p| self.point(index, series, p)).collect();
         if series.mark == Mark::Line {
             // A point without a place interrupts the line: nothing is drawn where nothing was measured.
@@ -235,10 +215,10 @@ impl<'a> Layout<'a> {
 
     fn draw_key(&self, sheet: &Sheet<'_>, key: &Key<'_>, (x, y): Point) -> Outcome {
         match *key {
-            Key::Slope => sheet.dashed(vec![(x, y), (x + 40, y)], palette::MUTED, 2),
+            Key::Failures => sheet.marker((x + 20, y), Marker::Cross, palette::INK),
             Key::Level => sheet.dashed(vec![(x, y), (x + 40, y)], palette::INK, 3),
             Key::Series(index, series) => {
-                let (colour, marker) = appearance(index, series);
+                let (colour, marker) = self.appearance(index, series);
                 if series.mark == Mark::Line {
                     sheet.line(vec![(x, y), (x + 40, y)], colour, 3)?;
                 }
@@ -251,17 +231,30 @@ impl<'a> Layout<'a> {
         match guide {
             Guide::Slope { slope, through } => match self.slope_line(*slope, *through) {
                 line if line.is_empty() => {}
-                line => sheet.dashed(line, palette::MUTED, 2)?,
+                line => {
+                    let text = format!("slope {}", signed(*slope));
+                    let wide = canvas::width(&text);
+                    let around = |(x, y): Point| {
+                        [x + 10, x - 10 - wide].into_iter().flat_map(move |x| [(x, y - LINE - 2), (x, y + 2)])
+                    };
+                    let candidates = sampled(&line).into_iter().flat_map(around);
+                    labels.extend(self.free_place(text, candidates, occupied, labels));
+                    sheet.dashed(line, palette::MUTED, 2)?;
+                }
             },
             Guide::Level { y, .. } => {
                 if let Some(row) = self.y.place(*y).map(|place| self.row(place)) {
-                    sheet.dashed(vec![(self.left, row), (self.right, row)], palette::INK, 3)?;
+                    sheet.dashed(vec![(self.left, row), (self.edge(), row)], palette::INK, 3)?;
                 }
             }
             Guide::Vertical { x, label } => {
                 if let Some(column) = self.x.place(*x).map(|place| self.column(place)) {
                     sheet.dashed(vec![(column, self.bottom), (column, self.row(1.0))], palette::INK, 2)?;
-                    labels.extend(self.free_place(label, column, occupied, labels));
+                    let text = canvas::clip(label, (column - self.left).max(self.edge() - column) - 8);
+                    let wide = canvas::width(&text);
+                    let rows = (0..HEIGHT / LINE - 1).map(|i| self.row(1.0) + 4 + LINE * i);
+                    let candidates = rows.flat_map(|y| [(column + 8, y), (column - 8 - wide, y)]);
+                    labels.extend(self.free_place(text, candidates, occupied, labels));
                 }
             }
         }
@@ -295,13 +288,17 @@ impl<'a> Layout<'a> {
         curves.chain(guides).flatten().collect()
     }
 
-    /// Where the label of a vertical line covers least of the curves and no other label.
-    fn free_place(&self, text: &str, column: i32, occupied: &[Point], labels: &[Label]) -> Option<Label> {
-        let text = canvas::clip(text, (column - self.left).max(self.right - column) - 8);
+    /// Of the places for a label the one where it covers least of the curves and no other label.
+    fn free_place(
+        &self,
+        text: String,
+        candidates: impl Iterator<Item = Point>,
+        occupied: &[Point],
+        labels: &[Label],
+    ) -> Option<Label> {
         let wide = canvas::width(&text);
-        let rows = (0..HEIGHT / LINE - 1).map(|i| self.row(1.0) + 4 + LINE * i);
-        let candidates = rows.flat_map(|y| [(column + 8, y), (column - 8 - wide, y)]);
-        let inside = |&(x, _): &Point| x >= self.left && x + wide <= self.right;
+        let rows = self.row(1.0)..=self.bottom - LINE;
+        let inside = |&(x, y): &Point| x >= self.left && x + wide <= self.edge() && rows.contains(&y);
         let covers = |&(x, y): &Point| {
             let covered = |p: &&Point| p.0 > x - 6 && p.0 < x + wide + 6 && p.1 > y - 4 && p.1 < y + LINE + 4;
             let meets =
@@ -310,6 +307,23 @@ impl<'a> Layout<'a> {
         };
         let best = candidates.filter(inside).min_by_key(covers)?;
         Some((text, best, wide))
+    }
+
+    /// Where failures stand.
+    fn crosses(&self) -> Vec<Point> {
+        let series = self.plot.series.iter().enumerate().filter(|(_, series)| series.mark == Mark::Cross);
+        series.flat_map(|(i, series)| series.points.iter().filter_map(move |&p| self.point(i, series, p))).collect()
+    }
+
+    fn appearance(&self, index: usize, series: &Series) -> (Colour, Marker) {
+        const MARKERS: [Marker; 4] = [Marker::Disc, Marker::Square, Marker::Triangle, Marker::Ring];
+        let named = |name: &String| self.plot.series.iter().position(|other| other.name == *name);
+        let colour = |index: usize| palette::SERIES[index % palette::SERIES.len()];
+        match (series.mark, series.like.as_ref().and_then(named)) {
+            (Mark::Cross, None) => (palette::FAIL, Marker::Cross),
+            (Mark::Cross, Some(like)) => (colour(like), Marker::Cross),
+            (Mark::Line | Mark::Point, like) => (colour(like.unwrap_or(index)), MARKERS[index % MARKERS.len()]),
+        }
     }
 }
 
@@ -326,16 +340,9 @@ fn sampled(line: &[Point]) -> Vec<Point> {
 /// A text, its upper left corner and its width.
 type Label = (String, Point, i32);
 
-fn appearance(index: usize, series: &Series) -> (Colour, Marker) {
-    const MARKERS: [Marker; 4] = [Marker::Disc, Marker::Square, Marker::Triangle, Marker::Ring];
-    let colour = palette::SERIES[index % palette::SERIES.len()];
-    match series.mark {
-        Mark::Cross => (palette::FAIL, Marker::Cross),
-        Mark::Line | Mark::Point => (colour, MARKERS[index % MARKERS.len()]),
-    }
-}
-
-/// A slope with its sign: `+2`, `−1`.
+/// A slope with its sign: `+2`, `−1`, `−½`.
 fn signed(slope: f64) -> String {
-    if slope > 0.0 { format!("+{}", number::pretty(slope)) } else { number::pretty(slope) }
+    let sign = if slope > 0.0 { "+" } else { "−" };
+    let size = if slope.abs() == 0.5 { "½".to_owned() } else { number::pretty(slope.abs()) };
+    format!("{sign}{size}")
 }

@@ -1,152 +1,118 @@
 //! This crate's methods beside general-purpose integrators of other libraries, on the same scenes, machine and error norm.
 //!
-//! Peers are the BDF method and the ESDIRK method of `diffsol` (variable step, dense LU, Jacobian products from K and G as
-//! this crate has them) and DOP853 of `ode_solvers`. Prints a Markdown table: for each scene and method the error at the end and
-//! the best of three times.
+//! Peers are the BDF method and the ESDIRK method of `diffsol` with the exact Jacobian, and DOP853 of `ode_solvers`. Draws time
+//! over error, one picture a scene, into `verification/charts`, and replaces the results in `README.md` beside this package.
 
-use diffsol::{NalgebraLU, NalgebraMat, OdeBuilder, OdeSolverMethod, OdeSolverStopReason, VectorCommon};
-use nalgebra::Vector3;
-use sprung::accuracy::{Configuration, Pace, relative_position_error, trial};
-use sprung::chart::{Reference, dop853};
-use sprung::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+mod contender;
+mod motion;
+mod peers;
+
+use contender::{Contender, Run, Task};
+use peers::Integrator;
+use sprung::accuracy::Configuration;
+use sprung::chart::Reference;
+use sprung::figure::{Guide, Plot, Series};
 use sprung::integrate::{ImplicitOptions, Method};
-use sprung::operator::{Combination, LinearOperator, SystemOperator};
+use sprung::report::plot;
 use sprung::scene::{Kind, Scene, builtin};
-use sprung::{State, Stiffness, System};
+use std::collections::BTreeMap;
+use std::fmt::Write;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 type Failure = Box<dyn std::error::Error>;
 
-/// M⁻¹ on a reduced vector.
-fn accelerate(system: &System, force: &mut [f64]) {
-    for (f, dof) in force.iter_mut().zip(system.dofs().iter()) {
-        *f /= system.masses()[dof.particle];
-    }
-}
+/// Accuracies of the table.
+const ACCURACIES: [f64; 4] = [1e-1, 1e-2, 1e-4, 1e-6];
 
-fn state_at(system: &System, start: &State, t: f64, y: &[f64]) -> State {
-    let mut state = start.clone();
-    let (x, v) = y.split_at(system.dofs().len());
-    state.time = t;
-    state.prescribe(system);
-    system.dofs().scatter(x, &mut state.positions);
-    system.dofs().scatter(v, &mut state.velocities);
-    state
-}
-
-/// `(x, v)' = (v, M⁻¹ f)`.
-fn right_hand_side(system: &System, start: &State, t: f64, y: &[f64], dy: &mut [f64]) {
-    let n = system.dofs().len();
-    let state = state_at(system, start, t, y);
-    let Ok(extensions) = Extensions::at(system, &state.positions) else { return dy.fill(f64::NAN) };
-    let mut force = vec![Vector3::zeros(); system.particles()];
-    add_elastic_force(system, &extensions, &mut force);
-    add_damping_force(system, &extensions, &state.velocities, &mut force);
-    add_weight(system, &mut force);
-    dy[..n].copy_from_slice(&y[n..]);
-    system.dofs().gather(&force, &mut dy[n..]);
-    accelerate(system, &mut dy[n..]);
-}
-
-/// `(w_v, M⁻¹ (K w_x + G w_v))`.
-fn jacobian_product(system: &System, start: &State, t: f64, y: &[f64], w: &[f64], out: &mut [f64]) {
-    let n = system.dofs().len();
-    let state = state_at(system, start, t, y);
-    let Ok(extensions) = Extensions::at(system, &state.positions) else { return out.fill(f64::NAN) };
-    let product = |combination, w: &[f64], out: &mut [f64]| {
-        SystemOperator::new(system, &extensions, Stiffness::Full, combination).apply(w, out);
-    };
-    let mut damping = vec![0.0; n];
-    product(Combination::DAMPING, &w[n..], &mut damping);
-    out[..n].copy_from_slice(&w[n..]);
-    product(Combination::STIFFNESS, &w[..n], &mut out[n..]);
-    out[n..].iter_mut().zip(damping).for_each(|(a, b)| *a += b);
-    accelerate(system, &mut out[n..]);
-}
-
-fn diffsol(system: &System, start: &State, duration: f64, rtol: f64, bdf: bool) -> Result<State, Failure> {
-    let n = system.dofs().len();
-    let mut first = vec![0.0; 2 * n];
-    system.dofs().gather(&start.positions, &mut first[..n]);
-    system.dofs().gather(&start.velocities, &mut first[n..]);
-    let problem = OdeBuilder::<NalgebraMat<f64>>::new()
-        .rtol(rtol)
-        .atol([1e-2 * rtol])
-        .h0(1e-4 * duration)
-        .rhs_implicit(
-            |y: &[f64], _: &[f64], t, dy: &mut [f64]| right_hand_side(system, start, t, y, dy),
-            |y: &[f64], _: &[f64], t, w: &[f64], out: &mut [f64]| jacobian_product(system, start, t, y, w, out),
-        )
-        .init(|_: &[f64], _, y: &mut [f64]| y.copy_from_slice(&first), 2 * n)
-        .build()?;
-    macro_rules! run {
-        ($solver:expr) => {{
-            let mut solver = $solver;
-            solver.set_stop_time(duration)?;
-            while !matches!(solver.step()?, OdeSolverStopReason::TstopReached) {}
-            let y = solver.interpolate(duration)?;
-            Ok(state_at(system, start, duration, y.inner().as_slice()))
-        }};
-    }
-    if bdf { run!(problem.bdf::<NalgebraLU<f64>>()?) } else { run!(problem.esdirk34::<NalgebraLU<f64>>()?) }
-}
-
-/// The best of three times, and the last result.
-fn timed(run: impl Fn() -> Result<State, Failure>) -> (f64, Result<State, Failure>) {
-    let once = || {
-        let clock = Instant::now();
-        let result = run();
-        (clock.elapsed().as_secs_f64(), result)
-    };
-    let (first, result) = once();
-    (once().0.min(once().0).min(first), result)
-}
+/// Where the results begin in the README.
+const RESULTS: &str = "## Results\n";
 
 fn main() -> Result<(), Failure> {
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../verification/scenes");
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let verification = here.join("../../verification");
     let mut cloth = builtin(Kind::Cloth, 6)?;
     cloth.time.duration = Some(0.2);
-    println!("| scene | method | error | time, ms |\n|---|---|---|---|");
-    for scene in
-        [Scene::load(scenes.join("stiff_pendulum.toml"))?, Scene::load(scenes.join("tetrahedron.toml"))?, cloth]
-    {
+    let load = |name: &str| Scene::load(verification.join("scenes").join(name));
+    let ours = |method| Configuration { method, options: ImplicitOptions::default() };
+    let contenders = [
+        Contender::Diffsol(Integrator::Bdf),
+        Contender::Diffsol(Integrator::Esdirk34),
+        Contender::Dop853,
+        Contender::Adaptive(ours(Method::W2)),
+        Contender::Steps(ours(Method::ImplicitMidpoint)),
+        Contender::Steps(ours(Method::LinearBackwardEuler)),
+        Contender::Steps(ours(Method::SymplecticEuler)),
+    ];
+    let mut results = String::from(RESULTS);
+    for scene in [load("stiff_pendulum.toml")?, load("tetrahedron.toml")?, cloth] {
+        eprintln!("{}", scene.name);
         let (system, start) = scene.build()?;
         let (dt, duration) = scene.time.dt.zip(scene.time.duration).ok_or("a scene without time")?;
         let reference = Reference::compute(&system, &start, [dt, duration], Duration::from_secs(60))?.ok_or("none")?;
-        let report = |name: String, run: &dyn Fn() -> Result<State, Failure>| {
-            let (seconds, result) = timed(run);
-            let error = match result {
-                Ok(state) => {
-                    let positions = &reference.state.positions;
-                    format!("{:.1e}", relative_position_error(&state.positions, positions, &start.positions))
-                }
-                Err(why) => why.to_string(),
-            };
-            println!("| {} | {name} | {error} | {:.3} |", scene.name, 1e3 * seconds);
-        };
-        for rtol in [1e-3, 1e-5, 1e-7] {
-            report(format!("diffsol BDF, rtol {rtol:e}"), &|| diffsol(&system, &start, duration, rtol, true));
-            report(format!("diffsol ESDIRK34, rtol {rtol:e}"), &|| diffsol(&system, &start, duration, rtol, false));
-            report(format!("ode_solvers DOP853, rtol {rtol:e}"), &|| {
-                let deadline = Instant::now() + Duration::from_secs(60);
-                dop853(&system, &start, duration, rtol, deadline).ok_or_else(|| "gave up".into())
-            });
-            report(format!("sprung w2, adaptive, rtol {rtol:e}"), &|| {
-                let configuration = Configuration { method: Method::W2, options: ImplicitOptions::default() };
-                let pace = Pace::Adaptive { rtol, first_step: 1e-3 * duration };
-                Ok(trial(&system, &start, &configuration, pace, duration, &|| true)?.state)
-            });
-        }
-        for steps in [64.0, 512.0, 4096.0] {
-            for method in [Method::W2, Method::ImplicitMidpoint, Method::LinearBackwardEuler, Method::SymplecticEuler] {
-                let configuration = Configuration { method, options: ImplicitOptions::default() };
-                report(format!("sprung {}, {steps} steps", method.name()), &|| {
-                    let pace = Pace::Step(duration / steps);
-                    Ok(trial(&system, &start, &configuration, pace, duration, &|| true)?.state)
-                });
+        let task = Task { system: &system, start: &start, duration, reference };
+        let runs: Vec<(String, Vec<Run>)> =
+            contenders.iter().map(|contender| (contender.name(), contender.runs(&task))).collect();
+        let file = format!("peers-{}.svg", scene.name.replace(' ', "-"));
+        std::fs::write(verification.join("charts").join(&file), plot::svg(&picture(&scene.name, &task, &runs)))?;
+        write!(results, "\n### {}, {} unknowns\n\n{}", scene.name, 2 * system.dofs().len(), table(&runs)?)?;
+        write!(results, "\n![Time against accuracy: {}](../../verification/charts/{file})\n", scene.name)?;
+    }
+    let page = std::fs::read_to_string(here.join("README.md"))?;
+    let (text, _) = page.split_once(RESULTS).ok_or("the README has no results to replace")?;
+    std::fs::write(here.join("README.md"), format!("{text}{results}"))?;
+    Ok(())
+}
+
+/// Time over error, failures on the rail of their cause.
+fn picture(scene: &str, task: &Task<'_>, runs: &[(String, Vec<Run>)]) -> Plot {
+    let mut plot = Plot::log_log(
+        format!("This crate and its peers: {scene}"),
+        "relative position error at the end",
+        "time of the run, s",
+    );
+    for (name, runs) in runs {
+        let points = runs.iter().filter_map(|run| Some((*run.outcome.as_ref().ok()?, run.seconds))).collect();
+        plot = plot.with_series(Series::line(name, points));
+    }
+    for (name, runs) in runs {
+        let mut failures: BTreeMap<&str, Vec<(f64, f64)>> = BTreeMap::new();
+        for run in runs {
+            if let Err(cause) = &run.outcome {
+                failures.entry(cause).or_default().push((f64::INFINITY, run.seconds));
             }
         }
+        for (cause, points) in failures {
+            plot = plot.with_series(Series::failures(cause, points).like(name));
+        }
     }
-    Ok(())
+    plot.with_guide(Guide::Vertical { x: task.reference.error_estimate, label: "error of the reference".into() })
+}
+
+/// The shortest time, in ms, of each contender for each accuracy.
+fn table(runs: &[(String, Vec<Run>)]) -> Result<String, std::fmt::Error> {
+    let mut text = String::from("| time in ms for an error below |");
+    for accuracy in ACCURACIES {
+        write!(text, " {accuracy:e} |")?;
+    }
+    writeln!(text, "\n|---|{}", "---|".repeat(ACCURACIES.len()))?;
+    for (name, runs) in runs {
+        write!(text, "| {name} |")?;
+        for accuracy in ACCURACIES {
+            let enough = runs.iter().filter(|run| run.outcome.as_ref().is_ok_and(|error| *error <= accuracy));
+            match enough.map(|run| run.seconds).reduce(f64::min) {
+                Some(seconds) => write!(text, " {} |", milliseconds(seconds))?,
+                None => write!(text, " – |")?,
+            }
+        }
+        writeln!(text)?;
+    }
+    Ok(text)
+}
+
+/// Two digits.
+fn milliseconds(seconds: f64) -> String {
+    let value = 1e3 * seconds;
+    let digits = (1.0 - value.log10().floor()).clamp(0.0, 6.0) as usize;
+    format!("{value:.digits$}")
 }

@@ -1,0 +1,118 @@
+//! Rails: where failures stand that have no place on an axis, with a lane for every cause.
+
+use super::canvas::{self, Align, LINE, Outcome, Point, Sheet};
+use super::palette::{self, Colour};
+use super::ruler::Ruler;
+use crate::figure::{Mark, Plot, Series};
+
+/// Width of a lane.
+const LANE: i32 = 38;
+/// The ground of rails.
+const GROUND: Colour = (250, 236, 230);
+
+/// The causes of failures on the rail along the upper edge, from the top, and on the one along the right edge, from the left.
+pub(super) struct Rails<'a> {
+    above: Vec<&'a str>,
+    aside: Vec<&'a str>,
+}
+
+/// Whether a point stands on a rail: a failure without a place of its own on an axis.
+pub(super) fn is_railed(series: &Series, place: Option<f64>) -> bool {
+    series.mark == Mark::Cross && place.is_none()
+}
+
+impl<'a> Rails<'a> {
+    pub fn of(plot: &'a Plot, x: &Ruler, y: &Ruler) -> Self {
+        let causes = |stands: &dyn Fn(&Series, &(f64, f64)) -> bool| {
+            let mut causes: Vec<&str> = Vec::new();
+            for series in plot.series.iter().filter(|series| series.points.iter().any(|point| stands(series, point))) {
+                if !causes.contains(&series.name.as_str()) {
+                    causes.push(&series.name);
+                }
+            }
+            causes
+        };
+        Self {
+            above: causes(&|series, p| x.place(p.0).is_some() && is_railed(series, y.place(p.1))),
+            aside: causes(&|series, p| is_railed(series, x.place(p.0)) && y.place(p.1).is_some()),
+        }
+    }
+
+    /// Height of the rail along the upper edge.
+    pub fn height(&self) -> i32 {
+        LANE * self.above.len() as i32
+    }
+
+    /// Width of the rail along the right edge.
+    pub fn width(&self) -> i32 {
+        LANE * self.aside.len() as i32
+    }
+
+    /// How far below the upper edge failures of a series stand.
+    pub fn below_the_top(&self, index: usize, series: &Series) -> Option<i32> {
+        place(&self.above, &series.name).map(|middle| middle + aside(index))
+    }
+
+    /// How far right of the rail's left edge failures of a series stand.
+    pub fn right_of_the_plot(&self, index: usize, series: &Series) -> Option<i32> {
+        place(&self.aside, &series.name).map(|middle| middle + aside(index))
+    }
+
+    /// Draws the grounds and names the lanes where fewest crosses are covered. The plot lies between the corners
+    /// `(left, top)` and `(right, bottom)`, both rails included.
+    pub fn draw(&self, sheet: &Sheet<'_>, [left, top, right, bottom]: [i32; 4], crosses: &[Point]) -> Outcome {
+        let (ceiling, edge) = (top + self.height(), right - self.width());
+        if !self.above.is_empty() {
+            sheet.rectangle((left, top), (right, ceiling), GROUND)?;
+        }
+        if !self.aside.is_empty() {
+            sheet.rectangle((edge, ceiling), (right, bottom), GROUND)?;
+        }
+        for (lane, cause) in (0..).zip(&self.above) {
+            let middle = top + LANE * lane + LANE / 2;
+            let text = canvas::clip(cause, right - left - 16);
+            let in_lane = crosses.iter().filter(|cross| (cross.1 - middle).abs() < LANE / 2).map(|cross| cross.0);
+            let start = free_stretch([left + 8, edge - 8], canvas::width(&text), &in_lane.collect::<Vec<_>>());
+            sheet.text(&text, (start, middle), Align::Left, palette::FAIL)?;
+        }
+        for (lane, cause) in (0..).zip(&self.aside) {
+            let middle = edge + LANE * lane + LANE / 2;
+            let text = canvas::clip(cause, bottom - ceiling - 16);
+            let wide = canvas::width(&text);
+            let in_lane = crosses.iter().filter(|cross| (cross.0 - middle).abs() < LANE / 2).map(|cross| cross.1);
+            let start = free_stretch([ceiling + 8, bottom - 8], wide, &in_lane.collect::<Vec<_>>());
+            sheet.upright(&text, (middle, start + wide / 2), palette::FAIL)?;
+        }
+        Ok(())
+    }
+}
+
+/// The middle of a cause's lane.
+fn place(causes: &[&str], cause: &str) -> Option<i32> {
+    let lane = causes.iter().position(|other| *other == cause)?;
+    Some(LANE * lane as i32 + LANE / 2)
+}
+
+/// Crosses of different series keep a little apart: they may stand at the same place.
+fn aside(index: usize) -> i32 {
+    (index % 3) as i32 * 8 - 8
+}
+
+/// Where a text of some width covers fewest of the points between two ends of a lane; the first such place.
+fn free_stretch([from, to]: [i32; 2], wide: i32, points: &[i32]) -> i32 {
+    let covered = |start: &i32| points.iter().filter(|&&p| p > start - 12 && p < start + wide + 12).count();
+    let last = (to - wide).max(from);
+    (from..=last).step_by(LINE as usize / 2).chain([last]).min_by_key(covered).unwrap_or(from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_lanes_give_way_to_crosses() {
+        assert_eq!(free_stretch([0, 300], 100, &[]), 0);
+        assert_eq!(free_stretch([0, 300], 100, &[50]), 68);
+        assert_eq!(free_stretch([0, 100], 200, &[50]), 0);
+    }
+}
