@@ -2,8 +2,8 @@
 //!
 //! `cargo run --example faults` applies every fault of `faults.toml` to a copy below the target folder, runs the
 //! verification suite on it, and writes `faults.json` (for programs) and `faults.md` (for readers) beside the list.
-//! Arguments choose faults by part of their name; then nothing is written. Every fault costs a build: half an hour for
-//! all. A fault that survives, does not compile or no longer finds its place makes the exit status 1.
+//! Arguments choose faults by part of their name; then only their rows are renewed. Every fault costs a build: a quarter of an
+//! hour for all. A fault that survives, does not compile or no longer finds its place makes the exit status 1.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -36,7 +36,7 @@ struct Fault {
 }
 
 /// A fault and the tests that failed because of it, by family.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct Caught {
     fault: String,
     file: String,
@@ -82,23 +82,28 @@ fn run() -> Result<bool> {
     if let Verdict::Failed(tests) = verdict(&copy, &target)? {
         return Err(format!("the program fails without a fault: {}", tests.join(", ")).into());
     }
-    let mut caught = Vec::new();
-    let mut survived = 0;
-    let chosen = |fault: &&Fault| wanted.is_empty() || wanted.iter().any(|part| fault.name.contains(part.as_str()));
-    for fault in list.fault.iter().filter(chosen) {
+    let record = folder.join("faults.json");
+    let mut caught: Vec<Caught> =
+        if wanted.is_empty() { Vec::new() } else { serde_json::from_str(&fs::read_to_string(&record)?)? };
+    caught.retain(|row| list.fault.iter().any(|fault| fault.name == row.fault && !chosen(&wanted, fault)));
+    for fault in list.fault.iter().filter(|fault| chosen(&wanted, fault)) {
         let started = Instant::now();
         let row = plant(fault, &copy, &target)?;
         let by: Vec<String> = row.by.iter().map(|(family, count)| format!("{family} ({count})")).collect();
         println!("{:>4.0?} s  {}: {}", started.elapsed().as_secs(), row.fault, by.join(", "));
-        survived += usize::from(row.tests == 0);
         caught.push(row);
     }
-    if wanted.is_empty() {
-        fs::write(folder.join("faults.json"), serde_json::to_string_pretty(&caught)? + "\n")?;
-        fs::write(folder.join("faults.md"), table(&caught))?;
-    }
+    caught.sort_by_key(|row| list.fault.iter().position(|fault| fault.name == row.fault));
+    fs::write(record, serde_json::to_string_pretty(&caught)? + "\n")?;
+    fs::write(folder.join("faults.md"), table(&caught))?;
+    let survived = caught.iter().filter(|row| row.tests == 0).count();
     println!("{} faults, {survived} survived", caught.len());
     Ok(survived == 0)
+}
+
+/// Whether a fault is among those asked for: all, where nothing is.
+fn chosen(wanted: &[String], fault: &Fault) -> bool {
+    wanted.is_empty() || wanted.iter().any(|part| fault.name.contains(part.as_str()))
 }
 
 /// Applies a fault to the copy, runs the suite, and takes the fault out again.
@@ -205,9 +210,13 @@ fn table(caught: &[Caught]) -> String {
         let by: Vec<String> = by.iter().map(|(family, count)| format!("`{family}` ({count})")).collect();
         let _ = writeln!(text, "| {fault} | `{file}` | {tests} | {} |", shortened(&by, "**nothing**"));
     }
-    text += "\n## By family\n\n| family | faults caught | among them |\n|---|---|---|\n";
+    text +=
+        "\n## By family\n\n| family | faults caught | among them, those first that few others catch |\n|---|---|---|\n";
+    // First those that few other families see: they say what a family is there for.
+    let mut telling: Vec<&Caught> = caught.iter().collect();
+    telling.sort_by_key(|row| row.by.len());
     let mut families = BTreeMap::<&str, Vec<String>>::new();
-    for Caught { fault, by, .. } in caught {
+    for Caught { fault, by, .. } in telling {
         by.iter().for_each(|(family, _)| families.entry(family).or_default().push(fault.clone()));
     }
     for (family, faults) in families {

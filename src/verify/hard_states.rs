@@ -16,15 +16,18 @@ struct Regime {
     away: f64,
     /// Factor by which one particle is drawn towards its neighbour.
     collapse: f64,
+    /// Whether it lies beside that along an axis: the components of the transverse term along this axis are then zero.
+    aligned: bool,
 }
 
-const ORDINARY: Regime = Regime { name: "", stretch: 1.0, scale: 1.0, away: 0.0, collapse: 1.0 };
+const ORDINARY: Regime = Regime { name: "", stretch: 1.0, scale: 1.0, away: 0.0, collapse: 1.0, aligned: false };
 
-const REGIMES: [Regime; 8] = [
+const REGIMES: [Regime; 9] = [
     Regime { name: "compressed to 0.4 of rest", stretch: 0.4, ..ORDINARY },
     Regime { name: "stretched to 2.5 of rest", stretch: 2.5, ..ORDINARY },
     Regime { name: "within 1e-9 of rest", stretch: 1.0 + 1e-9, ..ORDINARY },
     Regime { name: "one spring collapsed to 1e-5", collapse: 1e-5, ..ORDINARY },
+    Regime { name: "one spring collapsed to 1e-5 along an axis", collapse: 1e-5, aligned: true, ..ORDINARY },
     Regime { name: "1e6 m from the origin", stretch: 1.3, away: 1e6, ..ORDINARY },
     Regime { name: "size 1e-6 m", stretch: 0.8, scale: 1e-6, ..ORDINARY },
     Regime { name: "size 1e6 m", stretch: 1.2, scale: 1e6, ..ORDINARY },
@@ -32,7 +35,7 @@ const REGIMES: [Regime; 8] = [
 ];
 
 /// A tetrahedron with a fifth particle, one particle held and another free along two axes, all values unequal, in
-/// eight regimes of strain, place and scale: name, system, state.
+/// nine regimes of strain, place and scale: name, system, state.
 ///
 /// # Errors
 /// None in practice: every value follows the rules.
@@ -44,7 +47,8 @@ impl Regime {
     fn build(&self) -> Result<(System, State)> {
         let shape = [[0.0, 0.0, 0.0], [1.1, 0.13, -0.21], [0.37, 0.93, 0.11], [0.41, 0.32, 0.97], [1.21, 1.13, 0.83]];
         let mut points = shape.map(Vector3::from);
-        points[4] = points[3] + (points[4] - points[3]) * self.collapse;
+        let apart = if self.aligned { Vector3::x() } else { points[4] - points[3] };
+        points[4] = points[3] + apart * self.collapse;
         let away = Vector3::new(0.6, -0.64, 0.48) * self.away;
         let mut builder = SystemBuilder::new();
         for (p, point) in points.iter().enumerate() {

@@ -7,6 +7,7 @@ use super::reduced::random_vector;
 use super::verdict::{TABLE_ROWS, WorstEntries};
 use crate::assembly::{SymmetricMatrix, assemble_afresh};
 use crate::operator::{LinearOperator, SystemOperator};
+use nalgebra::Vector3;
 
 /// Random vectors tried.
 const VECTORS: u64 = 4;
@@ -55,10 +56,14 @@ fn terms(operator: &SystemOperator, w: &[f64]) -> Vec<f64> {
     }
     for ((_, [i, j], _), block) in system.active().zip(operator.blocks()) {
         let size = dofs.get(w, i).abs() + dofs.get(w, j).abs();
-        // Of the two parts of a block, α I and (β − α) nnᵀ, each is rounded on its own: their magnitudes count, not
+        // Of the two parts of a block, α (I − nnᵀ) and β nnᵀ, each is rounded on its own: their magnitudes count, not
         // their sum's.
-        let n = block.direction.abs();
-        let part = size * block.transverse.abs() + n * ((block.axial - block.transverse).abs() * n.dot(&size));
+        let n = block.direction;
+        let along = n * n.transpose();
+        let [x, y, z] = [along[(0, 0)], along[(1, 1)], along[(2, 2)]];
+        let mut across = along.abs();
+        across.set_diagonal(&Vector3::new(y + z, z + x, x + y));
+        let part = (across * block.transverse.abs() + along.abs() * block.axial.abs()) * size;
         dofs.add(&mut terms, i, &part);
         dofs.add(&mut terms, j, &part);
     }

@@ -49,6 +49,10 @@ pub(super) fn assembly(subject: &Subject) -> Outcome {
         matrix.refill(&operator);
         checks.push(products_agree(&operator, matrix.matrix(), &scene));
         checks.push(refill_is_fresh(&operator, matrix.matrix(), &scene));
+        // K alone, where no mass hides what springs cancel.
+        let stiffness = SystemOperator::new(system, &extensions, option, Combination::STIFFNESS);
+        matrix.refill(&stiffness);
+        checks.push(products_agree(&stiffness, matrix.matrix(), &format!("{scene}, K")));
     }
     Ok(checks)
 }
