@@ -5,10 +5,10 @@ mod common;
 use common::{systems, test_vector};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
-use sprung::force::Extensions;
+use sprung::force::{Extensions, add_damping_force, add_elastic_force};
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::scene::builtin::{cloth, lattice, network};
-use sprung::spring::SpringBlock;
+use sprung::spring::{Extension, SpringBlock};
 use sprung::{Scene, State, Stiffness, System};
 
 fn operator<'s>(system: &'s System, state: &State, option: Stiffness, combination: Combination) -> SystemOperator<'s> {
@@ -126,5 +126,47 @@ fn product_is_the_same_to_the_bit_for_any_number_of_threads() {
             let several = product(threads);
             assert!(one.iter().zip(&several).all(|(a, b)| a.to_bits() == b.to_bits()), "{threads} threads");
         }
+    }
+}
+
+/// Sums over springs that several threads share are those of one thread, to the bit, and right.
+#[test]
+fn forces_do_not_depend_on_the_number_of_threads() {
+    let (system, mut state) = sprung::scene::builtin::cloth(64).unwrap().build().unwrap();
+    for (p, (x, v)) in state.positions.iter_mut().zip(&mut state.velocities).enumerate() {
+        let noise = |k: usize| ((5 * p + k) as f64 * 12.9898).sin();
+        *x += Vector3::new(noise(0), noise(1), noise(2)) * 0.002;
+        *v = Vector3::new(noise(3), noise(4), noise(0));
+    }
+    let mut expected = vec![Vector3::zeros(); system.particles()];
+    for (&[i, j], spring) in system.pairs().iter().zip(system.springs()) {
+        let (i, j) = (i as usize, j as usize);
+        let at = Extension::between(&state.positions[i], &state.positions[j]).unwrap();
+        let v = state.velocities[i] - state.velocities[j];
+        let f = spring.elastic_force(&at);
+        expected[i] += f;
+        expected[j] -= f;
+        let f = spring.damping_force(&at, &v);
+        expected[i] += f;
+        expected[j] -= f;
+    }
+    let forces = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let extensions = Extensions::at(&system, &state.positions).unwrap();
+            let (mut elastic, mut damping) = (vec![Vector3::zeros(); system.particles()], expected.clone());
+            damping.fill(Vector3::zeros());
+            add_elastic_force(&system, &extensions, &mut elastic);
+            add_damping_force(&system, &extensions, &state.velocities, &mut damping);
+            (elastic, damping)
+        })
+    };
+    let one = forces(1);
+    for threads in [2, 3] {
+        assert_eq!(forces(threads), one, "{threads} threads");
+    }
+    for (p, expected) in expected.iter().enumerate() {
+        // Springs between two held particles are left out: there are none here.
+        assert!((one.0[p] + one.1[p] - expected).norm() <= 1e-9, "particle {p}");
     }
 }

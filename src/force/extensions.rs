@@ -2,7 +2,7 @@
 
 use crate::parallel::try_pieces;
 use crate::spring::Extension;
-use crate::system::System;
+use crate::system::{Share, System, share_count, shares};
 use nalgebra::Vector3;
 
 /// A spring whose ends coincide: its direction, and with it force and stiffness, do not exist.
@@ -16,8 +16,18 @@ pub struct DegenerateSpring {
 }
 
 /// n and l of every active spring, in the order of [`System::active_springs`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct Extensions(Vec<Extension>);
+#[derive(Debug, Clone)]
+pub struct Extensions {
+    values: Vec<Extension>,
+    /// How sums over springs are shared out; empty where one thread does it all.
+    shares: Vec<Share>,
+}
+
+impl PartialEq for Extensions {
+    fn eq(&self, other: &Self) -> bool {
+        self.values == other.values
+    }
+}
 
 impl Extensions {
     /// At the given full-length positions.
@@ -29,7 +39,9 @@ impl Extensions {
             let [i, j] = pair;
             Extension::between(&positions[i], &positions[j]).ok_or(DegenerateSpring { spring, pair })
         };
-        system.active().map(extension).collect::<Result<_, _>>().map(Self)
+        let values = system.active().map(extension).collect::<Result<_, _>>()?;
+        let count = share_count(system);
+        Ok(Self { values, shares: if count > 1 { shares(system, count) } else { Vec::new() } })
     }
 
     /// Recomputes for new positions of the same system, in parallel and without allocating.
@@ -37,7 +49,7 @@ impl Extensions {
     /// # Errors
     /// As [`at`](Self::at); the extensions are then partly old and partly new.
     pub fn update(&mut self, system: &System, positions: &[Vector3<f64>]) -> Result<(), DegenerateSpring> {
-        try_pieces(&mut self.0, &|first, piece| {
+        try_pieces(&mut self.values, &|first, piece| {
             for ((spring, pair, _), at) in system.active_from(first).zip(piece) {
                 let [i, j] = pair;
                 *at = Extension::between(&positions[i], &positions[j]).ok_or(DegenerateSpring { spring, pair })?;
@@ -48,11 +60,15 @@ impl Extensions {
 
     /// As a slice, in the order of the active springs.
     pub fn as_slice(&self) -> &[Extension] {
-        &self.0
+        &self.values
+    }
+
+    pub(super) fn shares(&self) -> &[Share] {
+        &self.shares
     }
 
     /// In the order of the active springs.
     pub fn iter(&self) -> std::slice::Iter<'_, Extension> {
-        self.0.iter()
+        self.values.iter()
     }
 }

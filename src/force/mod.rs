@@ -5,20 +5,20 @@
 
 mod energy;
 mod extensions;
+mod pairs;
 
 pub use energy::{Energy, angular_momentum, linear_momentum};
 pub use extensions::{DegenerateSpring, Extensions};
 
+use crate::spring::{Extension, Spring};
 use crate::system::System;
 use nalgebra::Vector3;
 
 /// Adds the elastic force f_el: `−k (l/l0 − 1) n` on end i of every spring and the opposite on end j.
 pub fn add_elastic_force(system: &System, extensions: &Extensions, force: &mut [Vector3<f64>]) {
-    for ((_, [i, j], spring), at) in system.active().zip(extensions.iter()) {
-        let f = spring.elastic_force(at);
-        force[i] += f;
-        force[j] -= f;
-    }
+    pairs::add(system, extensions, force, &|spring: &Spring, _: [usize; 2], at: &Extension| {
+        Some(spring.elastic_force(at))
+    });
 }
 
 /// Adds the damping force f_d: `−b n nᵀ (v_i − v_j)` on end i of every damped spring and the opposite on end j.
@@ -28,13 +28,9 @@ pub fn add_damping_force(
     velocities: &[Vector3<f64>],
     force: &mut [Vector3<f64>],
 ) {
-    for ((_, [i, j], spring), at) in system.active().zip(extensions.iter()) {
-        if spring.damping > 0.0 {
-            let f = spring.damping_force(at, &(velocities[i] - velocities[j]));
-            force[i] += f;
-            force[j] -= f;
-        }
-    }
+    pairs::add(system, extensions, force, &|spring: &Spring, [i, j]: [usize; 2], at: &Extension| {
+        (spring.damping > 0.0).then(|| spring.damping_force(at, &(velocities[i] - velocities[j])))
+    });
 }
 
 /// Adds the change of the damping force when all particles move by `displacement`, in m, at fixed velocities: the product
@@ -46,14 +42,12 @@ pub fn add_damping_differential(
     displacement: &[Vector3<f64>],
     force: &mut [Vector3<f64>],
 ) {
-    for ((_, [i, j], spring), at) in system.active().zip(extensions.iter()) {
-        if spring.damping > 0.0 {
+    pairs::add(system, extensions, force, &|spring: &Spring, [i, j]: [usize; 2], at: &Extension| {
+        (spring.damping > 0.0).then(|| {
             let (v, d) = (velocities[i] - velocities[j], displacement[i] - displacement[j]);
-            let f = spring.damping_differential(at, &v, &d);
-            force[i] += f;
-            force[j] -= f;
-        }
-    }
+            spring.damping_differential(at, &v, &d)
+        })
+    });
 }
 
 /// Adds the weight `m_i · gravity` of every particle.

@@ -18,11 +18,8 @@
 
 use super::prefetch;
 use crate::spring::SpringBlock;
-use crate::system::{Axes, DofMap, System};
+use crate::system::{Axes, DofMap, Share, System, share_count, shares};
 use std::ops::Range;
-
-/// Springs below which a part is not worth a thread.
-const PART_SPRINGS: usize = 8192;
 
 /// Records between two rounds of prefetching: five cache lines hold eight of them.
 const BATCH: usize = 8;
@@ -70,8 +67,8 @@ pub(super) struct SpringStream {
 impl SpringStream {
     /// The parts for the current number of threads; [`update`](Self::update) fills in the numbers.
     pub fn new(system: &System) -> Self {
-        let count = (system.active_springs().len() / PART_SPRINGS).clamp(1, rayon::current_num_threads());
-        let parts = cut(system, count).into_iter().map(|particles| Part::new(system, &particles)).collect();
+        let shares = shares(system, share_count(system));
+        let parts = shares.into_iter().map(|share| Part::new(system, share)).collect();
         Self { parts, sign: 1.0 }
     }
 
@@ -98,26 +95,6 @@ struct Springs<'a> {
     system: &'a System,
     blocks: &'a [SpringBlock],
     sign: f64,
-}
-
-/// Cuts the particles into ranges in which about as many springs end.
-fn cut(system: &System, count: usize) -> Vec<Range<usize>> {
-    let mut ends = vec![0u64; system.particles()];
-    for (_, pair, _) in system.active() {
-        pair.into_iter().for_each(|particle| ends[particle] += 1);
-    }
-    let total: u64 = ends.iter().sum();
-    let mut ranges = Vec::with_capacity(count);
-    let (mut start, mut passed) = (0, 0);
-    for (particle, &here) in ends.iter().enumerate() {
-        passed += here;
-        if ranges.len() + 1 < count && passed * count as u64 >= total * (ranges.len() as u64 + 1) {
-            ranges.push(start..particle + 1);
-            start = particle + 1;
-        }
-    }
-    ranges.push(start..ends.len());
-    ranges
 }
 
 fn update_parts(parts: &mut [Part], springs: &Springs) {
@@ -149,10 +126,7 @@ fn multiply_parts<const N: usize>(parts: &[Part], springs: &Springs, diagonal: &
 }
 
 impl Part {
-    fn new(system: &System, particles: &Range<usize>) -> Self {
-        let ends_here = |pair: [usize; 2]| pair.iter().any(|end| particles.contains(end));
-        let active = (0u32..).zip(system.active());
-        let positions: Vec<u32> = active.filter(|(_, (_, pair, _))| ends_here(*pair)).map(|(at, _)| at).collect();
+    fn new(system: &System, Share { particles, springs: positions }: Share) -> Self {
         let nothing = Record { g: [0.0; 3], transverse: 0.0, ends: [0; 2] };
         let rows = system.dofs().first_row(particles.start)..system.dofs().first_row(particles.end);
         Self { rows, records: vec![nothing; positions.len()], positions }

@@ -3,12 +3,14 @@
 mod builder;
 mod constraint;
 mod dofs;
+mod shares;
 mod state;
 
 pub use builder::SystemBuilder;
 pub(crate) use builder::check_length;
 pub use constraint::{Axes, Constraint, Motion, Prescribed};
 pub use dofs::{Dof, DofMap};
+pub(crate) use shares::{Share, share_count, shares};
 pub use state::State;
 
 use crate::spring::Spring;

@@ -1,0 +1,54 @@
+//! Particles shared out among threads.
+//!
+//! Every share owns consecutive particles and knows all active springs that end in it; a spring between two shares is in
+//! both. A thread that goes through the springs of a share, in their order, and adds to its own particles only gives
+//! every sum over springs the terms and the order that one thread alone would: the result is the same to the bit.
+
+use super::System;
+use std::ops::Range;
+
+/// Springs below which a share is not worth a thread.
+const LEAST_SPRINGS: usize = 8192;
+
+/// Consecutive particles and the springs that end in them.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Share {
+    pub particles: Range<usize>,
+    /// Positions among the active springs, ascending.
+    pub springs: Vec<u32>,
+}
+
+/// How many shares the current number of threads is to have.
+pub(crate) fn share_count(system: &System) -> usize {
+    (system.active_springs().len() / LEAST_SPRINGS).clamp(1, rayon::current_num_threads())
+}
+
+/// All particles in so many shares, in each of which about as many springs end.
+pub(crate) fn shares(system: &System, count: usize) -> Vec<Share> {
+    let share = |particles: Range<usize>| {
+        let ends_here = |pair: [usize; 2]| pair.iter().any(|end| particles.contains(end));
+        let active = (0u32..).zip(system.active());
+        let springs = active.filter(|(_, (_, pair, _))| ends_here(*pair)).map(|(at, _)| at).collect();
+        Share { particles, springs }
+    };
+    cut(system, count).into_iter().map(share).collect()
+}
+
+fn cut(system: &System, count: usize) -> Vec<Range<usize>> {
+    let mut ends = vec![0u64; system.particles()];
+    for (_, pair, _) in system.active() {
+        pair.into_iter().for_each(|particle| ends[particle] += 1);
+    }
+    let total: u64 = ends.iter().sum();
+    let mut ranges = Vec::with_capacity(count);
+    let (mut start, mut passed) = (0, 0);
+    for (particle, &here) in ends.iter().enumerate() {
+        passed += here;
+        if ranges.len() + 1 < count && passed * count as u64 >= total * (ranges.len() as u64 + 1) {
+            ranges.push(start..particle + 1);
+            start = particle + 1;
+        }
+    }
+    ranges.push(start..ends.len());
+    ranges
+}
