@@ -3,12 +3,13 @@
 //! `cargo bench --bench multigrid -- [THREADS [SCENE SIZE [STIFFER [OPTION]]]…]`, for example `2 cloth 316 1 tension`. Times are
 //! the least of several, in milliseconds, elapsed and (with one thread) computed: the latter counts on a busy machine.
 
-use nalgebra::Vector3;
+#[path = "scenes.rs"]
+mod scenes;
+
 use sprung::force::Extensions;
 use sprung::linear::{CgSolver, LinearSolver, PreconditionerKind};
 use sprung::multigrid::Multigrid;
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
-use sprung::scene::{Kind, builtin};
 use sprung::work::Work;
 use sprung::{State, Stiffness, System};
 use std::time::Instant;
@@ -58,23 +59,12 @@ fn time(repeats: usize, mut f: impl FnMut()) -> String {
     format!("{:.1}/{:.1}", least[0], least[1])
 }
 
-/// Without damping, every coordinate moved by up to 3 % of the spacing.
+/// Without damping, `stiffer` times as stiff.
 fn scene(kind: &str, size: usize, stiffer: f64) -> (System, State) {
-    let kind = Kind::ALL.into_iter().find(|k| k.name() == kind).unwrap();
-    let mut builder = builtin(kind, size).unwrap().builder().unwrap();
-    let [i, j] = builder.pairs[0].map(|p| p as usize);
-    let spacing = (builder.positions[i] - builder.positions[j]).norm();
+    let mut builder = scenes::scene(kind, size).unwrap().builder().unwrap();
     for spring in &mut builder.springs {
         spring.damping = 0.0;
         spring.stiffness *= stiffer;
-    }
-    let mut seed = 1u64;
-    let mut random = || {
-        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        2.0 * (seed >> 11) as f64 / (1u64 << 53) as f64 - 1.0
-    };
-    for x in &mut builder.positions {
-        *x += Vector3::from_fn(|_, _| 0.03 * spacing * random());
     }
     builder.build().unwrap()
 }

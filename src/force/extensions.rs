@@ -2,7 +2,7 @@
 
 use crate::parallel::try_pieces;
 use crate::spring::Extension;
-use crate::system::{Share, System, share_count, shares};
+use crate::system::{Share, System, shares};
 use nalgebra::Vector3;
 
 /// A spring whose ends coincide: its direction, and with it force and stiffness, do not exist.
@@ -19,7 +19,7 @@ pub struct DegenerateSpring {
 #[derive(Debug, Clone)]
 pub struct Extensions {
     values: Vec<Extension>,
-    /// How sums over springs are shared out; empty where one thread does it all.
+    /// How sums over springs are shared out.
     shares: Vec<Share>,
 }
 
@@ -40,8 +40,7 @@ impl Extensions {
             Extension::between(&positions[i], &positions[j]).ok_or(DegenerateSpring { spring, pair })
         };
         let values = system.active().map(extension).collect::<Result<_, _>>()?;
-        let count = share_count(system);
-        Ok(Self { values, shares: if count > 1 { shares(system, count) } else { Vec::new() } })
+        Ok(Self { values, shares: shares(system) })
     }
 
     /// Recomputes for new positions of the same system, in parallel and without allocating.
@@ -63,7 +62,7 @@ impl Extensions {
         &self.values
     }
 
-    pub(super) fn shares(&self) -> &[Share] {
+    pub(crate) fn shares(&self) -> &[Share] {
         &self.shares
     }
 

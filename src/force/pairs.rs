@@ -13,14 +13,13 @@ impl<F: Fn(&Spring, [usize; 2], &Extension) -> Option<Vector3<f64>> + Sync> Pair
 /// Adds to `total` the force on end i of every active spring and its opposite on end j.
 pub(super) fn add(system: &System, extensions: &Extensions, total: &mut [Vector3<f64>], force: &impl PairForce) {
     let shares = extensions.shares();
-    if shares.is_empty() {
-        for ((_, pair, spring), at) in system.active().zip(extensions.iter()) {
-            if let Some(f) = force(spring, pair, at) {
-                add_own(total, 0, pair, f);
-            }
+    if shares.len() > 1 {
+        return add_shares(system, extensions, shares, total, force);
+    }
+    for ((_, pair, spring), at) in system.active().zip(extensions.iter()) {
+        if let Some(f) = force(spring, pair, at) {
+            add_own(total, 0, pair, f);
         }
-    } else {
-        add_shares(system, extensions, shares, total, force);
     }
 }
 
@@ -35,7 +34,7 @@ fn add_shares(
     match shares {
         [] => {}
         [Share { particles, springs }] => {
-            for &position in springs {
+            for &position in &**springs {
                 let spring = system.active_springs()[position as usize] as usize;
                 let pair = system.pair(spring);
                 if let Some(f) = force(&system.springs()[spring], pair, &extensions.as_slice()[position as usize]) {

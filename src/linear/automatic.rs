@@ -4,7 +4,7 @@
 //! stiffness, the step, the tolerance and the first guesses; only trying shows it. So they are tried, and watched: the
 //! effort by which they exceed the factorizations that they replace is added up, starting again from zero whenever it
 //! falls below. When it reaches the cost of one factorization the solver changes to factorizations for good. Whatever a
-//! scene is like, this wastes at most the cost of two of them (the argument of renting or buying skis).
+//! scene is like, this wastes, by the same count, at most the cost of two of them (the argument of renting or buying skis).
 //!
 //! Effort is counted, not timed: the same run makes the same choice, and gives the same bits, on every machine and for any
 //! number of threads. The unit is a product with A. The weights are measured on cloths and lattices of 10³ to 10⁵ particles:

@@ -47,7 +47,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
         )?;
         let coarse = Pattern::build(
             columns,
-            union(columns, |row| prolongator.column(row, 0..a.rows()).map(|(node, _)| product.columns(node))),
+            union(columns, |row| prolongator.column(row).map(|(node, _)| product.columns(node))),
         )?;
         let section = |start: usize| {
             let rows = start..a.rows().min(start + SECTION);
@@ -81,7 +81,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
             });
             let values = &mut values[pattern.positions(coarse)];
             for_each_row_of(pattern, coarse.clone(), GRAIN, values, &|row, sums| {
-                for (node, p) in prolongator.column(row, rows.clone()) {
+                for (node, p) in prolongator.column_within(row, rows.clone()) {
                     let p = double(p);
                     let mut slots = Slots::new(pattern.columns(row), sums);
                     let of_node = product.row(node);

@@ -123,10 +123,24 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         for_each_row(by_columns, |place, p| *p = values[transpose.entry(place).1 as usize]);
     }
 
+    /// Nodes and blocks of a column of P.
+    #[inline(always)]
+    pub fn column(&self, aggregate: usize) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
+        self.blocks_at(self.transpose.column(aggregate))
+    }
+
     /// Nodes and blocks of a column of P within some rows.
     #[inline(always)]
-    pub fn column(&self, aggregate: usize, rows: Range<usize>) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
-        let places = self.transpose.column(aggregate, rows);
+    pub fn column_within(
+        &self,
+        aggregate: usize,
+        rows: Range<usize>,
+    ) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
+        self.blocks_at(self.transpose.column_within(aggregate, rows))
+    }
+
+    #[inline(always)]
+    fn blocks_at(&self, places: Range<usize>) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
         let nodes = self.transpose.entries(places.clone()).iter().map(|&(node, _)| node as usize);
         nodes.zip(&self.by_columns[places])
     }
@@ -145,7 +159,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
     pub fn restrict(&self, r: &[[f32; N]], coarse: &mut [[f32; M]]) {
         for_each_row(coarse, |aggregate, sum| {
             *sum = [0.0; M];
-            for (node, p) in self.column(aggregate, 0..r.len()) {
+            for (node, p) in self.column(aggregate) {
                 add_transposed_apply(sum, p, &r[node]);
             }
         });

@@ -98,10 +98,16 @@ pub(super) struct Transpose {
 }
 
 impl Transpose {
+    /// Places of a column's blocks.
+    #[inline(always)]
+    pub fn column(&self, column: usize) -> Range<usize> {
+        self.starts[column]..self.starts[column + 1]
+    }
+
     /// Places of a column's blocks in some rows.
     #[inline(always)]
-    pub fn column(&self, column: usize, rows: Range<usize>) -> Range<usize> {
-        let (start, end) = (self.starts[column], self.starts[column + 1]);
+    pub fn column_within(&self, column: usize, rows: Range<usize>) -> Range<usize> {
+        let Range { start, end } = self.column(column);
         let entries = &self.entries[start..end];
         let before = |row: usize| entries.partition_point(|&(r, _)| (r as usize) < row);
         start + before(rows.start)..start + before(rows.end)

@@ -18,8 +18,9 @@
 
 use super::prefetch;
 use crate::spring::SpringBlock;
-use crate::system::{Axes, DofMap, Share, System, share_count, shares};
+use crate::system::{Axes, DofMap, Share, System};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Records between two rounds of prefetching: five cache lines hold eight of them.
 const BATCH: usize = 8;
@@ -52,7 +53,7 @@ const NO_ROW: u32 = u32::MAX - 1;
 struct Part {
     rows: Range<usize>,
     /// Positions among the active springs, ascending.
-    positions: Vec<u32>,
+    positions: Arc<[u32]>,
     records: Vec<Record>,
 }
 
@@ -65,10 +66,9 @@ pub(super) struct SpringStream {
 }
 
 impl SpringStream {
-    /// The parts for the current number of threads; [`update`](Self::update) fills in the numbers.
-    pub fn new(system: &System) -> Self {
-        let shares = shares(system, share_count(system));
-        let parts = shares.into_iter().map(|share| Part::new(system, share)).collect();
+    /// A part for every share; [`update`](Self::update) fills in the numbers.
+    pub fn new(system: &System, shares: &[Share]) -> Self {
+        let parts = shares.iter().map(|share| Part::new(system, share)).collect();
         Self { parts, sign: 1.0 }
     }
 
@@ -126,17 +126,17 @@ fn multiply_parts<const N: usize>(parts: &[Part], springs: &Springs, diagonal: &
 }
 
 impl Part {
-    fn new(system: &System, Share { particles, springs: positions }: Share) -> Self {
+    fn new(system: &System, Share { particles, springs: positions }: &Share) -> Self {
         let nothing = Record { g: [0.0; 3], transverse: 0.0, ends: [0; 2] };
         let rows = system.dofs().first_row(particles.start)..system.dofs().first_row(particles.end);
-        Self { rows, records: vec![nothing; positions.len()], positions }
+        Self { rows, records: vec![nothing; positions.len()], positions: positions.clone() }
     }
 
     fn update(&mut self, springs: &Springs) {
         let Springs { system, blocks, sign } = *springs;
         let modelled = Axes::first(system.dimension());
         let dofs = system.dofs();
-        for (record, &position) in self.records.iter_mut().zip(&self.positions) {
+        for (record, &position) in self.records.iter_mut().zip(&*self.positions) {
             let SpringBlock { direction, transverse, axial } = blocks[position as usize];
             let pair = system.pair(system.active_springs()[position as usize] as usize);
             let excess = sign * (axial - transverse);

@@ -68,7 +68,14 @@ impl<'s> SystemOperator<'s> {
         let nothing = SpringBlock { direction: Vector3::zeros(), transverse: 0.0, axial: 0.0 };
         let blocks = vec![nothing; system.active_springs().len()];
         let inertia = vec![0.0; system.dofs().len()];
-        let mut operator = Self { system, mass: 0.0, blocks, stream: SpringStream::new(system), inertia, coupled };
+        let mut operator = Self {
+            system,
+            mass: 0.0,
+            blocks,
+            stream: SpringStream::new(system, extensions.shares()),
+            inertia,
+            coupled,
+        };
         operator.update(extensions, option, combination);
         operator
     }

@@ -10,7 +10,7 @@ pub use builder::SystemBuilder;
 pub(crate) use builder::check_length;
 pub use constraint::{Axes, Constraint, Motion, Prescribed};
 pub use dofs::{Dof, DofMap};
-pub(crate) use shares::{Share, share_count, shares};
+pub(crate) use shares::{Share, shares};
 pub use state::State;
 
 use crate::spring::Spring;

@@ -6,6 +6,7 @@
 
 use super::System;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Springs below which a share is not worth a thread.
 const LEAST_SPRINGS: usize = 8192;
@@ -15,16 +16,12 @@ const LEAST_SPRINGS: usize = 8192;
 pub(crate) struct Share {
     pub particles: Range<usize>,
     /// Positions among the active springs, ascending.
-    pub springs: Vec<u32>,
+    pub springs: Arc<[u32]>,
 }
 
-/// How many shares the current number of threads is to have.
-pub(crate) fn share_count(system: &System) -> usize {
-    (system.active_springs().len() / LEAST_SPRINGS).clamp(1, rayon::current_num_threads())
-}
-
-/// All particles in so many shares, in each of which about as many springs end.
-pub(crate) fn shares(system: &System, count: usize) -> Vec<Share> {
+/// All particles, a share for each of the current threads where that pays; about as many springs end in each.
+pub(crate) fn shares(system: &System) -> Vec<Share> {
+    let count = (system.active_springs().len() / LEAST_SPRINGS).clamp(1, rayon::current_num_threads());
     let share = |particles: Range<usize>| {
         let ends_here = |pair: [usize; 2]| pair.iter().any(|end| particles.contains(end));
         let active = (0u32..).zip(system.active());
