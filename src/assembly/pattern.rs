@@ -169,3 +169,29 @@ fn compressed_columns(
     }
     SymbolicSparseColMat::new_checked(dofs.len(), dofs.len(), column_pointers, None, row_indices)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{BlockPattern, set_offsets};
+    use crate::{Constraint, Motion, SystemBuilder, system::Axes};
+
+    /// The count refuses systems that are too large before anything of their size is stored: too low it would let indices
+    /// overflow, and no test can afford such a system.
+    #[test]
+    fn entries_are_counted_as_they_are_stored() {
+        let mut builder = SystemBuilder::new();
+        for p in 0..6 {
+            builder.particle([f64::from(p), f64::from(p * p), 0.0], 1.0);
+        }
+        // Three, two, one and no degrees of freedom.
+        for (particle, axes) in [(1, Axes::of(&[0])), (2, Axes::of(&[0, 2])), (3, Axes::ALL)] {
+            builder.constraints.push(Constraint { particles: vec![particle], axes, motion: Motion::Held });
+        }
+        let (system, _) = builder.build().unwrap();
+        for pairs in [&[][..], &[[0, 1]], &[[0, 1], [2, 0], [0, 3], [1, 2], [4, 5], [5, 1], [1, 0], [2, 4]]] {
+            let pattern = BlockPattern::new(system.dofs(), pairs.iter().copied()).unwrap();
+            let counted = set_offsets(system.dofs(), &pattern.starts, &mut pattern.neighbours.clone());
+            assert_eq!(counted, pattern.entries() as u64, "{pairs:?}");
+        }
+    }
+}

@@ -23,12 +23,6 @@ pub struct Extensions {
     shares: Vec<Share>,
 }
 
-impl PartialEq for Extensions {
-    fn eq(&self, other: &Self) -> bool {
-        self.values == other.values
-    }
-}
-
 impl Extensions {
     /// At the given full-length positions.
     ///

@@ -71,7 +71,10 @@ pub struct Energies {
 impl Energies {
     /// The largest difference of a kind over the largest of all kinds.
     pub fn distance(&self, found: &Energy) -> f64 {
-        numbers(&[found.kinetic, found.elastic, found.gravitational], &[self.kinetic, self.elastic, self.gravitational])
+        let Energy { kinetic, elastic, gravitational } = *found;
+        let sum = self.kinetic + self.elastic + self.gravitational;
+        let expected = [self.kinetic, self.elastic, self.gravitational, sum];
+        numbers(&[kinetic, elastic, gravitational, found.total()], &expected)
     }
 }
 
