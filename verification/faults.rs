@@ -5,18 +5,17 @@
 //! Arguments choose faults by part of their name; then only their rows are renewed. Every fault costs a build: a quarter of an
 //! hour for all. A fault that survives, does not compile or no longer finds its place makes the exit status 1.
 
+mod copy;
+
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
-use std::{fs, io};
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
-
-/// What is no part of the program.
-const LEFT_OUT: [&str; 3] = ["target", ".git", "out"];
 
 /// Longest time that the suite may take on a faulty program; it takes some seconds on the right one.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -70,15 +69,9 @@ fn run() -> Result<bool> {
     let folder = root.join("verification");
     let list: List = toml::from_str(&fs::read_to_string(folder.join("faults.toml"))?)?;
     let wanted: Vec<String> = std::env::args().skip(1).collect();
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or(root.join("target"), PathBuf::from).join("faults");
+    let target = copy::target(root).join("faults");
     let copy = target.join("program");
-    fs::create_dir_all(&copy)?;
-    for part in fs::read_dir(root)? {
-        let part = part?.file_name();
-        if !LEFT_OUT.iter().any(|left_out| part == *left_out) {
-            synchronise(&root.join(&part), &copy.join(&part))?;
-        }
-    }
+    copy::program(root, &copy)?;
     if let Verdict::Failed(tests) = verdict(&copy, &target)? {
         return Err(format!("the program fails without a fault: {}", tests.join(", ")).into());
     }
@@ -174,26 +167,6 @@ fn verdict(copy: &Path, target: &Path) -> Result<Verdict> {
         (false, false) => Verdict::Failed(tests),
         (false, true) => Verdict::Broke("does not start".into()),
     })
-}
-
-/// Makes a copy the same as the original, leaving alone what already is, so that a build sees no change.
-fn synchronise(from: &Path, to: &Path) -> io::Result<()> {
-    if from.is_dir() {
-        fs::create_dir_all(to)?;
-        for entry in fs::read_dir(from)? {
-            let name = entry?.file_name();
-            synchronise(&from.join(&name), &to.join(&name))?;
-        }
-        for entry in fs::read_dir(to)? {
-            let name = entry?.file_name();
-            if !from.join(&name).exists() {
-                fs::remove_file(to.join(&name))?;
-            }
-        }
-        return Ok(());
-    }
-    let content = fs::read(from)?;
-    if fs::read(to).is_ok_and(|existing| existing == content) { Ok(()) } else { fs::write(to, content) }
 }
 
 /// How many families, or faults, a row of a table names.

@@ -1,0 +1,142 @@
+//! Builds of the changed copy: which mutants compile, and the test programs.
+
+use super::Result;
+use super::listed::Mutant;
+use super::switch::{self, Switched};
+use crate::copy;
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::{fs, mem};
+
+/// A folder with a copy of the program, and the original that it is copied from.
+pub struct Copy {
+    pub root: PathBuf,
+    pub folder: PathBuf,
+}
+
+impl Copy {
+    pub fn new(root: &Path) -> Result<Self> {
+        let copy = Self { root: root.to_owned(), folder: copy::target(root).join("mutants-program") };
+        copy.restore()?;
+        Ok(copy)
+    }
+
+    fn restore(&self) -> Result<()> {
+        Ok(copy::program(&self.root, &self.folder)?)
+    }
+
+    /// Gives the copy all mutants but those left out, behind switches, and the lines that they take in each file.
+    fn switch(&self, mutants: &[Mutant], left_out: &BTreeSet<usize>) -> Result<BTreeMap<String, Switched>> {
+        let mut files = BTreeMap::<&str, Vec<(usize, &Mutant)>>::new();
+        for (number, mutant) in numbered(mutants) {
+            let within = files.entry(&mutant.file).or_default();
+            if mutant.function.is_some() && !left_out.contains(&number) {
+                within.push((number, mutant));
+            }
+        }
+        let mut written = BTreeMap::new();
+        for (file, within) in files {
+            let source = fs::read_to_string(self.root.join(file))?;
+            let switched = switch::switched(&source, &within).ok_or_else(|| format!("{file}: cannot be switched"))?;
+            copy::write(&self.folder.join(file), switched.source.as_bytes())?;
+            written.insert(file.to_owned(), switched);
+        }
+        let library = fs::read_to_string(self.root.join("src/lib.rs"))? + switch::LIBRARY;
+        copy::write(&self.folder.join("src/lib.rs"), library.as_bytes())?;
+        Ok(written)
+    }
+
+    /// Puts every mutant that compiles behind a switch; returns the numbers of those that do not.
+    pub fn with_switches(&self, mutants: &[Mutant]) -> Result<BTreeSet<usize>> {
+        let mut unviable = BTreeSet::new();
+        loop {
+            let switched = self.switch(mutants, &unviable)?;
+            let errors = self.errors()?;
+            if errors.is_empty() {
+                return Ok(unviable);
+            }
+            let known = unviable.len();
+            for error in &errors {
+                let guilty = guilty(error, &switched);
+                if guilty.is_empty() {
+                    return Err(format!("outside the mutants: {}", error["rendered"]).into());
+                }
+                unviable.extend(guilty);
+            }
+            println!("{} mutants do not compile so far", unviable.len());
+            if unviable.len() == known {
+                return Err("the same errors again".into());
+            }
+        }
+    }
+
+    /// Gives the copy one mutant, without a switch; whether it compiles.
+    pub fn with_one(&self, mutant: &Mutant) -> Result<bool> {
+        self.restore()?;
+        let source = fs::read_to_string(self.root.join(&mutant.file))?;
+        let source = switch::replaced(&source, mutant).ok_or_else(|| format!("{}: no such place", mutant.name))?;
+        fs::write(self.folder.join(&mutant.file), source)?;
+        Ok(self.errors()?.is_empty())
+    }
+
+    /// Errors of the compiler in the library.
+    fn errors(&self) -> Result<Vec<Value>> {
+        let messages = self.cargo(&["check", "--lib"])?;
+        let of_compiler = messages.into_iter().filter(|message| message["reason"] == "compiler-message");
+        Ok(of_compiler
+            .map(|mut message| mem::take(&mut message["message"]))
+            .filter(|message| message["level"] == "error" && !message["spans"].as_array().is_none_or(Vec::is_empty))
+            .collect())
+    }
+
+    /// Builds all tests; returns the test programs, the verification suite first, each with its name.
+    pub fn tests(&self) -> Result<Vec<(String, PathBuf)>> {
+        let messages = self.cargo(&["test", "--no-run", "--lib", "--tests"])?;
+        let mut programs: Vec<(String, PathBuf)> = Vec::new();
+        for message in messages.iter().filter(|message| message["profile"]["test"] == true) {
+            let (name, program) = (message["target"]["name"].as_str(), message["executable"].as_str());
+            if let (Some(name), Some(program)) = (name, program) {
+                programs.push((name.into(), program.into()));
+            }
+        }
+        if !messages.iter().any(|message| message["success"] == true) {
+            return Err(format!("the tests in {} do not compile", self.folder.display()).into());
+        }
+        programs.sort_by_key(|(name, _)| (name != "verification", name.clone()));
+        Ok(programs)
+    }
+
+    /// Runs cargo in the copy; the messages it gives.
+    fn cargo(&self, arguments: &[&str]) -> Result<Vec<Value>> {
+        let output = Command::new(env!("CARGO"))
+            .args(arguments)
+            .args(["--profile", "mutants", "--message-format", "json", "--target-dir"])
+            .arg(self.folder.with_file_name("mutants-build"))
+            // A lint that a mutant offends, an unused variable for one, is no error.
+            .env("RUSTFLAGS", "--cap-lints=warn")
+            .env("CARGO_INCREMENTAL", "1")
+            .current_dir(&self.folder)
+            .stderr(Stdio::null())
+            .output()?;
+        Ok(String::from_utf8(output.stdout)?.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
+    }
+}
+
+/// Mutants with their numbers, from 1: 0 is the program itself.
+pub fn numbered(mutants: &[Mutant]) -> impl Iterator<Item = (usize, &Mutant)> {
+    mutants.iter().enumerate().map(|(index, mutant)| (index + 1, mutant))
+}
+
+/// The mutants in whose lines an error lies: where the compiler points first, or else anywhere it points.
+fn guilty(error: &Value, switched: &BTreeMap<String, Switched>) -> BTreeSet<usize> {
+    let spans: Vec<&Value> = error["spans"].as_array().into_iter().flatten().collect();
+    let at = |span: &&Value| {
+        let line = span["line_start"].as_u64().unwrap_or(0) as usize;
+        let lines = span["file_name"].as_str().and_then(|file| switched.get(file)).map(|file| &file.lines);
+        lines.into_iter().flatten().find(|(_, lines)| lines.contains(&line)).map(|(number, _)| *number)
+    };
+    let primary: BTreeSet<usize> = spans.iter().filter(|span| span["is_primary"] == true).filter_map(at).collect();
+    if primary.is_empty() { spans.iter().filter_map(at).collect() } else { primary }
+}

@@ -1,0 +1,65 @@
+//! The mutants that cargo-mutants finds in the numerical rooms.
+
+use serde::Deserialize;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+/// A place in a file; lines and columns count from 1, columns in characters.
+#[derive(Deserialize, Clone, Copy)]
+pub struct Place {
+    pub line: usize,
+    pub column: usize,
+}
+
+/// From a place to just before another.
+#[derive(Deserialize, Clone, Copy)]
+pub struct Span {
+    pub start: Place,
+    pub end: Place,
+}
+
+#[derive(Deserialize, Clone)]
+pub struct Function {
+    pub return_type: String,
+    pub span: Span,
+}
+
+/// A mutant: what is put in place of a piece of the source.
+#[derive(Deserialize, Clone)]
+pub struct Mutant {
+    /// Place and change in words, for example `src/spring.rs:92:19: replace < with <= in Spring::is_compressed`.
+    pub name: String,
+    pub file: String,
+    pub span: Span,
+    pub replacement: String,
+    /// The function around it; none for constants, and for functions that constants call.
+    pub function: Option<Function>,
+}
+
+impl Mutant {
+    /// Name without line and column, which move when the file is edited.
+    pub fn change(&self) -> &str {
+        self.name.splitn(4, ':').last().unwrap_or(&self.name).trim()
+    }
+}
+
+/// All mutants, in the order of the files. `.cargo/mutants.toml` says which files.
+pub fn all(root: &Path) -> super::Result<Vec<Mutant>> {
+    let list = Command::new(env!("CARGO")).args(["mutants", "--list", "--json"]).current_dir(root).output()?;
+    if !list.status.success() {
+        let why = String::from_utf8_lossy(&list.stderr).into_owned();
+        return Err(format!("cargo-mutants is needed, `cargo install cargo-mutants --locked`: {why}").into());
+    }
+    let mut mutants: Vec<Mutant> = serde_json::from_slice(&list.stdout)?;
+    for mutant in &mut mutants {
+        if let Some(function) = &mutant.function {
+            let source = fs::read_to_string(root.join(&mutant.file))?;
+            let first = source.lines().skip(function.span.start.line - 1).find(|line| line.contains("fn "));
+            if first.is_some_and(|line| line.contains("const fn ")) {
+                mutant.function = None;
+            }
+        }
+    }
+    Ok(mutants)
+}

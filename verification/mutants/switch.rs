@@ -1,0 +1,119 @@
+//! All mutants of a file in one source: every function holds its own body and, behind a switch, one for each mutant.
+//!
+//! A build for each of two thousand mutants would take a night. With a switch one build holds them all, and an environment
+//! variable chooses one (R. H. Untch, A. J. Offutt and M. J. Harrold, Mutation analysis using mutant schemata, ISSTA 1993).
+
+use super::listed::{Mutant, Place, Span};
+use std::fmt::Write as _;
+use std::ops::Range;
+
+/// The environment variable that holds the number of the mutant that is to act; none acts without it.
+pub const VARIABLE: &str = "SPRUNG_MUTANT";
+
+/// What the library of the copy is given: the number of the mutant that acts, read once a process, and a type for functions
+/// that return `impl Iterator`, whose arms must be of one type.
+pub const LIBRARY: &str = r#"
+#[doc(hidden)]
+pub mod mutants {
+    pub fn active() -> u32 {
+        static ACTIVE: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
+        *ACTIVE.get_or_init(|| std::env::var("SPRUNG_MUTANT").ok().and_then(|n| n.parse().ok()).unwrap_or(0))
+    }
+    pub enum Arm<'a, I: Iterator> {
+        Mutant(Box<dyn Iterator<Item = I::Item> + 'a>),
+        Own(I),
+    }
+    impl<I: Iterator> Iterator for Arm<'_, I> {
+        type Item = I::Item;
+        fn next(&mut self) -> Option<I::Item> {
+            match self {
+                Arm::Mutant(mutant) => mutant.next(),
+                Arm::Own(own) => own.next(),
+            }
+        }
+    }
+}
+"#;
+
+/// A source with switches, and the lines that each mutant takes in it.
+pub struct Switched {
+    pub source: String,
+    pub lines: Vec<(usize, Range<usize>)>,
+}
+
+/// A function and its mutants.
+struct Switch<'m> {
+    body: Range<usize>,
+    /// Whether it returns `impl Trait`.
+    is_opaque: bool,
+    mutants: Vec<(usize, &'m Mutant)>,
+}
+
+/// Puts the mutants, given with their numbers, into a source.
+pub fn switched(source: &str, mutants: &[(usize, &Mutant)]) -> Option<Switched> {
+    let mut functions: Vec<Switch> = Vec::new();
+    for &(number, mutant) in mutants {
+        let function = mutant.function.as_ref()?;
+        let body = body(source, range(source, function.span)?)?;
+        match functions.iter_mut().find(|function| function.body == body) {
+            Some(function) => function.mutants.push((number, mutant)),
+            None => {
+                let is_opaque = function.return_type.starts_with("-> impl ");
+                functions.push(Switch { body, is_opaque, mutants: vec![(number, mutant)] });
+            }
+        }
+    }
+    functions.sort_by_key(|function| function.body.start);
+    let (mut text, mut lines, mut written) = (String::new(), Vec::new(), 0);
+    for Switch { body, is_opaque, mutants } in functions {
+        text += source.get(written..body.start)?;
+        let (open, own, close) = if is_opaque {
+            ("crate::mutants::Arm::Mutant(Box::new(", "crate::mutants::Arm::Own(", ")")
+        } else {
+            ("", "", "")
+        };
+        text += "{ match crate::mutants::active() {\n";
+        for (number, mutant) in mutants {
+            let place = range(source, mutant.span)?;
+            let first = text.lines().count() + 1;
+            let (before, after) = (source.get(body.start..place.start)?, source.get(place.end..body.end)?);
+            let _ = writeln!(text, "{number} => {open}{before} {} {after}{close}{close},", mutant.replacement);
+            lines.push((number, first..text.lines().count() + 1));
+        }
+        let _ = write!(text, "_ => {own}{}{close},\n}} }}", source.get(body.clone())?);
+        written = body.end;
+    }
+    text += source.get(written..)?;
+    Some(Switched { source: text, lines })
+}
+
+/// A source with one mutant in place, for those in constants, which no switch can choose while the program runs.
+pub fn replaced(source: &str, mutant: &Mutant) -> Option<String> {
+    let place = range(source, mutant.span)?;
+    Some(format!("{} {} {}", source.get(..place.start)?, mutant.replacement, source.get(place.end..)?))
+}
+
+/// The body of a function, braces included: from the first brace that stands in no other bracket.
+fn body(source: &str, function: Range<usize>) -> Option<Range<usize>> {
+    let mut depth = 0;
+    for (at, character) in source.get(function.clone())?.char_indices() {
+        match character {
+            '(' | '[' => depth += 1,
+            ')' | ']' => depth -= 1,
+            '{' if depth == 0 => return Some(function.start + at..function.end),
+            _ => {}
+        }
+    }
+    None
+}
+
+/// A span as a range of bytes.
+fn range(source: &str, span: Span) -> Option<Range<usize>> {
+    Some(byte(source, span.start)?..byte(source, span.end)?)
+}
+
+fn byte(source: &str, place: Place) -> Option<usize> {
+    let before: usize = source.split_inclusive('\n').take(place.line - 1).map(str::len).sum();
+    let line = source.get(before..)?;
+    line.char_indices().map(|(at, _)| at).chain([line.len()]).nth(place.column - 1).map(|at| before + at)
+}
