@@ -281,3 +281,6 @@ fn root_mean_square(vectors: impl ExactSizeIterator<Item = Vector3<f64>>) -> f64
     let count = vectors.len().max(1) as f64;
     (vectors.map(|v| v.norm_squared()).sum::<f64>() / count).sqrt()
 }
+
+#[cfg(test)]
+mod tests;

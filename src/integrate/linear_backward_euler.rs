@@ -95,3 +95,29 @@ pub(super) fn advance(
     system.prescribed().set_positions(state.time, &mut state.positions);
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::advance;
+    use crate::integrate::StepFailure;
+    use crate::system::SystemBuilder;
+    use nalgebra::Vector3;
+
+    /// Positions or velocities that would overflow are refused, and the state stays as it was.
+    #[test]
+    fn states_stay_finite() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([1.5e308, -1.5e308, 0.0], 1.0);
+        let (system, start) = builder.build().unwrap();
+        let step = |displacement: [f64; 3], dt: f64| {
+            let mut state = start.clone();
+            let outcome = advance(&system, &mut state, &[Vector3::from(displacement)], dt);
+            assert_eq!(outcome.is_err(), state == start);
+            outcome
+        };
+        assert_eq!(step([1e308, 0.0, 0.0], 1.0), Err(StepFailure::NonFinite));
+        assert_eq!(step([-1e308, 0.0, 0.0], 1.0), Ok(()));
+        assert_eq!(step([0.0, 0.0, 1e308], 0.1), Err(StepFailure::NonFinite));
+        assert_eq!(step([0.0, 0.0, 1e308], 10.0), Ok(()));
+    }
+}

@@ -79,3 +79,72 @@ impl Balance {
         Self { forces: norm(0), rounding: norm(1) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Balance, Point};
+    use crate::force::Extensions;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+    use nalgebra::Vector3;
+
+    const START: Point = Point { residual: 1.0, potential: 10.0, noise: 0.0, slope: -4.0, damping_slope: 0.5 };
+
+    /// Over a quarter of the direction the damping forces do 0.5·0.25·(0.5 + 0.3) = 0.1, and 1e-4 is to be gained.
+    #[test]
+    fn the_potential_with_the_work_of_damping_must_fall() {
+        let after = |potential| Point { potential, slope: 9.0, damping_slope: 0.3, ..START };
+        assert!(after(9.8999 - 1e-9).is_lower(&START, 0.25));
+        assert!(!after(9.8999 + 1e-9).is_lower(&START, 0.25));
+    }
+
+    /// Where rounding hides the fall, the slope must have fallen to 1 − 2·1e-4 of its magnitude.
+    #[test]
+    fn the_slope_decides_within_the_noise() {
+        let from = Point { noise: 0.2, damping_slope: 0.0, ..START };
+        let after = |change, slope| {
+            let potential = from.potential + change;
+            Point { residual: 1.0, potential, noise: 0.3, slope, damping_slope: 0.0 }.is_lower(&from, 0.25)
+        };
+        assert!(after(0.49, 3.9991));
+        assert!(!after(0.49, 3.9993));
+        assert!(after(0.49, -7.0));
+        assert!(!after(0.51, -7.0));
+    }
+
+    #[test]
+    fn steps_are_shortened_to_the_zero_of_a_linear_slope() {
+        let part = |before, after| Point { slope: after, ..START }.shortening(&Point { slope: before, ..START });
+        assert_eq!(part(-1.0, 3.0), 0.25);
+        assert_eq!(part(-3.0, 1.0), 0.5);
+        assert_eq!(part(-1.0, 99.0), 0.1);
+        assert_eq!(part(-1.0, -0.5), 0.5);
+    }
+
+    /// Two free particles below a held one: every magnitude by hand.
+    #[test]
+    fn forces_and_roundings_are_added_up_in_magnitude() {
+        let mut builder = SystemBuilder::new();
+        builder.gravity(0.0, -6.0, -8.0);
+        for (position, mass) in [([0.0; 3], 7.0), ([3.0, 0.0, 0.0], 2.0), ([3.0, 4.0, 0.0], 0.5)] {
+            builder.particle(position, mass);
+        }
+        builder.hold(0);
+        builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 2.0, damping: 4.0 });
+        builder.spring(1, 2, Spring { stiffness: 30.0, rest_length: 5.0, damping: 3.0 });
+        let (system, mut state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let mut trial = state.clone();
+        trial.velocities[1] = Vector3::new(3.0, 4.0, 0.0);
+        trial.velocities[2] = Vector3::new(0.0, -3.0, 0.0);
+        state.velocities[1] = Vector3::new(0.0, 0.0, 2.0);
+        state.velocities[2] = Vector3::new(1.0, 0.0, 0.0);
+        let Balance { forces, rounding } =
+            Balance::of(&system, &extensions, [&state, &trial], 0.5, &mut [Vector3::zeros(); 3]);
+        // Inertia and weight, then the springs' stretch and damping: 48 + (50 + 12) + (6 + 21) and 9 + 27.
+        assert!((forces - 137f64.hypot(36.0)).abs() < 1e-11, "{forces}");
+        // 48 + (50·(3 + 2·3) + 62) + (6·(3 + 5 + 2·4) + 27) and 9 + 123.
+        let ulps = rounding / f64::EPSILON;
+        assert!((ulps - 683f64.hypot(132.0)).abs() < 1e-10, "{ulps}");
+    }
+}

@@ -107,3 +107,55 @@ impl Method {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Method;
+    use crate::integrate::{ImplicitOptions, WMethod};
+    use crate::spring::Spring;
+    use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+    use nalgebra::Vector3;
+
+    #[test]
+    fn matrices_are_those_of_the_stages() {
+        for method in Method::ALL {
+            let part = match method {
+                Method::W2 => 1.0 - 0.5f64.sqrt(),
+                Method::ImplicitMidpoint => 0.5,
+                _ => 1.0,
+            };
+            for step in [0.25, 3.0] {
+                assert!((method.matrix_dt(step) - part * step).abs() < 1e-15, "{}", method.name());
+            }
+        }
+        assert!((WMethod::GAMMA - (1.0 - 0.5f64.sqrt())).abs() < 1e-16);
+    }
+
+    /// Every stepper goes by its method's name, tells its solver if it has one, counts its work, and is at the end of the step
+    /// when it is done, prescribed particles with it.
+    #[test]
+    fn every_stepper_tells_what_it_is_and_does() {
+        let mut builder = SystemBuilder::new();
+        for x in [0.0, 1.0, 2.0] {
+            builder.particle([x, 0.0, 0.0], 1.0);
+        }
+        builder.spring(0, 1, Spring { stiffness: 5.0, rest_length: 0.9, damping: 0.1 });
+        let motion =
+            Motion::Path { times: vec![1.0, 2.0, 3.0], offsets: [0.0, 8.0, 4.0].map(Vector3::repeat).to_vec() };
+        builder.constrain(Constraint { particles: vec![2], axes: Axes::ALL, motion });
+        let (system, mut start) = builder.build().unwrap();
+        start.time = 1.5;
+        start.prescribe(&system);
+        for method in Method::ALL {
+            let mut stepper = method.stepper(&system, &start, &ImplicitOptions::default()).unwrap();
+            assert_eq!(stepper.name(), method.name());
+            assert_eq!(stepper.linear_solver().is_some(), method.is_implicit());
+            assert_eq!(stepper.statistics().work.force_evaluations, 0);
+            let mut state = start.clone();
+            stepper.step(&mut state, 0.25).unwrap();
+            assert!(stepper.statistics().work.force_evaluations > 0, "{}", method.name());
+            assert_eq!(state.time, 1.75);
+            assert_eq!(state.positions[2], Vector3::new(8.0, 6.0, 6.0), "{}", method.name());
+        }
+    }
+}

@@ -4,6 +4,7 @@ mod adaptive;
 mod backward_euler;
 mod explicit;
 mod failure;
+mod filter;
 mod forcing;
 mod implicit;
 mod implicit_midpoint;

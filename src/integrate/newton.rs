@@ -28,27 +28,17 @@
 //! "approximate Wolfe" condition of Hager and Zhang, 2005). The iteration starts from the lower one in Φ of staying (δ = 0) and
 //! coasting (δ = dt v): from δ = 0 its first full step is the linearised step.
 //!
-//! **Filters that do not fit.** The option `axial` leaves out the transverse stiffness of stretched springs, which may be
-//! thousands of times `M/dt²`: its directions are then too long by this factor, and shortening them starves all other modes.
-//! `tension` leaves out what compressed springs take away: its directions are too short, and the convergence is linear. When a
-//! step must be cut below a quarter, or r does not fall to a quarter, the rest of the time step is solved `on-demand`: with the
-//! full stiffness wherever it is definite. All lead to the same solution.
-//!
-//! **Saddles.** Where Φ bends downwards a little, as for a column just beyond its buckling load, a softened matrix is thousands
-//! of times too stiff along the buckling mode: iterations creep off the saddle by a constant small factor. When softened matrices
-//! have been slow a few times, the rest of the time step keeps the full stiffness and raises the masses instead, `A + σ M/dt²`
-//! with σ about as small as makes it definite (Levenberg's and Marquardt's shift in the metric of the masses). Off the saddle
-//! σ falls to zero, and the convergence is quadratic again.
+//! **The matrix** is that of the stiffness option as long as it serves, and otherwise one that does, see [`Filter`].
 
+use super::filter::{Filter, Matrix};
 use super::forcing::Forcing;
-use super::implicit::{ImplicitOptions, LinearSystem, StiffnessPolicy};
+use super::implicit::{ImplicitOptions, LinearSystem};
 use super::merit::{Balance, Point};
 use super::{NotSolved, StepFailure};
 use crate::error::Result;
 use crate::force::{add_damping_differential, add_damping_force, add_elastic_force, add_weight};
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
-use crate::spring::Stiffness;
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
@@ -70,20 +60,6 @@ impl Default for NewtonOptions {
 
 /// How often a step is shortened before the line search gives up.
 const SHORTENINGS: usize = 40;
-
-/// A step below this part of a direction says that the matrix is too soft.
-const TOO_SOFT: f64 = 0.25;
-
-/// A residual above this part of the last says that the matrix is too stiff.
-const TOO_STIFF: f64 = 0.25;
-
-/// So many slow iterations with softened matrices say that these hide where the energy bends downwards.
-const PATIENCE: u32 = 4;
-
-/// Bounds of the part by which masses are raised, and its factor from one attempt to the next.
-const LEAST_SHIFT: f64 = 1e-4;
-const LARGEST_SHIFT: f64 = 1e8;
-const SHIFT_FACTOR: f64 = 4.0;
 
 /// How often a direction is refined by the change of damping directions.
 const REFINEMENTS: usize = 8;
@@ -107,15 +83,6 @@ pub(super) struct Newton<'s> {
     trial: State,
 }
 
-/// What stands for A in an iteration.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Matrix {
-    /// A under a stiffness policy.
-    Filtered(StiffnessPolicy),
-    /// A with the full stiffness, its masses raised by this part of themselves where it is not positive definite.
-    Shifted(f64),
-}
-
 impl<'s> Newton<'s> {
     pub fn new(system: &'s System, state: &State, implicit: &ImplicitOptions, options: NewtonOptions) -> Result<Self> {
         let zeros = || vec![Vector3::zeros(); system.particles()];
@@ -134,8 +101,7 @@ impl<'s> Newton<'s> {
 
     /// Solves for the free entries of `displacement` over dt seconds from a state.
     pub fn solve(&mut self, state: &State, dt: f64) -> Result<(), StepFailure> {
-        let mut matrix = Matrix::Filtered(self.linear.policy);
-        let mut slow_filtered = 0;
+        let mut filter = Filter::new(self.linear.policy);
         let mut forcing = Forcing::new(self.linear.tolerance);
         let mut iterations = 0;
         let mut point = self.start(state, dt)?;
@@ -159,24 +125,14 @@ impl<'s> Newton<'s> {
             iterations += 1;
             self.linear.statistics.work.newton_iterations += 1;
             let eta = forcing.next(point.residual, target);
-            [point.slope, point.damping_slope] = self.direct(&mut matrix, Combination::step(dt), eta)?;
+            [point.slope, point.damping_slope] = self.direct(&mut filter, Combination::step(dt), eta)?;
             if point.slope >= 0.0 {
                 return failed(NotSolved::Ascent);
             }
             let Some((step, next)) = self.line_search(state, dt, point) else {
                 return failed(NotSolved::LineSearch);
             };
-            let is_slow = step < TOO_SOFT || next.residual > TOO_STIFF * point.residual;
-            match matrix {
-                Matrix::Filtered(policy) if is_slow && policy != StiffnessPolicy::Always(Stiffness::Full) => {
-                    slow_filtered += u32::from(self.linear.is_softened());
-                    matrix = match slow_filtered {
-                        ..PATIENCE => Matrix::Filtered(StiffnessPolicy::OnDemand),
-                        _ => Matrix::Shifted(LEAST_SHIFT),
-                    };
-                }
-                Matrix::Filtered(_) | Matrix::Shifted(_) => {}
-            }
+            filter.learn(step, next.residual / point.residual, self.linear.is_softened());
             point = next;
         }
     }
@@ -249,21 +205,17 @@ impl<'s> Newton<'s> {
     }
 
     /// Prepares the matrix and sets the direction; see [`set_direction`](Self::set_direction).
-    fn direct(&mut self, matrix: &mut Matrix, step: Combination, forcing: f64) -> Result<[f64; 2], SolveFailure> {
-        let shift = match matrix {
-            Matrix::Filtered(policy) => {
-                self.linear.prepare(*policy, step)?;
-                return self.set_direction(forcing);
-            }
-            Matrix::Shifted(shift) => shift,
-        };
-        *shift = if *shift > LEAST_SHIFT { *shift / SHIFT_FACTOR } else { 0.0 };
+    fn direct(&mut self, filter: &mut Filter, step: Combination, forcing: f64) -> Result<[f64; 2], SolveFailure> {
+        filter.relax();
         loop {
-            let shifted = Combination { mass: step.mass * (1.0 + *shift), ..step };
-            match self.linear.prepare_whole(shifted).and_then(|()| self.set_direction(forcing)) {
-                Err(SolveFailure::Indefinite(_)) if *shift < LARGEST_SHIFT => {
-                    *shift = (*shift * SHIFT_FACTOR).max(LEAST_SHIFT);
+            let prepared = match filter.matrix() {
+                Matrix::Filtered(policy) => self.linear.prepare(policy, step),
+                Matrix::Shifted(shift) => {
+                    self.linear.prepare_whole(Combination { mass: step.mass * (1.0 + shift), ..step })
                 }
+            };
+            match prepared.and_then(|()| self.set_direction(forcing)) {
+                Err(SolveFailure::Indefinite(_)) if filter.raise() => {}
                 outcome => return outcome,
             }
         }
@@ -343,3 +295,6 @@ fn free_norm(system: &System, v: &[Vector3<f64>]) -> f64 {
         v.iter().enumerate().map(|(p, v)| dofs.free_axes(p).iter().map(|axis| v[axis] * v[axis]).sum::<f64>());
     squares.sum::<f64>().sqrt()
 }
+
+#[cfg(test)]
+mod tests;

@@ -58,3 +58,28 @@ pub fn run(
     }
     Outcome { steps, end: Ok(ControlFlow::Continue(())) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::run;
+    use crate::integrate::{ImplicitOptions, Method, Schedule, Status};
+    use crate::system::SystemBuilder;
+    use std::ops::ControlFlow;
+
+    /// A request to stop ends the run, unless that was at its end anyway.
+    #[test]
+    fn observers_may_end_runs() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        let (system, start) = builder.build().unwrap();
+        for (stop, steps, status) in [(2, 2, Status::Interrupted), (4, 4, Status::Completed), (9, 4, Status::Completed)]
+        {
+            let mut state = start.clone();
+            let mut stepper = Method::ForwardEuler.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+            let outcome = run(&mut *stepper, &mut state, &Schedule::steps(0.5, 4), |count, _| {
+                if count < stop { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            });
+            assert_eq!((outcome.steps, outcome.status(), state.time), (steps, status, 0.5 * steps as f64));
+        }
+    }
+}

@@ -60,3 +60,23 @@ impl Schedule {
         if done >= self.len() { self.duration } else { done as f64 * self.dt }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Schedule;
+
+    #[test]
+    fn nothing_to_do_is_empty() {
+        assert!(Schedule::steps(0.1, 0).is_empty() && Schedule::duration(0.1, 0.0).is_empty());
+        assert!(!Schedule::steps(0.1, 1).is_empty() && !Schedule::duration(0.1, 0.05).is_empty());
+    }
+
+    /// What rounding does to the quotient grows with it, so the bound is relative.
+    #[test]
+    fn steps_divide_a_duration_up_to_rounding() {
+        assert_eq!(Schedule::duration(1.0, 1e6 + 0.9e-3).len(), 1_000_000);
+        assert_eq!(Schedule::duration(1.0, 1e6 + 1.1e-3).len(), 1_000_001);
+        assert_eq!(Schedule::duration(1.0, 0.9e-9).len(), 0);
+        assert_eq!(Schedule::duration(1.0, 1.1e-9).len(), 1);
+    }
+}

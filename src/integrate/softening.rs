@@ -98,3 +98,93 @@ impl Softening {
         &self.options
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Softening;
+    use crate::force::Extensions;
+    use crate::operator::Combination;
+    use crate::spring::{Spring, Stiffness};
+    use crate::system::{System, SystemBuilder};
+
+    /// Particle 0 in the middle, joined to one particle on each of the first axes; a spring of length 1 takes c = k(1 − 1/2).
+    fn star(stiffnesses: &[f64], held: &[usize]) -> (System, Extensions) {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        for (s, &stiffness) in stiffnesses.iter().enumerate() {
+            let mut position = [0.0; 3];
+            position[s % 3] = if s < 3 { 1.0 } else { -1.0 };
+            let end = builder.particle(position, 1e3);
+            builder.spring(0, end, Spring { stiffness, rest_length: 2.0, damping: 0.0 });
+        }
+        for &p in held {
+            builder.hold(p);
+        }
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        (system, extensions)
+    }
+
+    /// Which terms go when the mass term of particle 0 is `mass`.
+    fn dropped((system, extensions): &(System, Extensions), mass: f64) -> Vec<bool> {
+        let mut softening = Softening::new(system);
+        let count = softening.choose(system, extensions, Combination { mass, damping: 0.0, stiffness: -1.0 });
+        let dropped: Vec<bool> = softening.options().iter().map(|&option| option == Stiffness::Tension).collect();
+        assert_eq!(count, dropped.iter().filter(|&&dropped| dropped).count());
+        dropped
+    }
+
+    /// c/l = k(1/l − 1/l0) is 10 here: 20 is needed where both ends move, 10 where one is held.
+    #[test]
+    fn one_spring_goes_where_it_takes_more_than_the_mass() {
+        assert_eq!(dropped(&star(&[20.0], &[]), 20.01), [false]);
+        assert_eq!(dropped(&star(&[20.0], &[]), 19.99), [true]);
+        assert_eq!(dropped(&star(&[20.0], &[1]), 10.01), [false]);
+        assert_eq!(dropped(&star(&[20.0], &[1]), 9.99), [true]);
+    }
+
+    /// A spring takes nothing along itself: on different axes two of three take part in each direction.
+    #[test]
+    fn springs_of_several_axes_are_added_up_by_direction() {
+        let star = star(&[20.0, 16.0, 12.0], &[1, 2, 3]);
+        // 10 + 8 across the third, 10 + 6 across the second, 8 + 6 across the first.
+        assert_eq!(dropped(&star, 18.01), [false, false, false]);
+        // Without the strongest 8, 6 and 14 are left; without the second 6.
+        assert_eq!(dropped(&star, 17.99), [true, false, false]);
+        assert_eq!(dropped(&star, 14.01), [true, false, false]);
+        assert_eq!(dropped(&star, 13.99), [true, true, false]);
+        assert_eq!(dropped(&star, 5.99), [true, true, true]);
+    }
+
+    #[test]
+    fn of_equals_the_first_goes() {
+        assert_eq!(dropped(&star(&[20.0, 20.0], &[1, 2]), 19.99), [true, false]);
+    }
+
+    /// Factors of M and K other than those of a step scale both sides.
+    #[test]
+    fn the_combination_scales_both_sides() {
+        let (system, extensions) = star(&[20.0], &[]);
+        let mut softening = Softening::new(&system);
+        let mut choose =
+            |mass, stiffness| softening.choose(&system, &extensions, Combination { mass, damping: 0.0, stiffness });
+        assert_eq!([choose(60.1, -3.0), choose(59.9, -3.0), choose(10.1, -0.5), choose(9.9, -0.5)], [0, 1, 0, 1]);
+        // The other sign makes compressed springs stiffer.
+        assert_eq!(choose(0.1, 1.0), 0);
+    }
+
+    /// The mass counts, not its inverse.
+    #[test]
+    fn heavier_particles_keep_more() {
+        let mut builder = SystemBuilder::new();
+        for x in 0..2 {
+            builder.particle([f64::from(x), 0.0, 0.0], 4.0);
+        }
+        builder.hold(1);
+        builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+        let (system, state) = builder.build().unwrap();
+        let system = (system.clone(), Extensions::at(&system, &state.positions).unwrap());
+        assert_eq!(dropped(&system, 2.51), [false]);
+        assert_eq!(dropped(&system, 2.49), [true]);
+    }
+}

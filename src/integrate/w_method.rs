@@ -286,3 +286,6 @@ impl AdaptiveStepper for WMethod<'_> {
         self.linear.statistics.rejected_steps += 1;
     }
 }
+
+#[cfg(test)]
+mod tests;

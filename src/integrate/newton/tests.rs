@@ -1,0 +1,252 @@
+use super::{NOISE, Newton, NewtonOptions, Point, dot, free_norm};
+use crate::integrate::filter::{Filter, Matrix};
+use crate::integrate::merit::Balance;
+use crate::integrate::{ImplicitOptions, NotSolved, StepFailure, StiffnessPolicy};
+use crate::linear::SolveFailure;
+use crate::operator::Combination;
+use crate::spring::{Spring, Stiffness};
+use crate::system::{State, System, SystemBuilder};
+use nalgebra::Vector3;
+
+/// Two free particles on a chain from the origin, with weight and damping.
+fn chain() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.gravity(3.0, -10.0, 0.0);
+    for (position, mass) in [([0.0; 3], 7.0), ([2.0, 0.0, 0.0], 2.0), ([2.0, 3.0, 0.0], 0.5)] {
+        builder.particle(position, mass);
+    }
+    builder.hold(0);
+    builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 2.0, damping: 4.0 });
+    builder.spring(1, 2, Spring { stiffness: 30.0, rest_length: 4.0, damping: 3.0 });
+    let (system, mut state) = builder.build().unwrap();
+    state.velocities[1] = Vector3::new(0.0, 1.0, 0.0);
+    state.velocities[2] = Vector3::new(0.0, 0.0, 2.0);
+    (system, state)
+}
+
+fn newton<'s>(system: &'s System, state: &State, policy: impl Into<StiffnessPolicy>) -> Newton<'s> {
+    let options = ImplicitOptions { stiffness: policy.into(), ..ImplicitOptions::default() };
+    Newton::new(system, state, &options, NewtonOptions::default()).unwrap()
+}
+
+fn close(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-12 * b.abs()
+}
+
+/// Everything that an evaluation gives, by hand.
+#[test]
+fn the_potential_its_slope_and_the_work_of_damping() {
+    let (system, state) = chain();
+    let mut newton = newton(&system, &state, Stiffness::Full);
+    newton.displacement[1] = Vector3::new(0.5, 0.0, 0.0);
+    newton.displacement[2] = Vector3::new(1.0, 1.0, 0.0);
+    newton.direction[1] = Vector3::new(1.0, 0.0, 0.0);
+    newton.direction[2] = Vector3::new(0.0, 2.0, 0.0);
+    // To (3, 0, 0) at (2, 0, 0) m/s and to (3, 5, 0) at (2, 4, 0) m/s.
+    let point = newton.evaluate(&state, 0.5, 0.5).unwrap();
+    // Inertia 5 + 6, weight −6 + 8.5, springs 25 + 3.75.
+    assert!(close(point.potential, 42.25), "{}", point.potential);
+    let (a, b) = (Vector3::new(-60.0, 3.5, 0.0), Vector3::new(-0.5, -28.5, 2.0));
+    assert!((newton.force[1] - a).norm() < 1e-12 && (newton.force[2] - b).norm() < 1e-12, "{:?}", newton.force);
+    assert!(close(point.residual, a.norm().hypot(b.norm())));
+    assert!(close(point.slope, 60.0 + 2.0 * 28.5), "{}", point.slope);
+    assert!(close(point.damping_slope, 8.0 + 2.0 * 12.0), "{}", point.damping_slope);
+    // Magnitudes of the terms; differences of velocities, 2·√5·(1 + 2) and 0.5·√24·(2 + √20); forces of springs on positions.
+    let inertia = 6.0 * 5f64.sqrt() + 0.5 * 24f64.sqrt() * (2.0 + 20f64.sqrt());
+    let springs = 50.0 * 3.0 + 7.5 * (3.0 + 34f64.sqrt());
+    let noise = NOISE * 54.25 + f64::EPSILON * (inertia + springs);
+    assert!(close(point.noise, noise), "{:e} {noise:e}", point.noise);
+}
+
+/// Forces whose squares overflow, and energies that do though their forces do not.
+#[test]
+fn what_overflows_is_refused() {
+    for (stiffness, rest_length, length) in [(1e160, 1.0, 2.0), (1e-50, 1.0, 1e200)] {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        builder.hold(0);
+        builder.spring(0, 1, Spring { stiffness, rest_length, damping: 0.0 });
+        let (system, mut state) = builder.build().unwrap();
+        let mut newton = newton(&system, &state, Stiffness::Full);
+        assert!(newton.evaluate(&state, 1.0, 0.0).is_ok());
+        // At this length from the start on, so that inertia has no part in it.
+        state.positions[1].x = length;
+        assert_eq!(newton.evaluate(&state, 1.0, 0.0).err(), Some(StepFailure::NonFinite), "{stiffness:e}");
+    }
+}
+
+/// A weight on a damped spring at its rest length: to stay costs Φ = 0.5 J, to coast Φ = U + w/2 with the damping's work
+/// w/2 = 0.5 b v² dt.
+#[test]
+fn the_lower_of_staying_and_coasting_is_where_it_starts() {
+    let start = |stiffness: f64, damping: f64, speed: f64| {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        builder.hold(0);
+        builder.spring(0, 1, Spring { stiffness, rest_length: 1.0, damping });
+        let (system, mut state) = builder.build().unwrap();
+        state.velocities[1].x = speed;
+        let mut newton = newton(&system, &state, Stiffness::Full);
+        // What an earlier step has left must not matter.
+        newton.displacement[1] = Vector3::repeat(9.0);
+        let point = newton.start(&state, 0.5).unwrap();
+        let again = newton.evaluate(&state, 0.5, 0.0).unwrap();
+        assert_eq!(point.potential, again.potential);
+        (newton.displacement[1].x, newton.linear.statistics.work.force_evaluations - 1)
+    };
+    // U = 0.5·k·0.25 against 0.5.
+    assert_eq!(start(3.0, 0.0, 1.0), (0.5, 2));
+    assert_eq!(start(5.0, 0.0, 1.0), (0.0, 3));
+    // U = 0.25, work 0.25 b.
+    assert_eq!(start(2.0, 0.9, 1.0), (0.5, 2));
+    assert_eq!(start(2.0, 1.1, 1.0), (0.0, 3));
+    // Work 1.25 b: U is small.
+    assert_eq!(start(1e-3, 1.9, 1.0), (0.5, 2));
+    assert_eq!(start(1e-3, 2.1, 1.0), (0.0, 3));
+    // At rest both are the same.
+    assert_eq!(start(5.0, 1.0, 0.0), (0.0, 2));
+    // Coasting would collapse the spring.
+    assert_eq!(start(1e-3, 0.0, -2.0), (0.0, 3));
+}
+
+/// `‖J Δ + r‖ ≤ η‖r‖` with the derivative of the residual taken by differences, springs that turn included.
+#[test]
+fn directions_solve_the_damped_equations_to_the_forcing_term() {
+    let (system, state) = chain();
+    let mut newton = newton(&system, &state, Stiffness::Full);
+    let dt = 0.05;
+    newton.start(&state, dt).unwrap();
+    let force = newton.force.clone();
+    for eta in [1e-1, 1e-3, 1e-5, 1e-7] {
+        newton.evaluate(&state, dt, 0.0).unwrap();
+        let mut filter = Filter::new(Stiffness::Full.into());
+        let [slope, damping_slope] = newton.direct(&mut filter, Combination::step(dt), eta).unwrap();
+        assert!(close(slope, -dot(&force, &newton.direction)));
+        let h = 1e-4;
+        let point = newton.evaluate(&state, dt, h).unwrap();
+        let ahead = newton.force.clone();
+        newton.evaluate(&state, dt, -h).unwrap();
+        let change = ahead.iter().zip(&newton.force).map(|(a, b)| (a - b) / (2.0 * h));
+        let left: Vec<Vector3<f64>> = change.zip(&force).map(|(change, force)| change + force).collect();
+        let part = free_norm(&system, &left) / free_norm(&system, &force);
+        assert!(part <= eta + 1e-7, "{eta:e}: {part:e}");
+        // Only as far as is asked for.
+        assert!(part >= 1e-3 * eta, "{eta:e}: {part:e}");
+        assert!((damping_slope - point.damping_slope).abs() <= 1e-3 * damping_slope.abs());
+    }
+}
+
+/// What was not solved is told with the iterations done and the residual left, relative to the forces that balance in it.
+#[test]
+fn the_iteration_limit_ends_a_step() {
+    let (system, state) = chain();
+    for iteration_limit in [0, 1, 2] {
+        let mut newton = newton(&system, &state, StiffnessPolicy::OnDemand);
+        newton.options = NewtonOptions { tolerance: 0.0, iteration_limit };
+        let failure = newton.solve(&state, 0.5).unwrap_err();
+        let relative_residual = relative_residual(&mut newton, &state, 0.5);
+        let reason = NotSolved::IterationLimit;
+        assert_eq!(failure, StepFailure::Newton { iterations: iteration_limit, relative_residual, reason });
+        assert_eq!(newton.linear.statistics.work.newton_iterations, iteration_limit);
+    }
+}
+
+#[test]
+fn the_residual_left_is_recorded() {
+    let (system, state) = chain();
+    let mut newton = newton(&system, &state, StiffnessPolicy::OnDemand);
+    newton.options.tolerance = 1e-3;
+    newton.solve(&state, 0.5).unwrap();
+    let recorded = newton.linear.statistics.max_relative_residual;
+    assert_eq!(recorded, relative_residual(&mut newton, &state, 0.5));
+    assert!(recorded > 0.0 && recorded < 1e-3, "{recorded:e}");
+}
+
+/// That of the point evaluated last.
+fn relative_residual(newton: &mut Newton, state: &State, dt: f64) -> f64 {
+    let Newton { linear, trial, part, force, .. } = newton;
+    let balance = Balance::of(linear.system, &linear.extensions, [state, trial], dt, part);
+    free_norm(linear.system, force) / balance.forces
+}
+
+/// A particle of 1 kg on one spring from the origin, at rest on the first axis; a step is to take one second.
+fn on_the_axis(from: f64, spring: Spring) -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([from, 0.0, 0.0], 1.0);
+    builder.hold(0);
+    builder.spring(0, 1, spring);
+    builder.build().unwrap()
+}
+
+/// With the spring at its rest length A is the mass across it, 1 N/m, and a spring that lengthens by `u` in a second has
+/// `D = −b u/l` there: the direction is the sum of powers of D, as far as they fall to a half and it descends.
+#[test]
+fn directions_are_refined_while_that_contracts_and_descends() {
+    let direction = |[from, to]: [f64; 2], damping: f64, eta: f64| {
+        let (system, state) = on_the_axis(from, Spring { stiffness: 1.0, rest_length: to, damping });
+        let mut newton = newton(&system, &state, Stiffness::Full);
+        newton.displacement[1].x = to - from;
+        newton.evaluate(&state, 1.0, 0.0).unwrap();
+        newton.force[1] = Vector3::new(0.0, 2.0, 0.0);
+        newton.linear.prepare(Stiffness::Full.into(), Combination::step(1.0)).unwrap();
+        let [slope, _] = newton.set_direction(eta).unwrap();
+        let y = newton.direction[1].y;
+        assert_eq!(newton.direction[1], Vector3::new(0.0, y, 0.0));
+        assert!(close(slope, -2.0 * y));
+        (y, newton.linear.statistics.work.solves)
+    };
+    let sum = |d: f64, terms: u64| (2.0 * (0..terms).map(|i| d.powi(i as i32)).sum::<f64>(), terms);
+    let check = |(y, solves): (f64, u64), expected: (f64, u64)| {
+        assert!(close(y, expected.0) && solves == expected.1, "{y} in {solves}, not {expected:?}");
+    };
+    // D = −0.2 and 0.4: until the next term is below the part asked for; eight at most.
+    check(direction([1.0, 1.25], 1.0, 1e-3), sum(-0.2, 5));
+    check(direction([1.0, 0.75], 1.2, 1e-2), sum(0.4, 6));
+    check(direction([1.0, 0.75], 1.2, 0.0), sum(0.4, 9));
+    // D = 0.6: the second term is more than half the first. At a half it goes on.
+    check(direction([1.0, 0.75], 1.8, 0.0), sum(0.6, 2));
+    check(direction([1.0, 0.5], 0.5, 0.0), sum(0.5, 9));
+    // D = −0.6: more than half of the descent would be lost. At a half it goes on.
+    let (y, solves) = direction([1.0, 1.25], 3.0, 0.0);
+    assert_eq!((y, solves), (2.0, 2));
+    check(direction([0.5, 1.0], 1.0, 0.0), sum(-0.5, 9));
+}
+
+/// A compressed spring takes 1.5 N/m across, more than the mass gives: masses are raised in steps of four.
+#[test]
+fn masses_are_raised_where_nothing_else_is_left() {
+    let (system, state) = on_the_axis(1.0, Spring { stiffness: 3.0, rest_length: 2.0, damping: 0.0 });
+    let mut newton = newton(&system, &state, Stiffness::Full);
+    newton.evaluate(&state, 1.0, 0.0).unwrap();
+    newton.force[1] = Vector3::new(0.0, 2.0, 0.0);
+    let mut filter = Filter::new(Stiffness::Full.into());
+    let outcome = newton.direct(&mut filter, Combination::step(1.0), 0.0);
+    assert!(matches!(outcome, Err(SolveFailure::Indefinite(_))), "{outcome:?}");
+    let mut filter = Filter::new(StiffnessPolicy::OnDemand);
+    while let Matrix::Filtered(_) = filter.matrix() {
+        filter.learn(1.0, 1.0, true);
+    }
+    newton.direct(&mut filter, Combination::step(1.0), 0.0).unwrap();
+    let shift = 1e-4 * 4f64.powi(7);
+    assert!(matches!(filter.matrix(), Matrix::Shifted(by) if close(by, shift)), "{:?}", filter.matrix());
+    assert!((newton.direction[1] - Vector3::new(0.0, 2.0 / (1.0 + shift - 1.5), 0.0)).norm() < 1e-12);
+}
+
+/// Steps are shortened where the spring would collapse, and where φ would rise.
+#[test]
+fn line_searches_shorten_steps() {
+    let (system, state) = on_the_axis(1.0, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+    let mut newton = newton(&system, &state, Stiffness::Full);
+    let high = Point { residual: 1.0, potential: 1e9, noise: 0.0, slope: -1.0, damping_slope: 0.0 };
+    newton.direction[1].x = -1.0;
+    let (step, _) = newton.line_search(&state, 1.0, high).unwrap();
+    assert_eq!((step, newton.displacement[1].x), (0.5, -0.5));
+    // Φ = u² here, for a displacement u along the axis: from u = −1/2 a step of 3 ends at 2.5, its slope's zero is at 1/6.
+    newton.direction[1].x = 3.0;
+    let from = newton.evaluate(&state, 1.0, 0.0).unwrap();
+    let (step, point) = newton.line_search(&state, 1.0, from).unwrap();
+    assert!(close(step, 1.0 / 6.0) && newton.displacement[1].x.abs() < 1e-15 && point.potential < 1e-30, "{step}");
+}
