@@ -194,4 +194,13 @@ mod tests {
             assert_eq!(counted, pattern.entries() as u64, "{pairs:?}");
         }
     }
+
+    /// Coupled particles of higher number, each once, ascending, however the pairs are given.
+    #[test]
+    fn neighbours_above_are_ascending_and_without_repeats() {
+        let pairs = [[3, 1], [1, 2], [4, 1], [1, 3], [0, 4], [4, 2]];
+        let pattern = BlockPattern::new(&crate::DofMap::unconstrained(5), pairs.into_iter()).unwrap();
+        let above = [0, 1, 2, 3, 4].map(|particle| pattern.neighbours_above(particle).collect::<Vec<_>>());
+        assert_eq!(above, [vec![4], vec![2, 3, 4], vec![4], vec![], vec![]]);
+    }
 }

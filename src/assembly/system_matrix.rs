@@ -166,3 +166,46 @@ pub fn assemble_afresh(operator: &SystemOperator) -> Vec<super::triplets::Entry>
     }
     assemble(system.dofs(), &triplets)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Spring, SystemBuilder};
+
+    /// Six particles in a ring: every one has two springs.
+    fn ring() -> SystemBuilder {
+        let mut builder = SystemBuilder::new();
+        for p in 0..6 {
+            builder.particle([f64::from(p), f64::from(p * p), 0.0], 1.0);
+        }
+        for p in 0..6 {
+            builder.spring(p, (p + 1) % 6, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        builder
+    }
+
+    /// In a ring the springs four incidences ahead are those of the particle two further on; behind the last particle there
+    /// are none.
+    #[test]
+    fn incidences_ahead_are_those_of_later_particles() {
+        let (system, _) = ring().build().unwrap();
+        let pattern = SpringPattern::of_stiffness(&system).unwrap();
+        let springs = |incidences: &[Incidence]| incidences.iter().map(|at| at.spring).collect::<Vec<_>>();
+        assert_eq!(springs(pattern.incidences(3)), [2, 3]);
+        for particle in 0..6 {
+            let ahead = springs(pattern.incidences_ahead(particle, 4));
+            let of_later = if particle < 4 { springs(pattern.incidences(particle + 2)) } else { vec![] };
+            assert_eq!(ahead, of_later, "{particle}");
+        }
+    }
+
+    /// A particle's columns are those of whole blocks where it and its neighbours of higher number are free along all axes.
+    #[test]
+    fn held_particles_and_their_lower_neighbours_are_not_free() {
+        let mut builder = ring();
+        builder.constrain(crate::Constraint { particles: vec![3], axes: Axes::of(&[1]), motion: crate::Motion::Held });
+        let (system, _) = builder.build().unwrap();
+        let pattern = SpringPattern::of_stiffness(&system).unwrap();
+        assert_eq!([0, 1, 2, 3, 4, 5].map(|p| pattern.is_free(p)), [true, true, false, false, true, true]);
+    }
+}

@@ -282,8 +282,8 @@ impl Ldlt {
         self.pivots().all(|(_, d)| d > 0.0)
     }
 
-    /// A direction of negative curvature of the last factored matrix: `u = L⁻ᵀ e_j`, for which `uᵀAu = d_j`, with j the
-    /// most negative pivot. Returns whether there is one; not normalised.
+    /// A direction of negative curvature of the last factored matrix: `u = L⁻ᵀ e_j/d_j`, for which `uᵀAu = 1/d_j`, with j
+    /// the most negative pivot. Returns whether there is one; not normalised.
     pub fn negative_direction(&mut self, u: &mut [f64]) -> bool {
         let pivots = supernodes(&self.0.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
         let worst = pivots
@@ -326,3 +326,6 @@ impl Ldlt {
         times.solve_seconds += start.elapsed().as_secs_f64();
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -320,4 +320,28 @@ mod tests {
         let (_, pattern) = graph(lattice(14).unwrap());
         assert_eq!(Ordering::of(&pattern).method, OrderingMethod::NestedDissection);
     }
+
+    /// Where all particles are joined every order costs the same, the sum of the first n squares; minimum degree then stays.
+    #[test]
+    fn a_dissection_must_be_cheaper() {
+        let particles = 230;
+        let pairs: Vec<[usize; 2]> = (0..particles).flat_map(|j| (0..j).map(move |i| [i, j])).collect();
+        let pattern = BlockPattern::new(&crate::DofMap::unconstrained(particles), pairs.into_iter()).unwrap();
+        let graph = ParticleGraph::new(&pattern);
+        for order in [graph.minimum_degree(), graph.nested_dissection()] {
+            let flops = Elimination::new(&graph, order.unwrap()).flops;
+            assert_eq!(flops, f64::from(690 * 691 / 6 * 1381));
+            assert!(flops > DISSECTION_FLOPS);
+        }
+        assert_eq!(Ordering::of(&pattern).method, OrderingMethod::MinimumDegree);
+    }
+
+    #[test]
+    fn an_order_names_every_vertex_once() {
+        assert_eq!(checked(vec![2, 0, 1], 3), Some(vec![2, 0, 1]));
+        assert_eq!(checked(vec![], 0), Some(vec![]));
+        for wrong in [vec![0, 1], vec![0, 1, 2, 0], vec![0, 1, 1], vec![0, 1, 3], vec![0, 1, -1]] {
+            assert_eq!(checked(wrong.clone(), 3), None, "{wrong:?}");
+        }
+    }
 }

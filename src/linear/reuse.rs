@@ -112,3 +112,102 @@ fn failure(failure: SetupFailure) -> SolveFailure {
         SetupFailure::CoarseLevel { level, dof } => Evidence::CoarseLevel { level, dof },
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::force::Extensions;
+    use crate::operator::Combination;
+    use crate::scene::builtin::cloth;
+    use crate::spring::Stiffness;
+
+    fn used(per_digit: f64, lost: f64) -> Coarse {
+        Coarse::Used { per_digit, lost }
+    }
+
+    /// With a small system, to be aged by hand.
+    fn aged(coarse: Coarse) -> ReusedMultigrid {
+        let (system, _) = cloth(3).unwrap().build().unwrap();
+        ReusedMultigrid { coarse, ..ReusedMultigrid::new(&system).unwrap() }
+    }
+
+    /// What was lost is the iterations beyond those that new coarse levels would have taken; a solve that takes fewer gives
+    /// nothing back, and one that gains less than a digit does not count.
+    #[test]
+    fn losses_are_counted_against_new_coarse_levels() {
+        let mut multigrid = aged(Coarse::New);
+        for (iterations, digits, coarse) in [
+            (9, 0.5, Coarse::New),
+            (9, f64::NAN, Coarse::New),
+            (30, 5.0, used(6.0, 0.0)),
+            (40, 5.0, used(6.0, 10.0)),
+            (33, 5.0, used(6.0, 13.0)),
+            (20, 5.0, used(6.0, 13.0)),
+            (90, 0.75, used(6.0, 13.0)),
+            (90, f64::NAN, used(6.0, 13.0)),
+            (8, 1.0, used(6.0, 15.0)),
+        ] {
+            multigrid.record(iterations, digits);
+            assert_eq!(multigrid.coarse, coarse, "after {iterations} iterations for {digits} digits");
+        }
+        let mut multigrid = aged(Coarse::Missing);
+        multigrid.record(30, 5.0);
+        assert_eq!(multigrid.coarse, Coarse::Missing);
+    }
+
+    /// Old coarse levels may take twice the iterations of new ones and the price of new ones, twenty iterations:
+    /// 2·3·4 + 20.
+    #[test]
+    fn patience_ends() {
+        assert_eq!(aged(used(3.0, 1.0)).patience(4.0), Some(44));
+        assert_eq!(aged(Coarse::New).patience(4.0), None);
+        assert_eq!(aged(Coarse::Missing).patience(4.0), None);
+    }
+
+    /// Coarse levels are recomputed as soon as twenty iterations are lost, and where there are none that a solve has used.
+    #[test]
+    fn coarse_levels_last_until_their_price_is_lost() {
+        let (system, state) = cloth(3).unwrap().build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
+        for (before, setups, after) in [
+            (Coarse::Missing, 1, Coarse::New),
+            (Coarse::New, 1, Coarse::New),
+            (used(3.0, 0.0), 0, used(3.0, 0.0)),
+            (used(3.0, 19.75), 0, used(3.0, 19.75)),
+            (used(3.0, 20.0), 1, Coarse::New),
+            (used(3.0, 20.25), 1, Coarse::New),
+        ] {
+            let (mut multigrid, mut work) = (aged(before), Work::default());
+            multigrid.update(&a, &mut work).unwrap();
+            assert_eq!((work.multigrid_setups, multigrid.coarse), (setups, after), "{before:?}");
+        }
+    }
+
+    /// The places of the particles reach the multigrid inside: it does what one does that was told them directly.
+    #[test]
+    fn places_are_passed_on() {
+        let (system, state) = cloth(14).unwrap().build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
+        let r: Vec<f64> = (0..system.dofs().len()).map(|row| (row as f64).sin()).collect();
+        let mut reused = ReusedMultigrid::new(&system).unwrap();
+        reused.place(&state.positions);
+        reused.update(&a, &mut Work::default()).unwrap();
+        let mut of_reused = vec![0.0; r.len()];
+        reused.apply(&r, &mut of_reused);
+        let direct = |is_placed: bool| {
+            let mut multigrid = Multigrid::new(&system).unwrap();
+            if is_placed {
+                multigrid.place(&state.positions);
+            }
+            multigrid.refill(&a).unwrap();
+            multigrid.rebuild(&a).unwrap();
+            let mut z = vec![0.0; r.len()];
+            multigrid.apply(&r, &mut z);
+            z
+        };
+        assert_eq!(of_reused, direct(true));
+        assert_ne!(of_reused, direct(false));
+    }
+}

@@ -66,3 +66,75 @@ impl WarmStart {
         self.known = (self.known + 1).min(2);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+
+    /// A diagonal matrix that counts its products.
+    struct Diagonal {
+        entries: Vec<f64>,
+        products: Cell<usize>,
+    }
+
+    impl Diagonal {
+        fn new(entries: &[f64]) -> Self {
+            Self { entries: entries.into(), products: Cell::new(0) }
+        }
+    }
+
+    impl LinearOperator for Diagonal {
+        fn order(&self) -> usize {
+            self.entries.len()
+        }
+
+        fn apply(&self, w: &[f64], y: &mut [f64]) {
+            self.products.set(self.products.get() + 1);
+            (0..w.len()).for_each(|i| y[i] = self.entries[i] * w[i]);
+        }
+    }
+
+    fn guess(a: &Diagonal, earlier: &[[f64; 3]], b: [f64; 3]) -> Option<[f64; 3]> {
+        let mut start = WarmStart::new(3);
+        earlier.iter().for_each(|x| start.record(x));
+        let mut x = [7.0; 3];
+        let known = start.guess(a, &b, &mut x);
+        assert!(known || x == [7.0; 3], "left alone");
+        known.then_some(x)
+    }
+
+    /// The nearest point of the span of two solutions, by hand: with A a multiple of the identity, the projection of b/a. It
+    /// does not depend on the unit of A.
+    #[test]
+    fn two_solutions_span_a_plane_in_any_unit() {
+        for unit in [2f64.powi(-30), 1.0, 2f64.powi(30)] {
+            let a = Diagonal::new(&[unit; 3]);
+            let x = guess(&a, &[[1.0, 0.0, 0.0], [1.0, 1.0, 0.0]], [3.0 * unit, 5.0 * unit, 4.0 * unit]);
+            assert_eq!(x, Some([3.0, 5.0, 0.0]), "{unit}");
+            assert_eq!(a.products.get(), 2);
+        }
+    }
+
+    /// One solution spans a line, and costs one product. A second that is zero adds nothing to it.
+    #[test]
+    fn one_solution_spans_a_line() {
+        let a = Diagonal::new(&[1.0, 2.0, 4.0]);
+        assert_eq!(guess(&a, &[], [1.0; 3]), None);
+        assert_eq!(a.products.get(), 0);
+        // xᵀb/xᵀAx = 6/3 = 2.
+        assert_eq!(guess(&a, &[[1.0, 1.0, 0.0]], [2.0, 4.0, 9.0]), Some([2.0, 2.0, 0.0]));
+        assert_eq!(a.products.get(), 1);
+        assert_eq!(guess(&a, &[[0.0; 3], [1.0, 1.0, 0.0]], [2.0, 4.0, 9.0]), Some([2.0, 2.0, 0.0]));
+    }
+
+    /// There is no guess where A is seen not to be positive definite, nor where it would not be finite.
+    #[test]
+    fn no_nearest_point_no_guess() {
+        let earlier = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        assert_eq!(guess(&Diagonal::new(&[-1.0; 3]), &earlier, [1.0; 3]), None);
+        assert_eq!(guess(&Diagonal::new(&[-1.0; 3]), &earlier[..1], [1.0; 3]), None);
+        assert_eq!(guess(&Diagonal::new(&[1.0; 3]), &earlier, [f64::INFINITY, 1.0, 1.0]), None);
+        assert_eq!(guess(&Diagonal::new(&[0.0; 3]), &earlier, [1.0; 3]), None);
+    }
+}

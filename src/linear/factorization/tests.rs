@@ -1,0 +1,122 @@
+use super::*;
+use crate::DofMap;
+use crate::operator::LinearOperator;
+use nalgebra::Matrix3;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// A band of particle blocks with reproducible entries between −1 and 1 and `diagonal` added to the diagonal.
+fn banded(particles: usize, diagonal: impl Fn(usize) -> f64) -> SymmetricMatrix {
+    let pairs: Vec<[usize; 2]> =
+        (0..particles).flat_map(|i| (i + 1..particles.min(i + 3)).map(move |j| [j, i])).collect();
+    let pattern = BlockPattern::new(&DofMap::unconstrained(particles), pairs.iter().copied()).unwrap();
+    let mut a = SymmetricMatrix::zeros(Arc::new(pattern));
+    let noise = |row: usize, column: usize| ((row * 131 + column * 31) as f64).sin();
+    let block = |i: usize, j: usize| Matrix3::from_fn(|r, c| noise(3 * i + r, 3 * j + c));
+    for p in 0..particles {
+        let shift = Matrix3::from_diagonal(&nalgebra::Vector3::from_fn(|axis, _| diagonal(3 * p + axis)));
+        a.add_diagonal_block(p, &(block(p, p) + shift));
+    }
+    for [i, j] in pairs {
+        let slot = a.pattern().slot(i, j).unwrap();
+        a.add_block(slot, &block(i, j));
+    }
+    a
+}
+
+fn ldlt(a: &SymmetricMatrix) -> Ldlt {
+    Ldlt::analyse(a.pattern(), Par::Seq).unwrap()
+}
+
+fn curvature(a: &SymmetricMatrix, u: &[f64]) -> f64 {
+    let mut product = vec![0.0; u.len()];
+    a.apply(u, &mut product);
+    product.iter().zip(u).map(|(a, u)| a * u).sum()
+}
+
+/// The pattern of L holds that of A in the order of elimination and what elimination fills in, all below the diagonal and each entry
+/// once; the operations are the squares of its columns' heights.
+#[test]
+fn the_pattern_of_the_factor_is_closed_under_elimination() {
+    for particles in [1, 3, 40] {
+        let a = banded(particles, |_| 20.0);
+        let mut factorization = ldlt(&a);
+        factorization.factor(&a).unwrap();
+        let mut place = vec![0; a.order()];
+        factorization.pivots().enumerate().for_each(|(k, (row, _))| place[row] = k);
+        let listed: Vec<(usize, usize)> = factorization.pattern().collect();
+        let pattern: BTreeSet<(usize, usize)> = listed.iter().copied().collect();
+        assert_eq!(pattern.len(), listed.len());
+        assert!(pattern.iter().all(|&(row, column)| column < row && row < a.order()));
+        let of_a =
+            a.iter().filter(|(row, column, _)| row != column).map(|(row, column, _)| (place[row], place[column]));
+        assert!(of_a.map(|(i, j)| (i.max(j), i.min(j))).all(|entry| pattern.contains(&entry)));
+        let mut heights = vec![1.0; a.order()];
+        pattern.iter().for_each(|&(_, column)| heights[column] += 1.0);
+        assert_eq!(heights.iter().map(|h| h * h).sum::<f64>(), factorization.size().flops);
+        for k in 0..a.order() {
+            let below: Vec<usize> = pattern.iter().filter(|entry| entry.1 == k).map(|entry| entry.0).collect();
+            let filled = below.iter().flat_map(|&j| below.iter().map(move |&i| (i, j))).filter(|(i, j)| i > j);
+            assert!(filled.clone().all(|entry| pattern.contains(&entry)));
+        }
+        assert_eq!(pattern.len() < a.order() * (a.order() - 1) / 2, particles == 40, "dense if small");
+    }
+}
+
+/// With d the most negative pivot `uᵀAu = 1/d`, wherever in the order it lies.
+#[test]
+fn a_negative_direction_has_the_curvature_of_the_most_negative_pivot() {
+    let order = 3 * 20;
+    for weak in (0..order).step_by(7) {
+        let a = banded(20, |row| if row == weak { -40.0 } else { 20.0 });
+        let mut factorization = ldlt(&a);
+        factorization.factor(&a).unwrap();
+        let worst = factorization.pivots().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+        assert_eq!(worst.0, weak);
+        assert!(!factorization.is_positive());
+        let mut u = vec![f64::NAN; order];
+        assert!(factorization.negative_direction(&mut u));
+        assert!((curvature(&a, &u) * worst.1 - 1.0).abs() < 1e-12, "row {weak}");
+        assert!((u[weak] * worst.1 - 1.0).abs() < 1e-12, "L has a unit diagonal");
+    }
+}
+
+/// A definite matrix has no direction of negative curvature; a pivot that is zero is neither positive nor negative.
+#[test]
+fn zero_pivots_have_no_sign() {
+    let a = banded(4, |_| 20.0);
+    let mut factorization = ldlt(&a);
+    let mut u = vec![0.0; a.order()];
+    assert!(factorization.pivots().all(|(_, pivot)| pivot == 0.0), "nothing is factored yet");
+    assert!(!factorization.is_positive());
+    assert!(!factorization.negative_direction(&mut u));
+    factorization.factor(&a).unwrap();
+    assert!(factorization.is_positive());
+    assert!(!factorization.negative_direction(&mut u));
+}
+
+/// Times add up over all calls, refused factorizations included.
+#[test]
+fn times_add_up() {
+    let (a, indefinite) = (banded(4, |_| 20.0), banded(4, |_| -20.0));
+    let mut x = vec![1.0; a.order()];
+    let mut cholesky = Cholesky::analyse(a.pattern(), Par::Seq).unwrap();
+    let mut ldlt = ldlt(&a);
+    let mut before = [FactorTimes::default(); 2];
+    for call in 0..3 {
+        assert_eq!(cholesky.factor(if call == 1 { &indefinite } else { &a }).is_err(), call == 1);
+        ldlt.factor(&a).unwrap();
+        if call != 1 {
+            cholesky.solve_in_place(&mut x);
+        }
+        ldlt.solve_in_place(&mut x);
+        let now = [cholesky.report().times, ldlt.report().times];
+        for (now, before) in now.iter().zip(before) {
+            assert!(now.analysis_seconds > 0.0);
+            assert!(now.factor_seconds > before.factor_seconds);
+        }
+        assert_eq!(now[0].solve_seconds > before[0].solve_seconds, call != 1);
+        assert!(now[1].solve_seconds > before[1].solve_seconds);
+        before = now;
+    }
+}
