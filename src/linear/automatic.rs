@@ -3,7 +3,7 @@
 //! What a factorization costs is known before the first: the pattern says it. What conjugate gradients cost depends on the
 //! stiffness, the step, the tolerance and the first guesses; only trying shows it. So they are tried, and watched: the
 //! effort by which they exceed the factorizations that they replace is added up, starting again from zero whenever it
-//! falls below. When it reaches the cost of one factorization the solver changes to factorizations for good. Whatever a
+//! falls below. When it exceeds the cost of one factorization the solver changes to factorizations for good. Whatever a
 //! scene is like, this wastes, by the same count, at most the cost of two of them (the argument of renting or buying skis).
 //!
 //! Effort is counted, not timed: the same run makes the same choice, and gives the same bits, on every machine and for any
@@ -145,3 +145,6 @@ impl LinearSolver for AutomaticSolver {
         solved
     }
 }
+
+#[cfg(test)]
+mod tests;

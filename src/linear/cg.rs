@@ -160,3 +160,6 @@ impl ConjugateGradient {
         subtract(b, &self.product, &mut self.residual).sqrt()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -189,3 +189,29 @@ fn refused(matrix: &SystemMatrix, pivot: NonPositivePivot) -> SolveFailure {
         SolveFailure::NonFinite
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+
+    /// Two free particles and a spring: six rows, and a factor that has all entries of its triangle at least.
+    #[test]
+    fn both_factorizations_report_their_factor() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        let (system, _) = builder.build().unwrap();
+        let work = &mut Work::default();
+        let solvers: [Box<dyn LinearSolver>; 2] = [
+            Box::new(CholeskySolver::new(&system, Par::Seq, work).unwrap()),
+            Box::new(LdltSolver::new(&system, Par::Seq, work).unwrap()),
+        ];
+        for solver in solvers {
+            let entries = solver.factor().unwrap().size.entries;
+            assert!((21..=36).contains(&entries), "{}: {entries}", solver.name());
+        }
+    }
+}

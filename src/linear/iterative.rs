@@ -220,3 +220,6 @@ fn accept(report: &CgReport) -> Result<Solution, SolveFailure> {
         CgOutcome::NonFinite => Err(SolveFailure::NonFinite),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -112,3 +112,19 @@ impl std::fmt::Display for NotConverged {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A failed iteration says how far it came and what stopped it.
+    #[test]
+    fn messages_say_what_stopped_conjugate_gradients() {
+        let message =
+            |reason| SolveFailure::NotConverged { iterations: 7, relative_residual: 1.25e-3, reason }.to_string();
+        let end = "after 7 iterations at a relative residual of 1.250e-3";
+        assert_eq!(message(NotConverged::Stagnated), format!("conjugate gradients stagnated {end}"));
+        let expected = format!("conjugate gradients reached its iteration limit {end}");
+        assert_eq!(message(NotConverged::IterationLimit), expected);
+    }
+}

@@ -113,3 +113,25 @@ pub fn select(
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::system::SystemBuilder;
+    use nalgebra::Vector3;
+
+    /// Half a million free particles are the most that are analysed; one more, and the matrix is not even looked at.
+    #[test]
+    fn what_is_too_large_is_not_analysed() {
+        for (particles, analyses) in [(500_001, 0), (500_000, 1)] {
+            let mut builder = SystemBuilder::new();
+            builder.positions = vec![Vector3::zeros(); particles];
+            builder.velocities = builder.positions.clone();
+            builder.masses = vec![1.0; particles];
+            let (system, _) = builder.build().unwrap();
+            let mut work = Work::default();
+            let solver = select(&system, &SolverOptions::default(), Promise::Definite, &mut work).unwrap();
+            assert_eq!((solver.name(), work.symbolic_factorizations), ("cg", analyses));
+        }
+    }
+}

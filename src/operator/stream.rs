@@ -252,3 +252,6 @@ fn at_mut<const N: usize>(v: &mut [f64], row: u32) -> Option<&mut [f64; N]> {
     let row = row as usize;
     v.get_mut(row..row.wrapping_add(N)).and_then(|v| v.first_chunk_mut())
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,150 @@
+//! What conjugate gradients count as effort, when they lose patience, and what they do then.
+
+use super::super::reuse::ReusedMultigrid;
+use super::*;
+use crate::force::Extensions;
+use crate::operator::Combination;
+use crate::scene::builtin;
+use crate::spring::{Spring, Stiffness};
+use crate::system::{State, SystemBuilder};
+
+/// A chain of so many free particles at rest on a line, one end held.
+fn chain(particles: usize) -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.dimension = 1;
+    builder.particle([0.0; 3], 1.0);
+    for particle in 1..=particles {
+        builder.particle([particle as f64, 0.0, 0.0], 1.0);
+        builder.spring(particle - 1, particle, Spring { stiffness: 1e6, rest_length: 1.0, damping: 0.0 });
+    }
+    builder.hold(0);
+    builder.build().unwrap()
+}
+
+/// M/dt² − K: nearly a mass for short steps, nearly a stiffness for long ones.
+fn operator<'s>((system, state): &'s (System, State), dt: f64) -> SystemOperator<'s> {
+    let extensions = Extensions::at(system, &state.positions).unwrap();
+    SystemOperator::new(system, &extensions, Stiffness::Tension, Combination::step(dt))
+}
+
+fn right_hand_side(order: usize) -> Vec<f64> {
+    (0..order).map(|row| (row as f64 * 12.9898).sin()).collect()
+}
+
+fn matrix_free(system: &System, kind: Option<PreconditionerKind>) -> CgSolver {
+    CgSolver::matrix_free(system, kind, 1e-10).unwrap()
+}
+
+fn assert_near(value: f64, expected: f64) {
+    assert!((value - expected).abs() <= 1e-9, "{value}, expected {expected}");
+}
+
+/// An iteration with block Jacobi costs 1.4 products, over all solves; 21.7 more pay for 15 and a half.
+#[test]
+fn iterations_are_paid_for() {
+    let scene = chain(80);
+    let (a, b) = (operator(&scene, 1.0), right_hand_side(80));
+    let mut work = Work::default();
+    let mut solver = matrix_free(&scene.0, Some(PreconditionerKind::BlockJacobi));
+    solver.prepare(&a, &mut work).unwrap();
+    assert_eq!(solver.effort(), 0.0);
+    for _ in 0..2 {
+        solver.solve(&a, &b, &mut vec![0.5; 80], &mut work).unwrap();
+        assert!(work.cg_iterations > 40);
+        assert_near(solver.effort(), 1.4 * work.cg_iterations as f64);
+    }
+    solver.allow(21.7);
+    let failure = solver.solve(&a, &b, &mut vec![0.5; 80], &mut work).unwrap_err();
+    let SolveFailure::NotConverged { iterations, reason, .. } = failure else { panic!("{failure}") };
+    assert_eq!((iterations, reason), (15, NotConverged::IterationLimit));
+}
+
+/// Multigrid is worth it when more than one and a half times its set-up, 270 products, may still be spent.
+#[test]
+fn multigrid_needs_the_means() {
+    let mut solver = matrix_free(&chain(3).0, None);
+    assert!(solver.affords_multigrid(), "there is no limit at first");
+    solver.effort = 100.0;
+    solver.allow(270.0);
+    assert!(!solver.affords_multigrid());
+    solver.allow(270.5);
+    assert!(solver.affords_multigrid());
+}
+
+/// Block Jacobi needs as many iterations as the chain has particles. After 150 multigrid takes over for good: a set-up of 180
+/// products, and 9 for every iteration.
+#[test]
+fn block_jacobi_is_on_trial() {
+    let scene = chain(200);
+    let (a, b) = (operator(&scene, 1.0), right_hand_side(200));
+    let mut work = Work::default();
+    let mut solver = matrix_free(&scene.0, None);
+    solver.prepare(&a, &mut work).unwrap();
+    assert_eq!(solver.preconditioner(), Some("block-jacobi"));
+    solver.solve(&a, &b, &mut [0.0; 200], &mut work).unwrap();
+    assert_eq!((solver.preconditioner(), work.multigrid_setups), (Some("multigrid"), 1));
+    assert!(work.cg_iterations > 150);
+    assert_near(solver.effort(), 1.4 * 150.0 + 180.0 + 9.0 * (work.cg_iterations - 150) as f64);
+}
+
+/// The multigrid that takes over knows the places that the particles had.
+#[test]
+fn multigrid_after_the_trial_is_the_one_at_the_places_given() {
+    let scene = builtin::cloth(16).unwrap().build().unwrap();
+    let (system, state) = &scene;
+    let (a, r) = (operator(&scene, 0.1), right_hand_side(system.dofs().len()));
+    let mut work = Work::default();
+    let applied = |preconditioner: &mut dyn FnMut(&[f64], &mut [f64])| {
+        let mut z = vec![0.0; r.len()];
+        preconditioner(&r, &mut z);
+        z
+    };
+    let [anywhere, placed] = [false, true].map(|placed| {
+        let mut multigrid = ReusedMultigrid::new(system).unwrap();
+        if placed {
+            multigrid.place(&state.positions);
+        }
+        multigrid.update(&a, &mut Work::default()).unwrap();
+        applied(&mut |r, z| multigrid.apply(r, z))
+    });
+    assert_ne!(anywhere, placed);
+    let mut solver = matrix_free(system, None);
+    solver.place(&state.positions);
+    solver.prepare(&a, &mut work).unwrap();
+    solver.improve(&a, &mut work).unwrap();
+    assert_eq!(applied(&mut |r, z| solver.preconditioner.apply(r, z)), placed);
+}
+
+/// The coarse levels are made once and judged by the digits that they gain: the same matrix again needs no new ones, and the
+/// second solve starts from the first solution.
+#[test]
+fn coarse_levels_are_paid_for_once_and_kept() {
+    let scene = chain(200);
+    let (a, b) = (operator(&scene, 1.0), right_hand_side(200));
+    let mut work = Work { multigrid_setups: 3, ..Work::default() };
+    let mut solver = matrix_free(&scene.0, Some(PreconditionerKind::Multigrid));
+    solver.prepare(&a, &mut work).unwrap();
+    assert_eq!((solver.effort(), work.multigrid_setups), (180.0, 4));
+    solver.solve(&a, &b, &mut [0.0; 200], &mut work).unwrap();
+    assert_eq!(work.warm_starts, 0);
+    solver.prepare(&a, &mut work).unwrap();
+    solver.solve(&a, &b, &mut [0.0; 200], &mut work).unwrap();
+    assert_eq!((work.multigrid_setups, work.warm_starts), (4, 1));
+    assert_near(solver.effort(), 180.0 + 9.0 * work.cg_iterations as f64);
+}
+
+/// Coarse levels made for a matrix that is nearly diagonal are of no use for a stiff one: they are replaced while it is solved with.
+#[test]
+fn useless_coarse_levels_are_replaced_in_the_middle_of_a_solve() {
+    let scene = chain(1000);
+    let (soft, stiff, b) = (operator(&scene, 1e-4), operator(&scene, 1.0), right_hand_side(1000));
+    let mut work = Work::default();
+    let mut solver = matrix_free(&scene.0, Some(PreconditionerKind::Multigrid));
+    for (a, setups) in [(&soft, 1), (&stiff, 2)] {
+        solver.prepare(a, &mut work).unwrap();
+        assert_eq!(work.multigrid_setups, 1);
+        solver.solve(a, &b, &mut [0.0; 1000], &mut work).unwrap();
+        assert_eq!(work.multigrid_setups, setups);
+    }
+    assert_near(solver.effort(), 2.0 * 180.0 + 9.0 * work.cg_iterations as f64);
+}
