@@ -326,6 +326,20 @@ mod tests {
         assert!((1e-6..0.3).contains(&coarse) && fine < 1e-12, "{coarse:e} {fine:e}");
     }
 
+    /// LDLᵀ under the full stiffness solves with an indefinite matrix, and says so; not with a definite one.
+    #[test]
+    fn solves_with_indefinite_matrices_are_counted() {
+        let (system, state) = pair();
+        let linear = SolverOptions { solver: SolverChoice::Ldlt, ..SolverOptions::default() };
+        let options = ImplicitOptions { stiffness: Stiffness::Full.into(), linear };
+        let mut linear = LinearSystem::new(&system, &state, &options).unwrap();
+        for (dt, indefinite) in [(0.1, 0), (1.0, 1), (1.0, 2), (0.1, 2)] {
+            linear.prepare(Stiffness::Full.into(), Combination::step(dt)).unwrap();
+            linear.solve(&[Vector3::zeros(), Vector3::x()], &mut [Vector3::zeros(); 2]).unwrap();
+            assert_eq!(linear.statistics.indefinite_solves, indefinite, "{dt}");
+        }
+    }
+
     #[test]
     fn on_demand_ends_with_all_compressed_springs_softened() {
         let (system, state) = pair();

@@ -48,14 +48,16 @@ impl Copy {
         Ok(written)
     }
 
-    /// Puts every mutant that compiles behind a switch; returns the numbers of those that do not.
-    pub fn with_switches(&self, mutants: &[Mutant]) -> Result<BTreeSet<usize>> {
+    /// Puts every mutant that compiles behind a switch; returns the numbers of those that do not, and of the functions of the
+    /// others.
+    pub fn with_switches(&self, mutants: &[Mutant]) -> Result<(BTreeSet<usize>, BTreeMap<usize, usize>)> {
         let mut unviable = BTreeSet::new();
         loop {
             let switched = self.switch(mutants, &unviable)?;
             let errors = self.errors()?;
             if errors.is_empty() {
-                return Ok(unviable);
+                let arms = switched.values().flat_map(|file| &file.mutants);
+                return Ok((unviable, arms.map(|arm| (arm.number, arm.function)).collect()));
             }
             let known = unviable.len();
             for error in &errors {
@@ -134,8 +136,8 @@ fn guilty(error: &Value, switched: &BTreeMap<String, Switched>) -> BTreeSet<usiz
     let spans: Vec<&Value> = error["spans"].as_array().into_iter().flatten().collect();
     let at = |span: &&Value| {
         let line = span["line_start"].as_u64().unwrap_or(0) as usize;
-        let lines = span["file_name"].as_str().and_then(|file| switched.get(file)).map(|file| &file.lines);
-        lines.into_iter().flatten().find(|(_, lines)| lines.contains(&line)).map(|(number, _)| *number)
+        let arms = span["file_name"].as_str().and_then(|file| switched.get(file)).map(|file| &file.mutants);
+        arms.into_iter().flatten().find(|arm| arm.lines.contains(&line)).map(|arm| arm.number)
     };
     let primary: BTreeSet<usize> = spans.iter().filter(|span| span["is_primary"] == true).filter_map(at).collect();
     if primary.is_empty() { spans.iter().filter_map(at).collect() } else { primary }

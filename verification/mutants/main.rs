@@ -1,10 +1,11 @@
 //! Tries every mutant that cargo-mutants finds in the numerical rooms, and records what became of each.
 //!
 //! `cargo run --release --example mutants` builds them all behind a switch in a copy below the target folder, runs the
-//! tests with each until one fails, the verification suite first, and writes `mutants.md` beside this folder. Arguments
-//! choose mutants by part of their name; `--survivors` tries only those that no test has caught yet, those of a run that was
-//! ended among them, and `--table` tries none. Those that no test can catch are listed in `equivalent.toml` with the reason;
-//! any other survivor, and one not tried yet, makes the exit status 1.
+//! tests with each until one fails, and writes `mutants.md` beside this folder. Only tests that enter the changed function
+//! are run, those first that have caught most mutants of its file for the time they take. Arguments choose mutants by part
+//! of their name; `--survivors` tries only those that no test has caught yet, those of a run that was ended among them, and
+//! `--table` tries none. Those that no test can catch are listed in `equivalent.toml` with the reason; any other survivor,
+//! and one not tried yet, makes the exit status 1.
 //! cargo-mutants must be installed (`cargo install cargo-mutants --locked`), and the system a Unix.
 
 mod build;
@@ -23,7 +24,11 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use trial::{Fate, Part};
+use std::time::Duration;
+use trial::{Fate, Tests};
+
+/// How much time of tests decides which mutants are tried with all.
+const PROMISING: Duration = Duration::from_secs(6);
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -60,7 +65,7 @@ fn run() -> Result<bool> {
         .collect();
     println!("{} of {} mutants to try", chosen.len(), mutants.len());
     let copy = Copy::new(root)?;
-    let unviable = copy.with_switches(&mutants)?;
+    let (unviable, functions) = copy.with_switches(&mutants)?;
     unviable.iter().for_each(|&number| record.set(number, Fate::Unviable));
     println!("building the tests with {} mutants", mutants.len() - unviable.len());
     let parts = trial::parts(copy.tests()?, &copy.folder)?;
@@ -68,18 +73,18 @@ fn run() -> Result<bool> {
     let (apart, switched): (Vec<usize>, Vec<usize>) =
         chosen.difference(&unviable).partition(|number| in_constants(number));
     let record = Mutex::new(record);
-    let (first, rest) = parts.split_first().ok_or("no tests")?;
-    let (long, quick): (Vec<&Part>, Vec<&Part>) = rest.iter().partition(|part| part.is_long());
-    let quick: Vec<&Part> = [first].into_iter().chain(quick).collect();
-    let left = try_all(&switched, &mutants, &quick, &copy, &record)?;
-    println!("{} mutants survived the quick tests", left.len());
-    let left = try_all(&left, &mutants, &long, &copy, &record)?;
+    let tests = Tests { parts, functions, folder: copy.folder.clone() };
+    let left = try_all(&switched, &mutants, &tests, Share::Promising, &record)?;
+    println!("{} mutants survived the most promising tests", left.len());
+    let left = try_all(&left, &mutants, &tests, Share::All, &record)?;
     println!("{} mutants survived", left.len());
     let mut record = record.into_inner().map_err(|error| error.to_string())?;
     for number in apart {
         let mutant = &mutants[number - 1];
         let compiles = copy.with_one(mutant)? && copy.tests().is_ok();
-        let fate = if compiles { trial::fate(&parts, 0, &copy.folder)? } else { Fate::Unviable };
+        let mut parts = tests.entering(number);
+        record.promising_first(mutant, &mut parts);
+        let fate = if compiles { trial::fate(parts, 0, &copy.folder)? } else { Fate::Unviable };
         tell(mutant, &fate);
         record.set(number, fate);
         record.keep()?;
@@ -87,20 +92,40 @@ fn run() -> Result<bool> {
     record.write()
 }
 
+/// How many of the tests a mutant is tried with.
+#[derive(Clone, Copy, PartialEq)]
+enum Share {
+    /// Those that are likely to catch it, of a few seconds: enough for most, and soon done.
+    Promising,
+    All,
+}
+
 /// Tries mutants, as many at a time as there are processors; returns those that survive.
 fn try_all(
     numbers: &[usize],
     mutants: &[Mutant],
-    parts: &[&Part],
-    copy: &Copy,
+    tests: &Tests,
+    share: Share,
     record: &Mutex<Record>,
 ) -> Result<Vec<usize>> {
-    let next = AtomicUsize::new(0);
+    let (next, survivors) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     let work = || {
         while let Some(&number) = numbers.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let fate = trial::fate(parts.iter().copied(), number, &copy.folder).map_err(|error| error.to_string())?;
-            tell(&mutants[number - 1], &fate);
+            let mutant = &mutants[number - 1];
+            let mut parts = tests.entering(number);
+            record.lock().map_err(|error| error.to_string())?.promising_first(mutant, &mut parts);
+            if share == Share::Promising {
+                parts.truncate(trial::within(&parts, PROMISING));
+            }
+            let fate = trial::fate(parts, number, &tests.folder).map_err(|error| error.to_string())?;
+            tell(mutant, &fate);
             let mut record = record.lock().map_err(|error| error.to_string())?;
+            if fate == Fate::Survived {
+                survivors.lock().map_err(|error| error.to_string())?.push(number);
+                if share == Share::Promising {
+                    continue;
+                }
+            }
             record.set(number, fate);
             if number.is_multiple_of(KEPT) {
                 record.keep().map_err(|error| error.to_string())?;
@@ -113,9 +138,7 @@ fn try_all(
         let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
         workers.into_iter().try_for_each(|worker| worker.join().map_err(|_| "a worker panicked")?)
     })?;
-    let record = record.lock().map_err(|error| error.to_string())?;
-    let survives = |number: &&usize| record.fate(**number) == Some(&Fate::Survived);
-    Ok(numbers.iter().filter(survives).copied().collect())
+    Ok(survivors.into_inner().map_err(|error| error.to_string())?)
 }
 
 fn tell(mutant: &Mutant, fate: &Fate) {

@@ -10,14 +10,39 @@ use std::ops::Range;
 /// The environment variable that holds the number of the mutant that is to act; none acts without it.
 pub const VARIABLE: &str = "SPRUNG_MUTANT";
 
+/// The environment variable that names a file, which gets the number of every function that is entered.
+pub const ENTERED: &str = "SPRUNG_ENTERED";
+
 /// What the library of the copy is given: the number of the mutant that acts, read once a process, and a type for functions
-/// that return `impl Iterator`, whose arms must be of one type.
+/// that return `impl Iterator`, whose arms must be of one type. Functions go by the number of their first mutant.
 pub const LIBRARY: &str = r#"
 #[doc(hidden)]
 pub mod mutants {
-    pub fn active() -> u32 {
-        static ACTIVE: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
-        *ACTIVE.get_or_init(|| std::env::var("SPRUNG_MUTANT").ok().and_then(|n| n.parse().ok()).unwrap_or(0))
+    use std::io::Write as _;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::OnceLock;
+    pub fn active(function: usize) -> u32 {
+        static ACTIVE: OnceLock<(u32, Option<String>)> = OnceLock::new();
+        let variable = |name| std::env::var(name).ok();
+        let (active, entered) = ACTIVE.get_or_init(|| {
+            (variable("SPRUNG_MUTANT").and_then(|n| n.parse().ok()).unwrap_or(0), variable("SPRUNG_ENTERED"))
+        });
+        if let Some(entered) = entered {
+            note(function, entered);
+        }
+        *active
+    }
+    // Does not allocate: a test counts that.
+    #[cold]
+    fn note(function: usize, entered: &str) {
+        static NOTED: [AtomicBool; 10_000] = [const { AtomicBool::new(false) }; 10_000];
+        if !NOTED[function].swap(true, Ordering::Relaxed) {
+            let mut line = [0; 24];
+            let mut rest = &mut line[..];
+            writeln!(rest, "{function}").unwrap();
+            let length = 24 - rest.len();
+            std::fs::File::options().append(true).open(entered).unwrap().write_all(&line[..length]).unwrap();
+        }
     }
     pub enum Arm<'a, I: Iterator> {
         Mutant(Box<dyn Iterator<Item = I::Item> + 'a>),
@@ -35,10 +60,17 @@ pub mod mutants {
 }
 "#;
 
-/// A source with switches, and the lines that each mutant takes in it.
+/// A source with switches.
 pub struct Switched {
     pub source: String,
-    pub lines: Vec<(usize, Range<usize>)>,
+    pub mutants: Vec<Arm>,
+}
+
+/// A mutant in a source with switches: its number, that of its function, and its lines.
+pub struct Arm {
+    pub number: usize,
+    pub function: usize,
+    pub lines: Range<usize>,
 }
 
 /// A function and its mutants.
@@ -64,7 +96,7 @@ pub fn switched(source: &str, mutants: &[(usize, &Mutant)]) -> Option<Switched> 
         }
     }
     functions.sort_by_key(|function| function.body.start);
-    let (mut text, mut lines, mut written) = (String::new(), Vec::new(), 0);
+    let (mut text, mut arms, mut written) = (String::new(), Vec::new(), 0);
     for Switch { body, is_opaque, mutants } in functions {
         text += source.get(written..body.start)?;
         let (open, own, close) = if is_opaque {
@@ -72,19 +104,20 @@ pub fn switched(source: &str, mutants: &[(usize, &Mutant)]) -> Option<Switched> 
         } else {
             ("", "", "")
         };
-        text += "{ match crate::mutants::active() {\n";
+        let &(function, _) = mutants.first()?;
+        let _ = writeln!(text, "{{ match crate::mutants::active({function}) {{");
         for (number, mutant) in mutants {
             let place = range(source, mutant.span)?;
             let first = text.lines().count() + 1;
             let (before, after) = (source.get(body.start..place.start)?, source.get(place.end..body.end)?);
             let _ = writeln!(text, "{number} => {open}{before} {} {after}{close}{close},", mutant.replacement);
-            lines.push((number, first..text.lines().count() + 1));
+            arms.push(Arm { number, function, lines: first..text.lines().count() + 1 });
         }
         let _ = write!(text, "_ => {own}{}{close},\n}} }}", source.get(body.clone())?);
         written = body.end;
     }
     text += source.get(written..)?;
-    Some(Switched { source: text, lines })
+    Some(Switched { source: text, mutants: arms })
 }
 
 /// A source with one mutant in place, for those in constants, which no switch can choose while the program runs.

@@ -1,6 +1,8 @@
 //! Runs of the test programs with a mutant.
 
 use super::{Result, switch};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -8,21 +10,36 @@ use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Parts that take longer come last, when all mutants have been tried with the others.
-const LONG: Duration = Duration::from_millis(700);
-
 /// Starts a program with 8 GB of addresses at most: some mutants fill vectors without end.
 const LIMITED: &str = r#"ulimit -v 8000000; exec "$0" "$@""#;
 
 /// Tests of whole scenes and other rooms that take long: a mutant that only they would catch counts as a survivor.
 const LEFT_OUT: [&str; 4] = ["bunny", "chart", "culprits", "verify_jacobian"];
 
-/// A part of the tests: a program and the arguments that choose tests of it, and the time that it takes unchanged.
+/// A part of the tests: a program and the arguments that choose tests of it.
 pub struct Part {
     pub name: String,
     program: PathBuf,
     arguments: &'static [&'static str],
-    duration: Duration,
+    /// The time that it takes unchanged, and the functions that it enters.
+    pub duration: Duration,
+    pub entered: BTreeSet<usize>,
+}
+
+/// All tests of the copy.
+pub struct Tests {
+    pub parts: Vec<Part>,
+    /// The function of every mutant behind a switch.
+    pub functions: BTreeMap<usize, usize>,
+    pub folder: PathBuf,
+}
+
+impl Tests {
+    /// The parts that enter the function of a mutant: no other can see it.
+    pub fn entering(&self, number: usize) -> Vec<&Part> {
+        let function = self.functions.get(&number);
+        self.parts.iter().filter(|part| function.is_none_or(|function| part.entered.contains(function))).collect()
+    }
 }
 
 /// What became of a mutant.
@@ -38,40 +55,57 @@ pub enum Fate {
     Survived,
 }
 
-/// The tests in parts, quick ones first, so that most mutants are caught in no time.
+/// The parts of a program, with the arguments that choose their tests. Those of large scenes are parts of their own.
+fn division(program: &str) -> Vec<(&str, &'static [&'static str])> {
+    match program {
+        "verification" => vec![
+            ("verification", &["--skip", "bunny", "--skip", "large_cloth", "--skip", "convergence"]),
+            ("verification of convergence", &["convergence", "--skip", "bunny", "--skip", "large_cloth"]),
+            ("verification of the bunny", &["bunny"]),
+            ("verification of a large cloth", &["large_cloth"]),
+        ],
+        "sprung" => vec![("unit tests", &["--skip", "chart::"])],
+        _ => vec![(program, &[])],
+    }
+}
+
+/// The tests in parts, small scenes of the suite first.
 pub fn parts(programs: Vec<(String, PathBuf)>, folder: &Path) -> Result<Vec<Part>> {
     let mut parts = Vec::new();
-    for (name, program) in programs.into_iter().filter(|(name, _)| !LEFT_OUT.contains(&name.as_str())) {
-        let suite: [&'static [&'static str]; 4] = [
-            &["--skip", "bunny", "--skip", "large_cloth", "--skip", "convergence"],
-            &["convergence", "--skip", "bunny", "--skip", "large_cloth"],
-            &["bunny"],
-            &["large_cloth"],
-        ];
-        let whole: [&'static [&'static str]; 1] = [&[]];
-        for arguments in if name == "verification" { suite.iter() } else { whole.iter() } {
-            let mut part = Part { name: name.clone(), program: program.clone(), arguments, duration: Duration::ZERO };
+    for (program_name, program) in programs.into_iter().filter(|(name, _)| !LEFT_OUT.contains(&name.as_str())) {
+        for (name, arguments) in division(&program_name) {
+            let (name, program) = (name.to_owned(), program.clone());
+            let mut part = Part { name, program, arguments, duration: Duration::ZERO, entered: BTreeSet::new() };
+            let entered = folder.with_file_name("mutants-entered");
+            fs::write(&entered, "")?;
             let started = Instant::now();
-            let fate = part.run(0, folder, Duration::from_secs(600))?;
+            let fate = part.run(0, folder, Duration::from_secs(600), Some(&entered))?;
             if fate != Fate::Survived {
-                return Err(format!("{name} fails without a mutant").into());
+                return Err(format!("{} fails without a mutant", part.name).into());
             }
             part.duration = started.elapsed();
-            println!("{:6.2} s  {name} {}", part.duration.as_secs_f64(), arguments.join(" "));
+            part.entered = fs::read_to_string(&entered)?.lines().filter_map(|line| line.parse().ok()).collect();
+            println!("{:6.2} s  {}", part.duration.as_secs_f64(), part.name);
             parts.push(part);
         }
     }
-    // The first part, small scenes of the suite, catches most.
-    if let Some((_, others)) = parts.split_first_mut() {
-        others.sort_by_key(|part| part.duration);
-    }
     Ok(parts)
+}
+
+/// How many of the parts, from the first on, take no longer than this together.
+pub fn within(parts: &[&Part], duration: Duration) -> usize {
+    let mut sum = Duration::ZERO;
+    let sums = parts.iter().map(|part| {
+        sum += part.duration;
+        sum
+    });
+    sums.take_while(|&sum| sum <= duration).count()
 }
 
 /// Runs parts until one fails.
 pub fn fate<'p>(parts: impl IntoIterator<Item = &'p Part>, number: usize, folder: &Path) -> Result<Fate> {
     for part in parts {
-        let fate = part.run(number, folder, part.duration * 3 + Duration::from_secs(5))?;
+        let fate = part.run(number, folder, part.duration * 3 + Duration::from_secs(5), None)?;
         if fate != Fate::Survived {
             return Ok(fate);
         }
@@ -80,14 +114,10 @@ pub fn fate<'p>(parts: impl IntoIterator<Item = &'p Part>, number: usize, folder
 }
 
 impl Part {
-    /// Whether it takes longer than `LONG`.
-    pub fn is_long(&self) -> bool {
-        self.duration > LONG
-    }
-
-    /// Runs the tests of this part until one fails or the patience ends.
-    fn run(&self, number: usize, folder: &Path, patience: Duration) -> Result<Fate> {
-        let mut child = Command::new("sh")
+    /// Runs the tests of this part until one fails or the patience ends. A file, if given, gets the functions entered.
+    fn run(&self, number: usize, folder: &Path, patience: Duration, entered: Option<&Path>) -> Result<Fate> {
+        let mut command = Command::new("sh");
+        command
             .args(["-c", LIMITED])
             .arg(&self.program)
             .args(self.arguments)
@@ -99,8 +129,11 @@ impl Part {
             .current_dir(folder)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
-            .process_group(0)
-            .spawn()?;
+            .process_group(0);
+        if let Some(entered) = entered {
+            command.env(switch::ENTERED, entered);
+        }
+        let mut child = command.spawn()?;
         let output = child.stdout.take().ok_or("no output")?;
         let (ended, late) = (AtomicBool::new(false), AtomicBool::new(false));
         let (failed, last) = std::thread::scope(|scope| {

@@ -8,16 +8,22 @@ use crate::spring::{Spring, Stiffness};
 use crate::system::{State, System, SystemBuilder};
 use nalgebra::Vector3;
 
-/// Two free particles on a chain from the origin, with weight and damping.
 fn chain() -> (System, State) {
+    scaled_chain(1.0)
+}
+
+/// Two free particles on a chain from the origin, with weight and damping; all masses and forces times a factor.
+fn scaled_chain(factor: f64) -> (System, State) {
     let mut builder = SystemBuilder::new();
     builder.gravity(3.0, -10.0, 0.0);
     for (position, mass) in [([0.0; 3], 7.0), ([2.0, 0.0, 0.0], 2.0), ([2.0, 3.0, 0.0], 0.5)] {
-        builder.particle(position, mass);
+        builder.particle(position, factor * mass);
     }
     builder.hold(0);
-    builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 2.0, damping: 4.0 });
-    builder.spring(1, 2, Spring { stiffness: 30.0, rest_length: 4.0, damping: 3.0 });
+    for (i, j, stiffness, rest_length, damping) in [(0, 1, 100.0, 2.0, 4.0), (1, 2, 30.0, 4.0, 3.0)] {
+        let (stiffness, damping) = (factor * stiffness, factor * damping);
+        builder.spring(i, j, Spring { stiffness, rest_length, damping });
+    }
     let (system, mut state) = builder.build().unwrap();
     state.velocities[1] = Vector3::new(0.0, 1.0, 0.0);
     state.velocities[2] = Vector3::new(0.0, 0.0, 2.0);
@@ -162,6 +168,26 @@ fn the_residual_left_is_recorded() {
     let recorded = newton.linear.statistics.max_relative_residual;
     assert_eq!(recorded, relative_residual(&mut newton, &state, 0.5));
     assert!(recorded > 0.0 && recorded < 1e-3, "{recorded:e}");
+}
+
+/// Only the ratio of residuals says whether an option serves: the unit of mass changes nothing.
+#[test]
+fn iterations_do_not_depend_on_the_unit_of_mass() {
+    for policy in [StiffnessPolicy::Always(Stiffness::Tension), StiffnessPolicy::Always(Stiffness::Axial)] {
+        let solve = |factor: f64| {
+            let (system, state) = scaled_chain(factor);
+            let mut newton = newton(&system, &state, policy);
+            newton.solve(&state, 0.5).unwrap();
+            (
+                newton.linear.statistics.work.newton_iterations,
+                newton.linear.statistics.softened_solves,
+                newton.displacement,
+            )
+        };
+        let solution = solve(1.0);
+        assert_eq!(solve(2f64.powi(-30)), solution);
+        assert_eq!(solve(2f64.powi(30)), solution);
+    }
 }
 
 /// That of the point evaluated last.
