@@ -9,6 +9,8 @@ mod block_jacobi;
 mod cg;
 mod direct;
 mod factorization;
+#[cfg(test)]
+mod fixtures;
 mod iterative;
 mod norms;
 mod ordering;

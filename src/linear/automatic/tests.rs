@@ -3,34 +3,10 @@
 use super::super::ordering::OrderingMethod;
 use super::super::preconditioner::PreconditionerKind;
 use super::*;
-use crate::force::Extensions;
-use crate::operator::Combination;
+use crate::linear::fixtures::{chain, operator, right_hand_side};
 use crate::scene::builtin;
-use crate::spring::{Spring, Stiffness};
-use crate::system::{State, System, SystemBuilder};
+use crate::system::System;
 use faer::Par;
-
-/// A chain at rest on a line, one end held, so stiff that block Jacobi needs about as many iterations as there are particles.
-fn chain() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.dimension = 1;
-    builder.particle([0.0; 3], 1.0);
-    for particle in 1..=80 {
-        builder.particle([particle as f64, 0.0, 0.0], 1.0);
-        builder.spring(particle - 1, particle, Spring { stiffness: 1e6, rest_length: 1.0, damping: 0.0 });
-    }
-    builder.hold(0);
-    builder.build().unwrap()
-}
-
-fn operator<'s>((system, state): &'s (System, State)) -> SystemOperator<'s> {
-    let extensions = Extensions::at(system, &state.positions).unwrap();
-    SystemOperator::new(system, &extensions, Stiffness::Tension, Combination::step(0.1))
-}
-
-fn right_hand_side(order: usize) -> Vec<f64> {
-    (0..order).map(|row| (row as f64 * 12.9898).sin()).collect()
-}
 
 /// Conjugate gradients with the preconditioner, watched by what factorizations are said to cost.
 fn automatic(system: &System, preconditioner: PreconditionerKind, factor: f64, solve: f64) -> AutomaticSolver {
@@ -59,8 +35,8 @@ fn costs_follow_from_the_size_of_the_factor() {
 /// what is left over from cheap matrices does not count.
 #[test]
 fn losses_are_added_up_until_they_exceed_one_factorization() {
-    let scene = chain();
-    let (a, b) = (operator(&scene), right_hand_side(80));
+    let scene = chain(80);
+    let (a, b) = (operator(&scene, 0.1), right_hand_side(80));
     let (mut x, mut work) = (vec![0.0; 80], Work::default());
     let mut solver = automatic(&scene.0, PreconditionerKind::BlockJacobi, 1000.0, 10.0);
     solver.lost = 5.0;
@@ -97,8 +73,8 @@ fn losses_are_added_up_until_they_exceed_one_factorization() {
 /// iterations and a half. Then the factorization takes over.
 #[test]
 fn a_solve_is_given_up_when_it_has_cost_too_much() {
-    let scene = chain();
-    let (a, b) = (operator(&scene), right_hand_side(80));
+    let scene = chain(80);
+    let (a, b) = (operator(&scene, 0.1), right_hand_side(80));
     let (mut x, mut work) = (vec![0.0; 80], Work::default());
     let mut solver = automatic(&scene.0, PreconditionerKind::BlockJacobi, 20.0, 2.0);
     solver.prepare(&a, &mut work).unwrap();
@@ -111,8 +87,8 @@ fn a_solve_is_given_up_when_it_has_cost_too_much() {
 /// Conjugate gradients stop at the tolerance that the choice was given.
 #[test]
 fn the_tolerance_is_passed_on() {
-    let scene = chain();
-    let (a, b) = (operator(&scene), right_hand_side(80));
+    let scene = chain(80);
+    let (a, b) = (operator(&scene, 0.1), right_hand_side(80));
     let (mut x, mut work) = (vec![0.0; 80], Work::default());
     let mut solver = automatic(&scene.0, PreconditionerKind::BlockJacobi, 1000.0, 10.0);
     solver.set_tolerance(0.1);
@@ -126,7 +102,7 @@ fn the_tolerance_is_passed_on() {
 fn places_are_passed_on_to_multigrid() {
     let scene = builtin::cloth(16).unwrap().build().unwrap();
     let (system, state) = &scene;
-    let (a, b) = (operator(&scene), right_hand_side(system.dofs().len()));
+    let (a, b) = (operator(&scene, 0.1), right_hand_side(system.dofs().len()));
     let iterations = [false, true].map(|placed| {
         let (mut x, mut work) = (vec![0.0; b.len()], Work::default());
         let mut solver = automatic(system, PreconditionerKind::Multigrid, 1e4, 1e4);

@@ -1,27 +1,12 @@
 use super::*;
-use crate::DofMap;
+use crate::linear::fixtures::{self, noise};
 use crate::operator::LinearOperator;
-use nalgebra::Matrix3;
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
-/// A band of particle blocks with reproducible entries between −1 and 1 and `diagonal` added to the diagonal.
+/// A band with `diagonal` added to the diagonal.
 fn banded(particles: usize, diagonal: impl Fn(usize) -> f64) -> SymmetricMatrix {
-    let pairs: Vec<[usize; 2]> =
-        (0..particles).flat_map(|i| (i + 1..particles.min(i + 3)).map(move |j| [j, i])).collect();
-    let pattern = BlockPattern::new(&DofMap::unconstrained(particles), pairs.iter().copied()).unwrap();
-    let mut a = SymmetricMatrix::zeros(Arc::new(pattern));
-    let noise = |row: usize, column: usize| ((row * 131 + column * 31) as f64).sin();
-    let block = |i: usize, j: usize| Matrix3::from_fn(|r, c| noise(3 * i + r, 3 * j + c));
-    for p in 0..particles {
-        let shift = Matrix3::from_diagonal(&nalgebra::Vector3::from_fn(|axis, _| diagonal(3 * p + axis)));
-        a.add_diagonal_block(p, &(block(p, p) + shift));
-    }
-    for [i, j] in pairs {
-        let slot = a.pattern().slot(i, j).unwrap();
-        a.add_block(slot, &block(i, j));
-    }
-    a
+    let entry = |row, column| noise(row, column) + if row == column { diagonal(row) } else { 0.0 };
+    fixtures::banded(particles, 2, entry)
 }
 
 fn ldlt(a: &SymmetricMatrix) -> Ldlt {

@@ -2,34 +2,8 @@
 
 use super::super::reuse::ReusedMultigrid;
 use super::*;
-use crate::force::Extensions;
-use crate::operator::Combination;
+use crate::linear::fixtures::{chain, operator, right_hand_side};
 use crate::scene::builtin;
-use crate::spring::{Spring, Stiffness};
-use crate::system::{State, SystemBuilder};
-
-/// A chain of so many free particles at rest on a line, one end held.
-fn chain(particles: usize) -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    builder.dimension = 1;
-    builder.particle([0.0; 3], 1.0);
-    for particle in 1..=particles {
-        builder.particle([particle as f64, 0.0, 0.0], 1.0);
-        builder.spring(particle - 1, particle, Spring { stiffness: 1e6, rest_length: 1.0, damping: 0.0 });
-    }
-    builder.hold(0);
-    builder.build().unwrap()
-}
-
-/// M/dt² − K: nearly a mass for short steps, nearly a stiffness for long ones.
-fn operator<'s>((system, state): &'s (System, State), dt: f64) -> SystemOperator<'s> {
-    let extensions = Extensions::at(system, &state.positions).unwrap();
-    SystemOperator::new(system, &extensions, Stiffness::Tension, Combination::step(dt))
-}
-
-fn right_hand_side(order: usize) -> Vec<f64> {
-    (0..order).map(|row| (row as f64 * 12.9898).sin()).collect()
-}
 
 fn matrix_free(system: &System, kind: Option<PreconditionerKind>) -> CgSolver {
     CgSolver::matrix_free(system, kind, 1e-10).unwrap()

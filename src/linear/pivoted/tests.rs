@@ -1,28 +1,6 @@
 use super::*;
-use crate::DofMap;
+use crate::linear::fixtures::{banded, noise};
 use crate::operator::LinearOperator;
-use nalgebra::Matrix3;
-use std::sync::Arc;
-
-/// A matrix of particle blocks from its entries; particles couple to those of number up to `reach` higher.
-fn banded(particles: usize, reach: usize, entry: impl Fn(usize, usize) -> f64) -> SymmetricMatrix {
-    let pairs: Vec<[usize; 2]> =
-        (0..particles).flat_map(|i| (i + 1..particles.min(i + reach + 1)).map(move |j| [j, i])).collect();
-    let pattern = BlockPattern::new(&DofMap::unconstrained(particles), pairs.iter().copied()).unwrap();
-    let mut a = SymmetricMatrix::zeros(Arc::new(pattern));
-    let block = |i: usize, j: usize| Matrix3::from_fn(|r, c| entry(3 * i + r, 3 * j + c));
-    (0..particles).for_each(|p| a.add_diagonal_block(p, &block(p, p)));
-    for [i, j] in pairs {
-        let slot = a.pattern().slot(i, j).unwrap();
-        a.add_block(slot, &block(i, j));
-    }
-    a
-}
-
-/// The same number between −1 and 1 for (row, column) and (column, row).
-fn noise(row: usize, column: usize) -> f64 {
-    ((row.max(column) * 131 + row.min(column) * 31) as f64).sin()
-}
 
 fn factored(a: &SymmetricMatrix, pivoting: Pivoting) -> PivotedLdlt {
     let mut factorization = PivotedLdlt::analyse(a.pattern(), Par::Seq).unwrap();
