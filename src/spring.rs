@@ -201,3 +201,19 @@ impl SpringBlock {
         self.matrix() * d
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Extension, Spring};
+    use nalgebra::Vector3;
+
+    /// A spring at its rest length is neither stretched nor compressed.
+    #[test]
+    fn compressed_is_shorter_than_at_rest() {
+        let spring = Spring { stiffness: 3.0, rest_length: 2.0, damping: 0.0 };
+        for (length, is_compressed) in [(1.999, true), (2.0, false), (2.001, false)] {
+            let at = Extension { direction: Vector3::x(), length };
+            assert_eq!(spring.is_compressed(&at), is_compressed, "{length}");
+        }
+    }
+}

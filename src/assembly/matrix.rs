@@ -201,3 +201,52 @@ impl BlockDiagonal for SymmetricMatrix {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{BlockPattern, SymmetricMatrix};
+    use crate::system::DofMap;
+    use nalgebra::Matrix3;
+    use std::sync::Arc;
+
+    /// Two particles with blocks `[2 −1 0; −1 3 0; 0 0 5]`, `−7 E` and `4 E` (row 2, column 1), E the matrix with a one in its first corner.
+    fn matrix() -> SymmetricMatrix {
+        let pattern = BlockPattern::new(&DofMap::unconstrained(2), [[1, 0]].into_iter()).unwrap();
+        let mut a = SymmetricMatrix::zeros(Arc::new(pattern));
+        let corner = |value| Matrix3::new(value, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        a.add_diagonal_block(0, &Matrix3::new(2.0, -1.0, 0.0, -1.0, 3.0, 0.0, 0.0, 0.0, 5.0));
+        a.add_diagonal_block(1, &corner(-7.0));
+        let slot = a.pattern().slot(1, 0).unwrap();
+        a.add_block(slot, &corner(4.0));
+        a
+    }
+
+    fn entries(a: &SymmetricMatrix) -> Vec<(usize, usize, f64)> {
+        a.iter().filter(|(.., value)| *value != 0.0).collect()
+    }
+
+    /// Rows of magnitudes 2 + 1 + 4, 1 + 3, 5 and 4 + 7; an entry below the diagonal counts in its row and in its column.
+    #[test]
+    fn the_norm_is_the_largest_row_of_magnitudes() {
+        let mut a = matrix();
+        assert_eq!(a.norm_inf(&mut [f64::NAN; 6]), 11.0);
+        a.add_to_diagonal(1, 7.0);
+        assert_eq!(a.norm_inf(&mut [f64::NAN; 6]), 7.0);
+        a.add_to_diagonal(1, f64::NAN);
+        assert!(a.norm_inf(&mut [0.0; 6]).is_nan());
+    }
+
+    #[test]
+    fn scaling_is_from_both_sides() {
+        let mut a = matrix();
+        a.scale(&[2.0, 3.0, 10.0, 0.5, 1.0, 1.0]);
+        assert_eq!(entries(&a), [(0, 0, 8.0), (1, 0, -6.0), (3, 0, 4.0), (1, 1, 27.0), (2, 2, 500.0), (3, 3, -1.75)]);
+    }
+
+    #[test]
+    fn nothing_is_left_of_what_is_set_to_zero() {
+        let mut a = matrix();
+        a.set_zero();
+        assert_eq!(entries(&a), []);
+    }
+}

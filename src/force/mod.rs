@@ -57,3 +57,27 @@ pub fn add_weight(system: &System, force: &mut [Vector3<f64>]) {
         *f += gravity * *mass;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Extensions, add_damping_differential, add_damping_force};
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+    use nalgebra::Vector3;
+
+    /// However fast its ends are: no zero is multiplied by what overflows.
+    #[test]
+    fn springs_without_damping_add_nothing() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 1.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let fast = [Vector3::zeros(), Vector3::new(1.5e308, 1.5e308, 0.0)];
+        let mut force = [Vector3::zeros(); 2];
+        add_damping_force(&system, &extensions, &fast, &mut force);
+        add_damping_differential(&system, &extensions, &fast, &[Vector3::zeros(), Vector3::x()], &mut force);
+        assert_eq!(force, [Vector3::zeros(); 2]);
+    }
+}

@@ -5,7 +5,7 @@ use super::listed::Mutant;
 use super::trial::{Fate, Part};
 use crate::copy;
 use serde::Deserialize;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -58,9 +58,12 @@ impl<'m> Record<'m> {
             Ok(text) => serde_json::from_str(&text)?,
             Err(_) => Vec::new(),
         };
+        // Of code that is gone nothing need be known.
+        let present: HashSet<&Key> = keys.iter().collect();
+        let fates = known.into_iter().filter(|(key, _)| present.contains(key)).collect();
         let equivalents: Equivalents = toml::from_str(&fs::read_to_string(folder.join("equivalent.toml"))?)?;
         let (equivalents, table) = (equivalents.equivalent, folder.join("mutants.md"));
-        Ok(Self { mutants, keys, fates: known.into_iter().collect(), equivalents, outcomes, table })
+        Ok(Self { mutants, keys, fates, equivalents, outcomes, table })
     }
 
     /// Whether a mutant need not be tried again: a test caught it, it does not compile, or it is known to be equivalent.
