@@ -230,7 +230,8 @@ mod tests {
     fn the_norm_is_the_largest_row_of_magnitudes() {
         let mut a = matrix();
         assert_eq!(a.norm_inf(&mut [f64::NAN; 6]), 11.0);
-        a.add_to_diagonal(1, 7.0);
+        // Then |−7 + 6| + 4 and 6: the first row is the largest.
+        a.add_to_diagonal(1, 6.0);
         assert_eq!(a.norm_inf(&mut [f64::NAN; 6]), 7.0);
         a.add_to_diagonal(1, f64::NAN);
         assert!(a.norm_inf(&mut [0.0; 6]).is_nan());
