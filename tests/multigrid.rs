@@ -149,8 +149,7 @@ proptest! {
     /// One to three dimensions, prescribed axes, isolated particles, disconnected parts; coarsened as far as can be.
     ///
     /// Scaled by A to order one, where the thirty roundings of B to single precision make errors of 6e-8 ‖A‖‖A⁻¹‖ each. At single
-    /// values of the step the smoothed prolongation of one motion vanishes (ω times its eigenvalue of D⁻¹A is one), and with it
-    /// digits of the coarse correction: of three steps one must be right.
+    /// values of the step much more is lost, see `prolongator.rs`: of three steps one must be right.
     #[test]
     fn the_preconditioner_is_symmetric_and_positive_definite(
         scene in systems(), dt in common::log_uniform(1e-3, 0.1), largest_dense in 0usize..20, placed in any::<bool>(),

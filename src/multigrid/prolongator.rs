@@ -6,8 +6,8 @@
 //! λ_max is not computed but bounded: a spring's block B is positive semidefinite where A is of use, and
 //! `(x_i − x_j)ᵀ B (x_i − x_j) ≤ 2 x_iᵀ B x_i + 2 x_jᵀ B x_j`; summed over the springs, `xᵀA x ≤ 2 xᵀD x`, so `λ_max ≤ 2`. Where the power
 //! method says 1.7 to 1.8, using 2 changes iteration counts by at most two, on coarse levels too, where 1.6 to 1.7 is usual. Any ω gives
-//! a preconditioner that is positive definite, up to rounding. That is small but where ωλ = 1 for a motion of an aggregate by itself:
-//! its column of P vanishes then, and P in single precision leaves few digits of that coarse unknown. Of random systems of up to
+//! a preconditioner that is positive definite, up to rounding. That is small but at single steps: those, as it seems, where ωλ = 1
+//! for a motion of an aggregate by itself, whose column of P vanishes, which leaves single precision few digits. Of random systems of up to
 //! 14 particles one in 10⁵ had a preconditioner with an asymmetry above 10⁻³, and one in 7·10⁵ an indefinite one.
 
 use super::aggregate::Aggregates;
