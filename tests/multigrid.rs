@@ -143,13 +143,28 @@ fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<f64> {
     values
 }
 
+/// The least |1 − 2λ/3| of the eigenvalues λ of D⁻¹A, D the diagonal blocks of A.
+fn least_smoothed(system: &System, a: &DMatrix<f64>) -> f64 {
+    let mut d = DMatrix::zeros(a.nrows(), a.ncols());
+    for rows in (0..system.particles()).map(|p| system.dofs().rows(p)) {
+        let (start, size) = ((rows.start, rows.start), (rows.len(), rows.len()));
+        d.view_mut(start, size).copy_from(&a.view(start, size));
+    }
+    let inverse = d.cholesky().unwrap().l().try_inverse().unwrap();
+    let smoothed =
+        eigenvalues(&(&inverse * a * inverse.transpose())).into_iter().map(|value| (1.0 - value / 1.5).abs());
+    smoothed.fold(f64::INFINITY, f64::min)
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     /// One to three dimensions, prescribed axes, isolated particles, disconnected parts; coarsened as far as can be.
     ///
-    /// Scaled by A to order one, where the thirty roundings of B to single precision make errors of 6e-8 ‖A‖‖A⁻¹‖ each. At single
-    /// values of the step much more is lost, see `prolongator.rs`: of three steps one must be right.
+    /// Scaled by A to order one, where rounding B to single precision makes errors of about 6e-8 ‖A‖‖A⁻¹‖. Where an eigenvalue
+    /// λ of D⁻¹A has 1 − 2λ/3 near zero the smoothed prolongation of a motion may vanish, and errors are (1 − 2λ/3)⁻² times as
+    /// large, see `prolongator.rs`. B must be definite wherever they are less than one. The λ of coarser levels are not at hand:
+    /// of three steps one must keep the bound.
     #[test]
     fn the_preconditioner_is_symmetric_and_positive_definite(
         scene in systems(), dt in common::log_uniform(1e-3, 0.1), largest_dense in 0usize..20, placed in any::<bool>(),
@@ -169,15 +184,15 @@ proptest! {
             let values = eigenvalues(&matrix);
             let condition = values.last().unwrap_or(&1.0) / values.first().unwrap_or(&1.0);
             prop_assume!(condition < 1e5);
-            let rounding = 30.0 * 0.5 * f64::from(f32::EPSILON) * condition;
-            let cholesky = matrix.cholesky().unwrap();
+            let vanishing = least_smoothed(&scene.0, &matrix).min(1.0).powi(2);
+            let rounding = 10.0 * 0.5 * f64::from(f32::EPSILON) * condition / vanishing;
+            let cholesky = matrix.clone().cholesky().unwrap();
             let scaled = cholesky.l().transpose() * &b * cholesky.l();
             let asymmetry = (&scaled - scaled.transpose()).norm();
             let values = eigenvalues(&((&scaled + scaled.transpose()) * 0.5));
-            if values.iter().all(|&value| value > 0.0) {
-                let above_one = values.last().map_or(0.0, |largest| largest - 1.0);
-                excess = excess.min(asymmetry.max(above_one) / rounding);
-            }
+            prop_assert!(rounding > 1.0 || values.iter().all(|&value| value > 0.0), "{values:?}");
+            let above_one = values.last().map_or(0.0, |largest| largest - 1.0);
+            excess = excess.min(asymmetry.max(above_one) / rounding);
         }
         prop_assert!(excess <= 1.0, "{excess} times the bound of asymmetry or of eigenvalues above one");
     }
