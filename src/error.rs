@@ -3,7 +3,6 @@
 //! An [`Error`] always means that nothing was computed. A computation that starts and then breaks down is not an
 //! error but an outcome with a status, see [`StepFailure`](crate::integrate::StepFailure).
 
-use crate::force::DegenerateSpring;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -107,3 +106,13 @@ impl fmt::Display for Invalid {
 }
 
 impl std::error::Error for Invalid {}
+
+/// A spring whose ends coincide: its direction, and with it force and stiffness, do not exist.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("spring {spring} has length zero: its ends, particles {} and {}, coincide", pair[0], pair[1])]
+pub struct DegenerateSpring {
+    /// The spring.
+    pub spring: usize,
+    /// Its ends.
+    pub pair: [usize; 2],
+}

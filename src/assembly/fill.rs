@@ -5,7 +5,7 @@
 //! one order whatever the number of threads, and nothing has to be set to zero first. The price is that both ends of a
 //! spring compute its 3×3 block; blocks are read twice, but the second time from cache where the ends are numbered closely.
 
-use super::system_matrix::SpringPattern;
+use super::spring_pattern::{Incidence, SpringPattern};
 use crate::operator::{SystemOperator, prefetch};
 use nalgebra::Matrix3;
 use std::ops::Range;
@@ -15,41 +15,6 @@ const STRETCH: usize = 1024;
 
 /// How many incidences ahead of its use a spring's block is asked for.
 const AHEAD: usize = 48;
-
-/// A spring as one of its ends sees it.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Incidence {
-    /// Its position among the active springs.
-    pub spring: u32,
-    pub place: Place,
-}
-
-/// Where a spring's block goes in the columns of one of its ends, beside the diagonal block, in 32 bits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Place(u32);
-
-impl Place {
-    /// Nowhere: this end is the row of the block.
-    pub const ROW: Self = Self(u32::MAX);
-    const AGAIN: u32 = 1 << 31;
-
-    /// So many values behind the diagonal part; `again` says that another spring between the same particles came before.
-    pub fn column(offset: u32, again: bool) -> Self {
-        Self(if again { offset | Self::AGAIN } else { offset })
-    }
-
-    /// The values between the diagonal part and the block.
-    #[inline]
-    pub fn offset(self) -> Option<u32> {
-        (self != Self::ROW).then_some(self.0 & !Self::AGAIN)
-    }
-
-    /// Whether another spring was there before.
-    #[inline]
-    fn is_again(self) -> bool {
-        self.0 & Self::AGAIN != 0
-    }
-}
 
 /// What a refill reads.
 #[derive(Clone, Copy)]

@@ -13,9 +13,11 @@
 mod fill;
 mod matrix;
 mod pattern;
+mod spring_pattern;
 mod system_matrix;
 pub mod triplets;
 
 pub use matrix::SymmetricMatrix;
 pub use pattern::{BlockPattern, BlockSlot};
-pub use system_matrix::{SpringPattern, SystemMatrix, assemble_afresh};
+pub use spring_pattern::SpringPattern;
+pub use system_matrix::{SystemMatrix, assemble_afresh};

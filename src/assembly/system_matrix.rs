@@ -1,111 +1,12 @@
 //! A system's M, G, K and A as assembled matrices.
 
-use super::fill::{Filling, Incidence, Place};
+use super::SymmetricMatrix;
+use super::fill::Filling;
+use super::spring_pattern::SpringPattern;
 use super::triplets::{BlockTriplet, assemble};
-use super::{BlockPattern, BlockSlot, SymmetricMatrix};
-use crate::error::Result;
 use crate::operator::SystemOperator;
-use crate::system::{Axes, System};
 use nalgebra::Matrix3;
 use std::sync::Arc;
-
-/// The pattern of a system's matrices and, for every particle, its springs and where their blocks go: the slot map.
-#[derive(Debug, Clone)]
-pub struct SpringPattern {
-    pattern: Arc<BlockPattern>,
-    /// The springs of particle p are `incidences[starts[p]..starts[p + 1]]`, ascending.
-    starts: Vec<u32>,
-    incidences: Vec<Incidence>,
-    /// Whether a particle and its neighbours in its columns are free along all three axes.
-    free: Vec<bool>,
-}
-
-impl SpringPattern {
-    /// The pattern of A and K: every active spring.
-    ///
-    /// # Errors
-    /// More entries than 32-bit indices can count.
-    pub fn of_stiffness(system: &System) -> Result<Self> {
-        Self::of(system, |_| true)
-    }
-
-    /// The pattern of G: damped springs only.
-    ///
-    /// # Errors
-    /// More entries than 32-bit indices can count.
-    pub fn of_damping(system: &System) -> Result<Self> {
-        Self::of(system, |damping| damping > 0.0)
-    }
-
-    /// The pattern of M: the diagonal.
-    ///
-    /// # Errors
-    /// More entries than 32-bit indices can count.
-    pub fn of_mass(system: &System) -> Result<Self> {
-        Self::of(system, |_| false)
-    }
-
-    fn of(system: &System, enters: impl Fn(f64) -> bool + Copy) -> Result<Self> {
-        let chosen = || (0u32..).zip(system.active()).filter(move |(_, (_, _, spring))| enters(spring.damping));
-        // Iterators handed to BlockPattern must be Clone; a list of pairs is, and it is short-lived.
-        let pairs: Vec<[usize; 2]> = chosen().map(|(_, (_, pair, _))| pair).collect();
-        let pattern = BlockPattern::new(system.dofs(), pairs.iter().copied())?;
-        let (starts, mut ends) = row_starts(system.particles(), &pairs);
-        let nothing = Incidence { spring: 0, place: Place::ROW };
-        let mut incidences = vec![nothing; 2 * pairs.len()];
-        let is_free = |particle: usize| system.dofs().free_axes(particle) == Axes::ALL;
-        let mut free: Vec<bool> = (0..system.particles()).map(is_free).collect();
-        for (position, (_, [i, j], _)) in chosen() {
-            let Some(BlockSlot { row, column, offset, .. }) = pattern.slot(i, j) else { continue };
-            free[column as usize] &= is_free(row as usize);
-            let earlier = &incidences[starts[column as usize] as usize..ends[column as usize] as usize];
-            let is_repeat = earlier.iter().any(|at| at.place.offset() == Some(offset));
-            for (particle, place) in [(column, Place::column(offset, is_repeat)), (row, Place::ROW)] {
-                let end = &mut ends[particle as usize];
-                incidences[*end as usize] = Incidence { spring: position, place };
-                *end += 1;
-            }
-        }
-        Ok(Self { pattern: Arc::new(pattern), starts, incidences, free })
-    }
-
-    /// The springs of a particle.
-    #[inline]
-    pub(super) fn incidences(&self, particle: usize) -> &[Incidence] {
-        &self.incidences[self.starts[particle] as usize..self.starts[particle + 1] as usize]
-    }
-
-    /// As many incidences as the particle has, `distance` further on.
-    #[inline]
-    pub(super) fn incidences_ahead(&self, particle: usize, distance: usize) -> &[Incidence] {
-        let [start, end] = [particle, particle + 1].map(|p| self.starts[p] as usize + distance);
-        self.incidences.get(start..end).unwrap_or_default()
-    }
-
-    /// Whether a particle and its neighbours in its columns are free along all three axes.
-    #[inline]
-    pub(super) fn is_free(&self, particle: usize) -> bool {
-        self.free[particle]
-    }
-
-    /// The pattern of the entries.
-    pub(super) fn pattern(&self) -> &BlockPattern {
-        &self.pattern
-    }
-}
-
-/// How often every particle is an end, as running sums; twice, the second for counting up to the next particle's.
-fn row_starts(particles: usize, pairs: &[[usize; 2]]) -> (Vec<u32>, Vec<u32>) {
-    let mut starts = vec![0u32; particles + 1];
-    for end in pairs.iter().flatten() {
-        starts[end + 1] += 1;
-    }
-    for particle in 0..particles {
-        starts[particle + 1] += starts[particle];
-    }
-    let ends = starts.clone();
-    (starts, ends)
-}
 
 /// A system's matrix with the slot map that refills it.
 #[derive(Debug, Clone)]
@@ -117,7 +18,7 @@ pub struct SystemMatrix {
 impl SystemMatrix {
     /// The zero matrix on a pattern.
     pub fn zeros(springs: Arc<SpringPattern>) -> Self {
-        let matrix = SymmetricMatrix::zeros(springs.pattern.clone());
+        let matrix = SymmetricMatrix::zeros(springs.shared_pattern());
         Self { springs, matrix }
     }
 
@@ -165,47 +66,4 @@ pub fn assemble_afresh(operator: &SystemOperator) -> Vec<super::triplets::Entry>
         triplets.push(BlockTriplet { row: j, column: i, block: -block });
     }
     assemble(system.dofs(), &triplets)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{Spring, SystemBuilder};
-
-    /// Six particles in a ring: every one has two springs.
-    fn ring() -> SystemBuilder {
-        let mut builder = SystemBuilder::new();
-        for p in 0..6 {
-            builder.particle([f64::from(p), f64::from(p * p), 0.0], 1.0);
-        }
-        for p in 0..6 {
-            builder.spring(p, (p + 1) % 6, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        }
-        builder
-    }
-
-    /// In a ring the springs four incidences ahead are those of the particle two further on; behind the last particle there
-    /// are none.
-    #[test]
-    fn incidences_ahead_are_those_of_later_particles() {
-        let (system, _) = ring().build().unwrap();
-        let pattern = SpringPattern::of_stiffness(&system).unwrap();
-        let springs = |incidences: &[Incidence]| incidences.iter().map(|at| at.spring).collect::<Vec<_>>();
-        assert_eq!(springs(pattern.incidences(3)), [2, 3]);
-        for particle in 0..6 {
-            let ahead = springs(pattern.incidences_ahead(particle, 4));
-            let of_later = if particle < 4 { springs(pattern.incidences(particle + 2)) } else { vec![] };
-            assert_eq!(ahead, of_later, "{particle}");
-        }
-    }
-
-    /// A particle's columns are those of whole blocks where it and its neighbours of higher number are free along all axes.
-    #[test]
-    fn held_particles_and_their_lower_neighbours_are_not_free() {
-        let mut builder = ring();
-        builder.constrain(crate::Constraint { particles: vec![3], axes: Axes::of(&[1]), motion: crate::Motion::Held });
-        let (system, _) = builder.build().unwrap();
-        let pattern = SpringPattern::of_stiffness(&system).unwrap();
-        assert_eq!([0, 1, 2, 3, 4, 5].map(|p| pattern.is_free(p)), [true, true, false, false, true, true]);
-    }
 }

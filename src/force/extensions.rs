@@ -1,19 +1,10 @@
 //! Direction and length of every active spring at one configuration, computed once and used by all formulas.
 
+use crate::error::DegenerateSpring;
 use crate::parallel::try_pieces;
 use crate::spring::Extension;
 use crate::system::{Share, System, shares};
 use nalgebra::Vector3;
-
-/// A spring whose ends coincide: its direction, and with it force and stiffness, do not exist.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("spring {spring} has length zero: its ends, particles {} and {}, coincide", pair[0], pair[1])]
-pub struct DegenerateSpring {
-    /// The spring.
-    pub spring: usize,
-    /// Its ends.
-    pub pair: [usize; 2],
-}
 
 /// n and l of every active spring, in the order of [`System::active_springs`].
 #[derive(Debug, Clone)]

@@ -7,8 +7,9 @@ mod energy;
 mod extensions;
 mod pairs;
 
+pub use crate::error::DegenerateSpring;
 pub use energy::{Energy, angular_momentum, linear_momentum};
-pub use extensions::{DegenerateSpring, Extensions};
+pub use extensions::Extensions;
 
 use crate::spring::{Extension, Spring};
 use crate::system::System;

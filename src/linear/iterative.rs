@@ -3,7 +3,8 @@
 use super::LinearSolver;
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
-use super::preconditioner::{MULTIGRID_SETUP, Preconditioner, PreconditionerKind};
+use super::preconditioner::Preconditioner;
+use super::preconditioner_kind::{MULTIGRID_SETUP, PreconditionerKind};
 use super::warm_start::WarmStart;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;

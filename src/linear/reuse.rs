@@ -6,7 +6,7 @@
 //! does the same on every machine.
 
 use super::outcome::{Evidence, SolveFailure};
-use super::preconditioner::{MULTIGRID_SETUP, PreconditionerKind};
+use super::preconditioner_kind::{MULTIGRID_SETUP, PreconditionerKind};
 use crate::error::Result;
 use crate::multigrid::{Multigrid, SetupFailure};
 use crate::operator::SystemOperator;

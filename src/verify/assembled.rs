@@ -3,7 +3,8 @@
 use super::check::{Check, Entry};
 use super::claim::Claim;
 use super::coloring::ColumnGroups;
-use super::difference::{entry_of, with_wrong_springs};
+use super::difference::with_wrong_springs;
+use super::entries::{entry_of, for_each_entry};
 use super::force_error::{ForceError, block_rounding};
 use super::verdict::{TABLE_ROWS, WorstEntries, of_block};
 use crate::force::Extensions;
@@ -56,29 +57,6 @@ pub(super) fn against_blocks(
     };
     let check = check(value, why).with_table(entries.into_table(explain));
     if check.passed() { check } else { with_wrong_springs(check, system, state) }
-}
-
-/// Visits the rows that springs couple to a column, stored or not, and those that only the matrix has:
-/// (row, stored value or zero, coupled).
-pub(super) fn for_each_entry(
-    matrix: &CscMatrix<f64>,
-    column: usize,
-    coupled: &[u32],
-    mut visit: impl FnMut(usize, f64, bool),
-) {
-    let stored = matrix.col(column);
-    let mut stored = stored.row_indices().iter().copied().zip(stored.values().iter().copied()).peekable();
-    for &row in coupled {
-        let row = row as usize;
-        while let Some((extra, value)) = stored.next_if(|&(other, _)| other < row) {
-            visit(extra, value, false);
-        }
-        let value = stored.next_if(|&(other, _)| other == row).map_or(0.0, |(_, value)| value);
-        visit(row, value, true);
-    }
-    for (extra, value) in stored {
-        visit(extra, value, false);
-    }
 }
 
 struct BlockSum<'a, F> {

@@ -1,9 +1,9 @@
 //! The other two derivatives: damping matrix and damping force, energy and elastic force, by central differences.
 
-use super::assembled::for_each_entry;
 use super::check::{Check, worst};
 use super::claim::Claim;
 use super::coloring::ColumnGroups;
+use super::entries::for_each_entry;
 use super::force_error::{ForceError, SECOND, U, block_rounding};
 use super::reduced::{random_vector, reduce};
 use super::verdict::{TABLE_ROWS, WorstEntries};

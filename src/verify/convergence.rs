@@ -4,7 +4,7 @@
 //! `x_h − x_{h/2} = (1 − 2⁻ᵖ) C hᵖ + …`, so its logarithm falls with slope p, whatever the true solution is. The steps are
 //! short enough to resolve every vibration: stiff scenes show less than the order until they are.
 
-use super::family::Outcome;
+use super::measured::Measured;
 use super::reference;
 use super::runs::{Way, direct};
 use super::{ErrorCurve, Subject, U, order_checks};
@@ -48,7 +48,7 @@ fn rounding(subject: &Subject) -> f64 {
     U * (subject.extent() + subject.centre().norm()) * (STEPS << HALVINGS) as f64
 }
 
-pub(super) fn measure(subject: &Subject) -> Outcome {
+pub(super) fn measure(subject: &Subject) -> Measured {
     let h = coarsest(subject);
     let mut curves = Vec::new();
     for way in Way::of(subject) {

@@ -1,6 +1,6 @@
 //! What the options promise about definiteness, and whether the factorizations judge it right.
 
-use super::family::Outcome;
+use super::measured::Measured;
 use super::reference::{self, dense_step_matrix};
 use super::runs::{Way, differences, direct};
 use super::{Check, Claim, Subject, U, Unfinished};
@@ -28,7 +28,7 @@ pub(super) fn is_small(subject: &Subject) -> bool {
 }
 
 /// Without compressed springs `tension` is `full`; without stretched ones it is `axial`: the same K, to the bit.
-pub(super) fn options(subject: &Subject) -> Outcome {
+pub(super) fn options(subject: &Subject) -> Measured {
     let why = "an option only decides which terms are added, not how: not one bit may differ";
     let compare = |twin: Subject, option: Stiffness, name: &str| -> Result<Check, Unfinished> {
         let k = |option| StepMatrices::assemble(&twin.system, &twin.state, option, twin.dt).map(|matrices| matrices.k);
@@ -44,7 +44,7 @@ pub(super) fn options(subject: &Subject) -> Outcome {
 }
 
 /// Under `tension` and `axial`, `λ_min(A) ≥ m_min/dt²`: A − (1 − ε) m_min/dt² is definite at every step.
-pub(super) fn always(subject: &Subject) -> Outcome {
+pub(super) fn always(subject: &Subject) -> Measured {
     let mut checks = Vec::new();
     for option in [Stiffness::Tension, Stiffness::Axial] {
         for twin in [subject.clone(), subject.stretched()?, subject.squeezed()?] {
@@ -70,7 +70,7 @@ pub(super) fn always(subject: &Subject) -> Outcome {
 
 /// Cholesky's verdict and the signs of D against the signs of all eigenvalues, at steps across the critical one; and the
 /// number of negative ones never falls as the step grows.
-pub(super) fn inertia(subject: &Subject) -> Outcome {
+pub(super) fn inertia(subject: &Subject) -> Measured {
     let mut checks = Vec::new();
     for twin in [subject.clone(), subject.squeezed()?] {
         let mut factored = Factored::new(&twin)?;
@@ -102,7 +102,7 @@ pub(super) fn inertia(subject: &Subject) -> Outcome {
 }
 
 /// `on-demand` is `full` in every step that `full` can do, to the bit, and can do every other step too.
-pub(super) fn on_demand(subject: &Subject) -> Outcome {
+pub(super) fn on_demand(subject: &Subject) -> Measured {
     let mut checks = Vec::new();
     let way = Way { method: Method::LinearBackwardEuler, stiffness: StiffnessPolicy::OnDemand };
     let (mut different, mut compared) = (0.0, 0);

@@ -6,8 +6,8 @@ use super::damping_turn::damping_turns;
 use super::difference::{spring_blocks, stiffness_entries};
 use super::dropped::dropped_terms;
 use super::dual::{blocks_against_duals, force_against_energy, stiffness_against_duals};
-use super::family::Outcome;
 use super::jacobian::{JacobianOptions, check_jacobian};
+use super::measured::Measured;
 use super::reduced::{damping_force, elastic_energy, elastic_force, reduce};
 use super::v_curve::v_curve;
 use crate::integrate::StepMatrices;
@@ -18,7 +18,7 @@ use nalgebra::Matrix3;
 const ONE_BY_ONE_LIMIT: usize = 120;
 
 /// K under the full stiffness along random directions, entry by entry, and spring by spring.
-pub(super) fn jacobian(subject: &Subject) -> Outcome {
+pub(super) fn jacobian(subject: &Subject) -> Measured {
     let Subject { name, system, state, dt } = subject;
     let k = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?.k;
     let block =
@@ -37,7 +37,7 @@ pub(super) fn jacobian(subject: &Subject) -> Outcome {
 }
 
 /// What `tension` and `axial` leave out of K.
-pub(super) fn dropped(subject: &Subject) -> Outcome {
+pub(super) fn dropped(subject: &Subject) -> Measured {
     let Subject { name, system, state, dt } = subject;
     let mut checks = Vec::new();
     for option in [Stiffness::Tension, Stiffness::Axial] {
@@ -48,7 +48,7 @@ pub(super) fn dropped(subject: &Subject) -> Outcome {
 }
 
 /// The elastic force against its energy, and G against the damping force.
-pub(super) fn consistency(subject: &Subject) -> Outcome {
+pub(super) fn consistency(subject: &Subject) -> Measured {
     let Subject { name, system, state, dt } = subject;
     let mut force = vec![0.0; system.dofs().len()];
     elastic_force(system, state)(&reduce(system, &state.positions), &mut force);

@@ -1,9 +1,9 @@
 //! K, entry by entry, against central differences of the force.
 
-use super::assembled::for_each_entry;
 use super::check::{Check, Entry, worst};
 use super::claim::Claim;
 use super::coloring::ColumnGroups;
+use super::entries::{entry_of, for_each_entry};
 use super::force_error::{ForceError, Step, curvature, force_rounding, own_error};
 use super::reduced::reduce;
 use super::verdict::{TABLE_ROWS, WorstEntries, of_block};
@@ -159,11 +159,6 @@ impl<F: FnMut(&[f64], &mut [f64])> Differences<'_, F> {
             None => entry,
         }
     }
-}
-
-/// An entry of a sparse matrix, zero where it stores none.
-pub(super) fn entry_of(matrix: &CscMatrix<f64>, row: usize, column: usize) -> f64 {
-    matrix.get_entry(row, column).map_or(0.0, |entry| entry.into_value())
 }
 
 /// Compares every spring's block `K^s` with central differences of its force alone.

@@ -3,7 +3,7 @@
 //! With rest lengths as long as the springs are, no spring pulls: b is zero, and so is δx, whatever the option, the step and
 //! the method. Given one velocity to all particles and no constraints, all move by `dt v` a step.
 
-use super::family::Outcome;
+use super::measured::Measured;
 use super::reference;
 use super::runs::{Way, direct};
 use super::{Check, Claim, Subject, U, Unfinished, worst};
@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 
 const STEPS: usize = 3;
 
-pub(super) fn measure(subject: &Subject) -> Outcome {
+pub(super) fn measure(subject: &Subject) -> Measured {
     let resting = subject.relaxed()?;
     let mut drifting = resting.freed()?;
     let axes = subject.system.dimension();

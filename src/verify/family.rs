@@ -1,14 +1,11 @@
 //! The list of everything that can be checked on any scene.
 
+use super::measured::Measured;
 use super::{Check, Claim, Results, Subject};
 use super::{
     convergence, definiteness, derivatives, equilibrium, momentum, prescribed_motion, refusals, rigid_motion, sameness,
     solvers, step_equations, work_energy,
 };
-use crate::error::Error;
-use crate::force::DegenerateSpring;
-use crate::integrate::StepFailure;
-use crate::linear::SolveFailure;
 
 /// Checks that belong together and run on any scene that they apply to.
 pub struct Family {
@@ -18,23 +15,7 @@ pub struct Family {
     pub name: &'static str,
     /// Whether there is something to check on a subject.
     pub applies: fn(&Subject) -> bool,
-    measure: fn(&Subject) -> Outcome,
-}
-
-/// The checks of a family, or why they could not be carried out.
-pub(super) type Outcome = Result<Vec<Check>, Unfinished>;
-
-/// Why a check could not be carried out: counts as failed.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum Unfinished {
-    #[error(transparent)]
-    Input(#[from] Error),
-    #[error(transparent)]
-    Step(#[from] StepFailure),
-    #[error(transparent)]
-    Solve(#[from] SolveFailure),
-    #[error(transparent)]
-    Degenerate(#[from] DegenerateSpring),
+    measure: fn(&Subject) -> Measured,
 }
 
 impl Family {
@@ -80,7 +61,7 @@ const fn family(
     claim: Claim,
     name: &'static str,
     applies: fn(&Subject) -> bool,
-    measure: fn(&Subject) -> Outcome,
+    measure: fn(&Subject) -> Measured,
 ) -> Family {
     Family { claim, name, applies, measure }
 }

@@ -1,10 +1,9 @@
 //! Any Jacobian against any force: which entries are wrong, and how.
 
-use super::assembled::for_each_entry;
 use super::check::{Check, Entry, worst};
 use super::claim::Claim;
 use super::coloring::ColumnGroups;
-use super::difference::entry_of;
+use super::entries::{entry_of, for_each_entry};
 use super::extrapolation::{Estimate, steps};
 use super::force_error::ForceError;
 use super::measurement::{Measurement, representable};

@@ -17,12 +17,14 @@ mod derivatives;
 mod difference;
 mod dropped;
 mod dual;
+mod entries;
 mod equilibrium;
 mod extrapolation;
 mod family;
 mod force_error;
 mod hard_states;
 mod jacobian;
+mod measured;
 mod measurement;
 mod momentum;
 mod orders;
@@ -70,4 +72,4 @@ pub use solution::{
 pub use subject::Subject;
 pub use v_curve::v_curve;
 
-use family::Unfinished;
+use measured::Unfinished;

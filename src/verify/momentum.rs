@@ -6,7 +6,7 @@
 //! `L' = L + dt Σ m x × g`: their forces on the two ends of a spring, at x, lie on the line between them, and
 //! `x' × v' = x × v'`. The transverse terms of the other options turn the parts about.
 
-use super::family::Outcome;
+use super::measured::Measured;
 use super::runs::{Way, direct};
 use super::{Check, Claim, Subject, U, Unfinished, reference, worst};
 use crate::integrate::Method;
@@ -57,7 +57,7 @@ pub(super) fn has_free_rotation(subject: &Subject) -> bool {
     subject.system.dimension() > 1 && parts(subject).iter().any(|part| part.axes.len() == subject.system.dimension())
 }
 
-pub(super) fn linear(subject: &Subject) -> Outcome {
+pub(super) fn linear(subject: &Subject) -> Measured {
     let (gravity, masses) = (subject.system.gravity(), subject.system.masses());
     let parts = parts(subject);
     let momentum = |part: &Part, axis: usize, state: &State| -> f64 {
@@ -73,7 +73,7 @@ pub(super) fn linear(subject: &Subject) -> Outcome {
     })
 }
 
-pub(super) fn angular(subject: &Subject) -> Outcome {
+pub(super) fn angular(subject: &Subject) -> Measured {
     let system = &subject.system;
     let (gravity, masses, centre) = (system.gravity(), system.masses(), subject.centre());
     let free: Vec<Part> = parts(subject).into_iter().filter(|part| part.axes.len() == system.dimension()).collect();

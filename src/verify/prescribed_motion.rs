@@ -3,7 +3,7 @@
 //! What is exact is rounded: `x(0) + offset(t)` is one sum, and a place on a path three more operations. The motions are
 //! worked out here a second time, from the scene's numbers.
 
-use super::family::Outcome;
+use super::measured::Measured;
 use super::runs::{Way, direct};
 use super::{Check, Claim, Subject, U, worst};
 use crate::integrate::Method;
@@ -18,7 +18,7 @@ pub(super) fn has_prescribed(subject: &Subject) -> bool {
     !subject.system.prescribed().is_empty()
 }
 
-pub(super) fn measure(subject: &Subject) -> Outcome {
+pub(super) fn measure(subject: &Subject) -> Measured {
     let mut checks = vec![at_many_times(subject)];
     for way in Way::of(subject) {
         let dt = way.step(subject);

@@ -7,7 +7,7 @@
 //! whose ends coincide is named.
 
 use super::definiteness::Factored;
-use super::family::Outcome;
+use super::measured::Measured;
 use super::reference::{self, dense_step_matrix, field};
 use super::{Check, Claim, Subject, U, Unfinished, worst};
 use crate::force::{DegenerateSpring, Extensions};
@@ -48,7 +48,7 @@ pub(super) fn applies(subject: &Subject) -> bool {
     super::definiteness::is_small(subject) && squeezes()
 }
 
-pub(super) fn indefinite(subject: &Subject) -> Outcome {
+pub(super) fn indefinite(subject: &Subject) -> Measured {
     let twin = subject.squeezed()?;
     let Some((dt, negative)) = indefinite_step(&twin) else { return Ok(Vec::new()) };
     let system = &twin.system;
@@ -110,7 +110,7 @@ pub(super) fn has_system(subject: &Subject) -> bool {
     subject.system.dofs().len() > 1 && !subject.system.active_springs().is_empty()
 }
 
-pub(super) fn conjugate_gradients(subject: &Subject) -> Outcome {
+pub(super) fn conjugate_gradients(subject: &Subject) -> Measured {
     let system = &subject.system;
     let n = system.dofs().len();
     let extensions = Extensions::at(system, &subject.state.positions)?;
@@ -159,7 +159,7 @@ fn true_residual(a: &impl LinearOperator, b: &[f64], x: &[f64]) -> f64 {
 }
 
 /// NaN in a state, and coincident ends: the step fails with the right reason, and the state is as it was.
-pub(super) fn broken_states(subject: &Subject) -> Outcome {
+pub(super) fn broken_states(subject: &Subject) -> Measured {
     let Subject { system, state, .. } = subject;
     let mut checks = Vec::new();
     for solver in [SolverChoice::Llt, SolverChoice::Ldlt, SolverChoice::Cg, SolverChoice::CgAssembled] {

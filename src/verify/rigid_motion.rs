@@ -12,7 +12,7 @@
 //! `L_c` the graph Laplacian with weight c a spring. So K sees a rotation of a body under tension, and `axial` does not.
 //! Prescribed coordinates take part: what they contribute comes through the coupling to the right-hand side.
 
-use super::family::Outcome;
+use super::measured::Measured;
 use super::{Check, Claim, Entry, Subject, U, reference, worst};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::force::Extensions;
@@ -29,7 +29,7 @@ struct Motion {
     damping: Vec<Vector3<f64>>,
 }
 
-pub(super) fn measure(subject: &Subject) -> Outcome {
+pub(super) fn measure(subject: &Subject) -> Measured {
     let mut checks = Vec::new();
     for option in Stiffness::ALL {
         let k = Products::of(subject, option, Combination::STIFFNESS)?;
@@ -95,7 +95,7 @@ impl<'s> Products<'s> {
         subject: &'s Subject,
         option: Stiffness,
         combination: Combination,
-    ) -> Result<Self, super::family::Unfinished> {
+    ) -> Result<Self, super::measured::Unfinished> {
         let system = &subject.system;
         let extensions = Extensions::at(system, &subject.state.positions)?;
         let operator = SystemOperator::new(system, &extensions, option, combination);

@@ -3,7 +3,7 @@
 //! A planar scene has the same degrees of freedom as its twin in space with the third axis held, hence the same matrices,
 //! the same operations and the same rounding.
 
-use super::family::Outcome;
+use super::measured::Measured;
 use super::runs::{Way, differences, direct};
 use super::{Check, Claim, Subject, Unfinished};
 use crate::error::Error;
@@ -18,7 +18,7 @@ pub(super) fn is_flat(subject: &Subject) -> bool {
 }
 
 /// A planar or one-dimensional scene against its twin in space.
-pub(super) fn in_space(subject: &Subject) -> Outcome {
+pub(super) fn in_space(subject: &Subject) -> Measured {
     let twin = subject.in_space()?;
     let mut checks = Vec::new();
     for way in Way::of(subject) {
@@ -33,7 +33,7 @@ pub(super) fn in_space(subject: &Subject) -> Outcome {
 }
 
 /// The same run twice, and by two threads.
-pub(super) fn repeated(subject: &Subject) -> Outcome {
+pub(super) fn repeated(subject: &Subject) -> Measured {
     let mut checks = Vec::new();
     let why = "nothing but the scene and the options decides a result: not one bit may differ";
     for way in Way::of(subject) {

@@ -4,8 +4,8 @@ use super::Subject;
 use super::check::Check;
 use super::claim::Claim;
 use super::condition::Condition;
-use super::family::Outcome;
 use super::force_error::U;
+use super::measured::Measured;
 use super::products::{products_agree, refill_is_fresh};
 use super::residual::{Residual, largest};
 use super::solution::{
@@ -35,7 +35,7 @@ const DENSE_LIMIT: usize = 400;
 /// Products and refill of A, for every option.
 ///
 /// The refilled matrix held other values before: those of twice the step under another option.
-pub(super) fn assembly(subject: &Subject) -> Outcome {
+pub(super) fn assembly(subject: &Subject) -> Measured {
     let Subject { name, system, state, dt } = subject;
     let extensions = Extensions::at(system, &state.positions)?;
     let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
@@ -62,7 +62,7 @@ pub(super) fn assembly(subject: &Subject) -> Outcome {
 /// Under `Full` if that is definite, else under `Tension`. Backward errors of both factorizations, the residuals of
 /// conjugate gradients matrix-free and assembled, their agreement within what the condition allows, and on small scenes
 /// that with nalgebra-sparse's Cholesky and a dense one, and the condition estimate itself.
-pub(super) fn solvers(subject: &Subject) -> Outcome {
+pub(super) fn solvers(subject: &Subject) -> Measured {
     let Subject { name, system, state, dt } = subject;
     let dt = *dt;
     let extensions = Extensions::at(system, &state.positions)?;

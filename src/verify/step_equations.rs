@@ -9,7 +9,7 @@
 //! explicit methods        M (v' − v)/dt − f_el(x) − f_d(x, v) − g
 //! ```
 
-use super::family::Outcome;
+use super::measured::Measured;
 use super::reference::{self, Link, damping_product, free, links, stiffness_product};
 use super::runs::{Way, direct};
 use super::{Check, Claim, Subject, U, worst};
@@ -36,7 +36,7 @@ struct Residual {
 }
 
 /// Linear backward Euler by every option and solver.
-pub(super) fn linear(subject: &Subject) -> Outcome {
+pub(super) fn linear(subject: &Subject) -> Measured {
     let solvers = [
         (SolverChoice::Llt, "Cholesky"),
         (SolverChoice::Ldlt, "LDLᵀ"),
@@ -74,7 +74,7 @@ pub(super) fn linear(subject: &Subject) -> Outcome {
 }
 
 /// All other methods, and that positions follow velocities.
-pub(super) fn others(subject: &Subject) -> Outcome {
+pub(super) fn others(subject: &Subject) -> Measured {
     let mut checks = Vec::new();
     for way in Way::of(subject) {
         let dt = way.step(subject);

@@ -4,7 +4,7 @@
 //! quadrature with eight nodes makes no error that a double could hold as long as no spring changes by more than a
 //! twentieth: its integrand is analytic far around the interval.
 
-use super::family::Outcome;
+use super::measured::Measured;
 use super::reference::{self, field};
 use super::{Check, Claim, Subject, U};
 use crate::force::{Energy, Extensions, add_elastic_force, add_weight};
@@ -19,7 +19,7 @@ const NODES: [(f64, f64); 4] = [
     (0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
 ];
 
-pub(super) fn measure(subject: &Subject) -> Outcome {
+pub(super) fn measure(subject: &Subject) -> Measured {
     let Subject { system, state, .. } = subject;
     let links = reference::links(system, &state.positions);
     let shortest = links.iter().map(|link| link.length).fold(f64::INFINITY, f64::min);

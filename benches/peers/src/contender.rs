@@ -1,15 +1,13 @@
 //! What takes part, and how a run of it is measured.
 
 use crate::Failure;
+use crate::limits::{LONGEST, TOO_LONG};
 use crate::peers::{Integrator, diffsol};
 use sprung::accuracy::{Configuration, Pace, relative_position_error, trial};
 use sprung::chart::{LARGEST_ERROR, Reference, dop853};
 use sprung::integrate::Status;
 use sprung::{State, System};
 use std::time::{Duration, Instant};
-
-/// A run that takes longer is broken off.
-pub const LONGEST: Duration = Duration::from_secs(8);
 
 /// A run that takes this long is not repeated.
 const LONG: Duration = Duration::from_millis(300);
@@ -118,6 +116,3 @@ impl Contender {
         }
     }
 }
-
-/// The cause of a run that was broken off.
-pub const TOO_LONG: &str = "longer than 8 s";

@@ -4,6 +4,7 @@
 //! over error, one picture a scene, into `verification/charts`, and replaces the results in `README.md` beside this package.
 
 mod contender;
+mod limits;
 mod motion;
 mod peers;
 

@@ -1,7 +1,7 @@
 //! Integrators of the library `diffsol` on a mass–spring system.
 
 use crate::Failure;
-use crate::contender::TOO_LONG;
+use crate::limits::TOO_LONG;
 use crate::motion::Motion;
 use diffsol::{
     FaerSparseLU, FaerSparseMat, NalgebraLU, NalgebraMat, OdeBuilder, OdeSolverMethod, OdeSolverStopReason, Vector,

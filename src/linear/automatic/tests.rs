@@ -1,7 +1,7 @@
 //! The accounts that the choice is made by.
 
 use super::super::ordering::OrderingMethod;
-use super::super::preconditioner::PreconditionerKind;
+use super::super::preconditioner_kind::PreconditionerKind;
 use super::*;
 use crate::linear::fixtures::{chain, operator, right_hand_side};
 use crate::scene::builtin;

@@ -1,0 +1,23 @@
+//! What a family of checks hands back: the checks, or why they could not be carried out.
+
+use super::Check;
+use crate::error::Error;
+use crate::force::DegenerateSpring;
+use crate::integrate::StepFailure;
+use crate::linear::SolveFailure;
+
+/// The checks of a family, or why they could not be carried out.
+pub(super) type Measured = Result<Vec<Check>, Unfinished>;
+
+/// Why a check could not be carried out: counts as failed.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Unfinished {
+    #[error(transparent)]
+    Input(#[from] Error),
+    #[error(transparent)]
+    Step(#[from] StepFailure),
+    #[error(transparent)]
+    Solve(#[from] SolveFailure),
+    #[error(transparent)]
+    Degenerate(#[from] DegenerateSpring),
+}
