@@ -33,11 +33,9 @@
 //! An [`Error`] is an input that cannot be used. A computation that breaks down is not an error but an outcome that says
 //! how, see [`integrate::Outcome`] and [`linear::SolveFailure`]. Nothing here prints.
 
-#![forbid(unsafe_code)]
-#![deny(missing_docs)]
-
 pub mod accuracy;
 pub mod assembly;
+#[cfg(feature = "report")]
 pub mod chart;
 pub mod error;
 pub mod figure;
@@ -47,16 +45,27 @@ pub mod integrate;
 pub mod linear;
 pub mod multigrid;
 pub mod operator;
+#[cfg(feature = "report")]
 pub mod output;
 mod parallel;
+#[cfg(feature = "report")]
 pub mod report;
+#[cfg(feature = "scene")]
 pub mod scene;
 pub mod spring;
 pub mod system;
 pub mod verify;
 pub mod work;
 
+/// The crate whose sparse types the matrices are given in.
+pub use faer;
+/// The crate whose vectors and small matrices stand in signatures.
+pub use nalgebra;
+/// The crate whose sparse types the matrices are given in, too.
+pub use nalgebra_sparse;
+
 pub use error::{Error, Result};
+#[cfg(feature = "scene")]
 pub use scene::Scene;
 pub use spring::{Spring, Stiffness};
 pub use system::{Constraint, DofMap, Motion, State, System, SystemBuilder};

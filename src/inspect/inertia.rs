@@ -26,8 +26,8 @@ use crate::linear::{PivotSigns, PivotedLdlt, Pivoting, norm};
 use crate::operator::LinearOperator;
 use crate::work::Work;
 use faer::{Mat, Par, Side};
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use rand::SeedableRng;
+use rand::rngs::Xoshiro256PlusPlus;
 
 use super::random::gaussian;
 
@@ -190,7 +190,7 @@ impl InertiaCounter {
     /// Bound on `‖A − L B Lᵀ‖₂` from products with Gaussian vectors.
     fn measured_error(&self, a: &SymmetricMatrix) -> f64 {
         let n = a.order();
-        let mut rng = ChaCha8Rng::seed_from_u64(n as u64);
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(n as u64);
         let mut vectors = vec![vec![0.0; n]; PROBES];
         vectors.iter_mut().for_each(|vector| gaussian(&mut rng, vector));
         let rows: Vec<[f64; PROBES]> = (0..n).map(|row| std::array::from_fn(|k| vectors[k][row])).collect();

@@ -12,8 +12,8 @@
 use super::random::gaussian;
 use crate::linear::norm;
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use rand::SeedableRng;
+use rand::rngs::Xoshiro256PlusPlus;
 
 /// Vectors by which the basis grows at a time: the largest multiplicity that is found at once.
 const BLOCK: usize = crate::linear::SOLVE_COLUMNS;
@@ -43,7 +43,7 @@ pub(super) struct Krylov {
     /// `VᵀBV`.
     projected: DMatrix<f64>,
     size: usize,
-    rng: ChaCha8Rng,
+    rng: Xoshiro256PlusPlus,
 }
 
 impl Krylov {
@@ -69,7 +69,7 @@ impl Krylov {
         let capacity = (2 * wanted + 12 * BLOCK).min(n);
         let zeros = |rows| DMatrix::zeros(rows, capacity);
         let (basis, products, projected) = (zeros(n), zeros(n), zeros(capacity));
-        Self { n, wanted, basis, products, projected, size: 0, rng: ChaCha8Rng::seed_from_u64(1) }
+        Self { n, wanted, basis, products, projected, size: 0, rng: Xoshiro256PlusPlus::seed_from_u64(1) }
     }
 
     /// Adds random vectors, making room first.

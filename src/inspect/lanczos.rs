@@ -7,8 +7,8 @@
 use super::random::gaussian;
 use crate::linear::{dot, norm};
 use nalgebra::{DMatrix, SymmetricEigen};
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use rand::SeedableRng;
+use rand::rngs::Xoshiro256PlusPlus;
 
 /// An estimate of an end of a spectrum.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,7 +20,7 @@ pub(super) struct End {
 
 /// The low and the high end, from at most `steps` products. NaN where a product is not finite.
 pub(super) fn lanczos_ends(n: usize, steps: usize, mut apply: impl FnMut(&[f64], &mut [f64])) -> [End; 2] {
-    let mut rng = ChaCha8Rng::seed_from_u64(2);
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(2);
     let mut q = vec![0.0; n];
     gaussian(&mut rng, &mut q);
     let length = norm(&q);

@@ -1,10 +1,10 @@
 //! Reproducible random vectors.
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::Rng;
+use rand::Rng;
+use rand::rngs::Xoshiro256PlusPlus;
 
 /// Fills a vector with independent standard normal numbers (Box and Muller 1958).
-pub(super) fn gaussian(rng: &mut ChaCha8Rng, x: &mut [f64]) {
+pub(super) fn gaussian(rng: &mut Xoshiro256PlusPlus, x: &mut [f64]) {
     // In (0, 1]: the logarithm below must exist.
     let mut uniform = || ((rng.next_u64() >> 11) as f64 + 1.0) * (-53f64).exp2();
     for pair in x.chunks_mut(2) {

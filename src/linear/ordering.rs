@@ -227,7 +227,7 @@ fn elimination_tree<I: Iterator<Item = u32>>(count: usize, earlier: impl Fn(u32)
     parents
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "scene"))]
 mod tests {
     use super::*;
     use crate::assembly::SpringPattern;

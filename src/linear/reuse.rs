@@ -113,7 +113,7 @@ fn failure(failure: SetupFailure) -> SolveFailure {
     })
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "scene"))]
 mod tests {
     use super::*;
     use crate::force::Extensions;

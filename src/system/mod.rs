@@ -7,6 +7,7 @@ mod shares;
 mod state;
 
 pub use builder::SystemBuilder;
+#[cfg(feature = "scene")]
 pub(crate) use builder::check_length;
 pub use constraint::{Axes, Constraint, Motion, Prescribed};
 pub use dofs::{Dof, DofMap};

@@ -134,7 +134,7 @@ impl Lists {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "scene"))]
 mod tests {
     use super::*;
     use crate::integrate::StepMatrices;

@@ -37,6 +37,7 @@ mod residual;
 mod rigid_motion;
 mod runs;
 mod sameness;
+#[cfg(feature = "scene")]
 mod scenes;
 mod solution;
 mod solvers;
@@ -65,6 +66,7 @@ pub use jacobian::{JacobianOptions, JacobianReport, check_jacobian};
 pub use orders::{ErrorCurve, order_checks};
 pub use products::{products_agree, refill_is_fresh};
 pub use reduced::{damping_force, elastic_energy, elastic_force, reduce};
+#[cfg(feature = "scene")]
 pub use scenes::built_in;
 pub use solution::{
     Promise, Solved, backward_errors, condition_is_right, indefinite_backward_error, solutions_agree, tolerance_is_met,

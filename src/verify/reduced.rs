@@ -6,8 +6,8 @@
 use crate::force::{Energy, Extensions, add_damping_force, add_elastic_force};
 use crate::system::{State, System};
 use nalgebra::Vector3;
+use rand::rngs::Xoshiro256PlusPlus;
 use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
 /// The free coordinates of full-length vectors.
 pub fn reduce(system: &System, full: &[Vector3<f64>]) -> Vec<f64> {
@@ -71,6 +71,6 @@ pub fn elastic_energy<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64
 
 /// A vector of numbers between −1 and 1, the same for the same seed on every machine.
 pub(super) fn random_vector(length: usize, seed: u64) -> Vec<f64> {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     (0..length).map(|_| random.random_range(-1.0..1.0)).collect()
 }

@@ -1,6 +1,7 @@
 //! What is checked: a system at a state, with the step that it is meant to be run with.
 
 use crate::error::Result;
+#[cfg(feature = "scene")]
 use crate::scene::Scene;
 use crate::spring::{Extension, Spring};
 use crate::system::{Axes, Constraint, State, System, SystemBuilder};
@@ -31,6 +32,7 @@ impl Subject {
     ///
     /// # Errors
     /// When the scene cannot be built.
+    #[cfg(feature = "scene")]
     pub fn of_scene(scene: &Scene) -> Result<Self> {
         let (system, state) = scene.build()?;
         let subject = Self { name: scene.name.clone(), system, state, dt: 0.0 };

@@ -26,7 +26,8 @@ use std::ops::RangeInclusive;
 const GRAVITY: [f64; 3] = [0.0, -9.81, 0.0];
 
 /// The kinds of ready scenes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Kind {
     /// A chain of SIZE links, held at one end and let go from the horizontal.
     Chain,
