@@ -1,0 +1,76 @@
+//! Theory pages of the guide, made of the headers of modules: a derivation is written once, beside the code that it is of.
+
+use anyhow::{Context, Result, ensure};
+use regex::Regex;
+use serde::Deserialize;
+use std::fs;
+use std::path::Path;
+
+/// A page of the guide.
+pub struct Page {
+    /// Its file name.
+    pub file: String,
+    /// Its text, in Markdown.
+    pub text: String,
+}
+
+#[derive(Deserialize)]
+struct Contents {
+    page: Vec<Entry>,
+}
+
+/// A page as `docs/guide/theory.toml` describes it.
+#[derive(Deserialize)]
+struct Entry {
+    file: String,
+    title: String,
+    intro: String,
+    sources: Vec<String>,
+}
+
+/// All theory pages.
+pub fn pages(root: &Path) -> Result<Vec<Page>> {
+    let file = root.join("docs/guide/theory.toml");
+    let text = fs::read_to_string(&file).with_context(|| file.display().to_string())?;
+    let contents: Contents = toml::from_str(&text).with_context(|| file.display().to_string())?;
+    contents.page.into_iter().map(|entry| page(root, entry)).collect()
+}
+
+fn page(root: &Path, entry: Entry) -> Result<Page> {
+    let Entry { file, title, intro, sources } = entry;
+    let mut text = format!("# {title}\n\n{}\n", intro.trim());
+    for source in sources {
+        let path = root.join(&source);
+        let code = fs::read_to_string(&path).with_context(|| source.clone())?;
+        let header = header(&code)?;
+        ensure!(!header.trim().is_empty(), "{source} has no header");
+        let (first, rest) = header.split_once("\n\n").unwrap_or((header.trim_end(), ""));
+        let heading = first.replace('\n', " ");
+        text += &format!("\n## {}\n\n{}\n\n<small>The header of `{source}`.</small>\n", heading.trim_end_matches('.'), rest.trim());
+    }
+    Ok(Page { file, text })
+}
+
+/// The documentation at the top of a module, links to items of the code as plain names.
+fn header(code: &str) -> Result<String> {
+    let lines = code.lines().map_while(|line| line.strip_prefix("//!"));
+    let text: String = lines.map(|line| format!("{}\n", line.strip_prefix(' ').unwrap_or(line))).collect();
+    // [`Name`](path::to::item) and [text](path::to::item): what is no file and no address is an item.
+    let linked = Regex::new(r"\[([^\]]+)\]\(([^)\s]+)\)")?;
+    let text = linked.replace_all(&text, |found: &regex::Captures<'_>| {
+        let (name, target) = (&found[1], &found[2]);
+        if target.starts_with("http") || target.contains(".md") { found[0].to_owned() } else { name.to_owned() }
+    });
+    Ok(Regex::new(r"\[(`[^`\]]+`)\]")?.replace_all(&text, "$1").into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::header;
+
+    #[test]
+    fn headers_lose_their_marks_and_links_to_items() {
+        let code = "//! Of [`A`], [`b`](super::b), [one](crate::c) and [a page](x.md).\n//!\n//!     code\n\n//! not this\n";
+        assert_eq!(header(code).unwrap(), "Of `A`, `b`, one and [a page](x.md).\n\n    code\n");
+    }
+}
