@@ -11,8 +11,10 @@ pub fn build(root: &Path) -> Result<()> {
     let (source, target) = (root.join("docs/guide"), root.join("target/guide"));
     let _ = fs::remove_dir_all(&target);
     copy(&source, &target)?;
+    let theory = target.join("src/theory");
+    fs::create_dir_all(&theory).with_context(|| theory.display().to_string())?;
     for page in theory::pages(root)? {
-        let file = target.join("src/theory").join(&page.file);
+        let file = theory.join(&page.file);
         fs::write(&file, page.text).with_context(|| file.display().to_string())?;
     }
     links::check_folder(&target.join("src"))?;

@@ -46,7 +46,11 @@ fn page(root: &Path, entry: Entry) -> Result<Page> {
         ensure!(!header.trim().is_empty(), "{source} has no header");
         let (first, rest) = header.split_once("\n\n").unwrap_or((header.trim_end(), ""));
         let heading = first.replace('\n', " ");
-        text += &format!("\n## {}\n\n{}\n\n<small>The header of `{source}`.</small>\n", heading.trim_end_matches('.'), rest.trim());
+        text += &format!(
+            "\n## {}\n\n{}\n\n<small>The header of `{source}`.</small>\n",
+            heading.trim_end_matches('.'),
+            rest.trim()
+        );
     }
     Ok(Page { file, text })
 }
@@ -70,7 +74,8 @@ mod tests {
 
     #[test]
     fn headers_lose_their_marks_and_links_to_items() {
-        let code = "//! Of [`A`], [`b`](super::b), [one](crate::c) and [a page](x.md).\n//!\n//!     code\n\n//! not this\n";
+        let code =
+            "//! Of [`A`], [`b`](super::b), [one](crate::c) and [a page](x.md).\n//!\n//!     code\n\n//! not this\n";
         assert_eq!(header(code).unwrap(), "Of `A`, `b`, one and [a page](x.md).\n\n    code\n");
     }
 }
