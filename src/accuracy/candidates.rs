@@ -28,7 +28,7 @@ impl Kind {
 /// Of a method.
 pub(super) fn kind(method: Method) -> Kind {
     match method {
-        Method::LinearBackwardEuler | Method::BackwardEuler => Kind::Euler,
+        Method::LinearBackwardEuler | Method::BackwardEuler | Method::Bdf2 => Kind::Euler,
         Method::W2 => Kind::Rosenbrock,
         Method::ImplicitMidpoint | Method::SymplecticEuler | Method::ForwardEuler => Kind::Conservative,
     }

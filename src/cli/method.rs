@@ -88,6 +88,7 @@ fn describe_method(method: Method) -> &'static str {
         Method::BackwardEuler => {
             "backward Euler, its equations solved by Newton's method with line search; first order"
         }
+        Method::Bdf2 => "BDF2, forces linearised where the step ends: one linear solve a step as a rule; second order",
         Method::W2 => "two linear solves a step with one matrix, as stable as backward Euler; second order",
         Method::ImplicitMidpoint => "keeps momenta and, nearly, energy; Newton's method as above; second order",
         Method::ForwardEuler => "explicit, for comparison: needs very small steps; first order",

@@ -1,7 +1,7 @@
 //! The methods by name.
 
 use super::{
-    AdaptiveStepper, BackwardEuler, ForwardEuler, ImplicitMidpoint, ImplicitOptions, LinearBackwardEuler,
+    AdaptiveStepper, BackwardEuler, Bdf2, ForwardEuler, ImplicitMidpoint, ImplicitOptions, LinearBackwardEuler,
     NewtonOptions, SymplecticEuler, TimeStepper, WMethod,
 };
 use crate::error::Result;
@@ -14,6 +14,8 @@ pub enum Method {
     LinearBackwardEuler,
     /// [`BackwardEuler`].
     BackwardEuler,
+    /// [`Bdf2`].
+    Bdf2,
     /// [`WMethod`].
     W2,
     /// [`ImplicitMidpoint`].
@@ -26,9 +28,10 @@ pub enum Method {
 
 impl Method {
     /// Every method.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::LinearBackwardEuler,
         Self::BackwardEuler,
+        Self::Bdf2,
         Self::W2,
         Self::ImplicitMidpoint,
         Self::ForwardEuler,
@@ -40,6 +43,7 @@ impl Method {
         match self {
             Self::LinearBackwardEuler => "linear-backward-euler",
             Self::BackwardEuler => "backward-euler",
+            Self::Bdf2 => "bdf2",
             Self::W2 => "w2",
             Self::ImplicitMidpoint => "implicit-midpoint",
             Self::ForwardEuler => "forward-euler",
@@ -55,14 +59,16 @@ impl Method {
     /// The power of dt with which the error at a fixed time falls on smooth motions.
     pub fn order(self) -> u32 {
         match self {
-            Self::W2 | Self::ImplicitMidpoint => 2,
+            Self::Bdf2 | Self::W2 | Self::ImplicitMidpoint => 2,
             Self::LinearBackwardEuler | Self::BackwardEuler | Self::ForwardEuler | Self::SymplecticEuler => 1,
         }
     }
 
-    /// The dt of the matrix `A = M/dt² − G/dt − K` with which a step of length `step` begins, both in s.
+    /// The dt of the matrix `A = M/dt² − G/dt − K` with which a step of length `step` begins, both in s; of several
+    /// equal steps the last.
     pub fn matrix_dt(self, step: f64) -> f64 {
         match self {
+            Self::Bdf2 => 2.0 / 3.0 * step,
             Self::W2 => WMethod::GAMMA * step,
             Self::ImplicitMidpoint => 0.5 * step,
             Self::LinearBackwardEuler | Self::BackwardEuler | Self::ForwardEuler | Self::SymplecticEuler => step,
@@ -98,6 +104,7 @@ impl Method {
         Ok(match self {
             Self::LinearBackwardEuler => Box::new(LinearBackwardEuler::new(system, state, options)?),
             Self::BackwardEuler => Box::new(BackwardEuler::new(system, state, options, NewtonOptions::default())?),
+            Self::Bdf2 => Box::new(Bdf2::new(system, state, options)?),
             Self::W2 => Box::new(WMethod::new(system, state, options)?),
             Self::ImplicitMidpoint => {
                 Box::new(ImplicitMidpoint::new(system, state, options, NewtonOptions::default())?)
@@ -120,6 +127,7 @@ mod tests {
     fn matrices_are_those_of_the_stages() {
         for method in Method::ALL {
             let part = match method {
+                Method::Bdf2 => 2.0 / 3.0,
                 Method::W2 => 1.0 - 0.5f64.sqrt(),
                 Method::ImplicitMidpoint => 0.5,
                 _ => 1.0,

@@ -2,6 +2,7 @@
 
 mod adaptive;
 mod backward_euler;
+mod bdf2;
 mod explicit;
 mod failure;
 mod filter;
@@ -21,6 +22,7 @@ mod w_method;
 
 pub use adaptive::{AdaptiveStepper, Adaptivity, Sampling, run_adaptive};
 pub use backward_euler::BackwardEuler;
+pub use bdf2::Bdf2;
 pub use explicit::{ForwardEuler, SymplecticEuler};
 pub use failure::{NotSolved, Status, StepFailure};
 pub use implicit::{ImplicitOptions, StiffnessPolicy};

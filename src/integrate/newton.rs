@@ -137,6 +137,23 @@ impl<'s> Newton<'s> {
         }
     }
 
+    /// Evaluates r at `displacement`.
+    pub fn here(&mut self, state: &State, dt: f64) -> Result<Point, StepFailure> {
+        self.evaluate(state, dt, 0.0)
+    }
+
+    /// Moves by `A⁻¹(−r)` with the matrix last prepared; returns the square of the norm of that in A. Prescribed coordinates
+    /// must be where they are to be.
+    pub fn correct(&mut self) -> Result<f64, SolveFailure> {
+        let Self { linear, force, direction, .. } = self;
+        direction.fill(Vector3::zeros());
+        let solution = linear.solve(force, direction)?;
+        linear.statistics.record(solution.relative_residual);
+        let energy = dot(force, direction);
+        self.move_by(1.0);
+        Ok(energy)
+    }
+
     /// Starts from staying or from coasting, whichever has the lower potential.
     fn start(&mut self, state: &State, dt: f64) -> Result<Point, StepFailure> {
         let dofs = self.linear.system.dofs();

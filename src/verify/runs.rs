@@ -84,7 +84,7 @@ const AFFORDABLE: usize = 10_000;
 
 /// Whether the stiffness option is in the result, not only on the way to it.
 fn has_option(method: Method) -> bool {
-    matches!(method, Method::LinearBackwardEuler | Method::W2)
+    matches!(method, Method::LinearBackwardEuler | Method::Bdf2 | Method::W2)
 }
 
 fn is_refusal(failure: &StepFailure) -> bool {
