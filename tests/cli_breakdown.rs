@@ -45,11 +45,38 @@ fn a_solver_that_does_not_converge_ends_the_run() {
 #[test]
 fn an_explosion_ends_the_run_with_its_last_finite_state() {
     let scene = repository_scene("two_springs.toml");
-    let arguments = ["--method", "forward-euler", "--dt", "1e150", "--steps", "10", "--frames", "1"];
+    let arguments =
+        ["--method", "forward-euler", "--dt", "1e150", "--steps", "10", "--frames", "1", "--allow-unstable"];
     let (sandbox, summary) = breaks_down(&scene, &arguments, "non-finite", "not finite");
     let steps = summary["steps"].as_u64().unwrap() as usize;
     assert_eq!(sandbox.names("o/frames").len(), steps + 1);
     assert_eq!(sandbox.read("o/frames.pvd").matches("<DataSet").count(), steps + 1);
+}
+
+/// What a new user would try first: a method of second order on the ready cloth, with a step that it does not stand.
+#[test]
+fn energy_from_nowhere_ends_the_run() {
+    let sandbox = Sandbox::new();
+    let cloth = sandbox.sprung(&["new", "cloth", "--size", "20"]).ends_with(0).stdout;
+    sandbox.put("cloth.toml", &cloth);
+    let arguments = ["run", "cloth.toml", "--method", "w2", "--dt", "0.01", "--steps", "50", "--out", "o"];
+    sandbox.sprung(&arguments).ends_with(1).complains(&["unstable", "from nowhere", "--rtol", "--allow-unstable"]);
+    let summary = sandbox.json("o/summary.json");
+    assert_eq!(summary["status"], "unstable");
+    let (steps, failed) = (summary["steps"].as_u64().unwrap(), summary["failure"]["step"].as_u64().unwrap());
+    assert!(steps < failed && failed < 20, "{steps} {failed}");
+    // The state kept is from before: its energy is less than what the cloth can have released by then.
+    let last = sandbox.json("o/final.json");
+    assert_eq!((&last["time"], &last["steps"]), (&summary["time"], &summary["steps"]));
+    assert!(summary["energy"]["imbalance"].as_f64().unwrap() < 0.1);
+    // The record shows what happened.
+    let imbalances: Vec<f64> = sandbox.csv("o/energy.csv").iter().map(|row| row[7]).collect();
+    assert!(imbalances.last().unwrap() > &1.0 && imbalances.len() as u64 >= failed, "{imbalances:?}");
+
+    sandbox.sprung(&[&arguments[..], &["--allow-unstable"]].concat()).ends_with(0);
+    let summary = sandbox.json("o/summary.json");
+    assert_eq!((&summary["status"], &summary["steps"]), (&"completed".into(), &50.into()));
+    assert!(summary["energy"]["imbalance"].as_f64().unwrap() > 1e3);
 }
 
 #[test]

@@ -104,7 +104,13 @@ fn energies_are_recorded_at_every_step_and_add_up() {
     // The initial energies by hand: ½ Σ m v² and −Σ m g·y.
     approx::assert_relative_eq!(rows[0][1], 0.5 * (0.5 * 0.09 + 0.7 * 0.49), max_relative = 1e-14);
     approx::assert_relative_eq!(rows[0][3], 9.81 * (0.7 * 0.1 + 1.1 * 0.9), max_relative = 1e-14);
-    assert_eq!(summary["energy"], json!({ "initial": rows[0][4], "final": rows[10][4] }));
+    let balance = ["work", "dissipated", "imbalance"].map(|key| summary["energy"][key].as_f64().unwrap());
+    assert_eq!([&summary["energy"]["initial"], &summary["energy"]["final"]], [rows[0][4], rows[10][4]]);
+    assert_eq!(rows[10][5..], balance);
+    assert_eq!(rows[0][5..], [0.0; 3]);
+    for row in &rows {
+        approx::assert_abs_diff_eq!(row[7], row[4] - rows[0][4] - row[5] + row[6], epsilon = 1e-14);
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use sprung::force::Energy;
+use sprung::integrate::Balance;
 use sprung::output::{
     AtomicFile, EnergyLog, Frames, write_dofs, write_final_state, write_frame, write_symmetric, write_vector,
 };
@@ -104,16 +105,29 @@ fn energies_are_whole_only_when_finished() {
     let target = folder.path().join("energy.csv");
     let energy = Energy { kinetic: 1e-300, elastic: 1.0 / 3.0, gravitational: -0.1 };
     let mut log = EnergyLog::create(&target).unwrap();
-    log.push(0.1 + 0.2, &energy).unwrap();
-    log.push(-0.0, &energy).unwrap();
+    let balance = Balance { work: 1.0 / 7.0, dissipated: 2e-308, imbalance: -3.5 };
+    log.push(0.1 + 0.2, &energy, &balance).unwrap();
+    log.push(-0.0, &energy, &balance).unwrap();
     assert!(!target.exists());
     log.finish().unwrap();
 
     let text = fs::read_to_string(&target).unwrap();
-    assert_eq!(text.lines().next(), Some("time,kinetic,elastic,gravitational,total"));
-    let rows: Vec<[f64; 5]> = csv::Reader::from_reader(text.as_bytes()).deserialize().map(Result::unwrap).collect();
-    let row = |time| [time, 1e-300, 1.0 / 3.0, -0.1, 1e-300 + 1.0 / 3.0 - 0.1];
+    assert_eq!(text.lines().next(), Some("time,kinetic,elastic,gravitational,total,work,dissipated,imbalance"));
+    let rows: Vec<[f64; 8]> = csv::Reader::from_reader(text.as_bytes()).deserialize().map(Result::unwrap).collect();
+    let row = |time| [time, 1e-300, 1.0 / 3.0, -0.1, 1e-300 + 1.0 / 3.0 - 0.1, 1.0 / 7.0, 2e-308, -3.5];
     assert_eq!(rows, [row(0.1 + 0.2), row(-0.0)]);
+}
+
+/// No number stands where there is none.
+#[test]
+fn energies_that_are_not_finite_are_left_empty() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = folder.path().join("energy.csv");
+    let mut log = EnergyLog::create(&target).unwrap();
+    let energy = Energy { kinetic: f64::INFINITY, elastic: 1.5, gravitational: f64::NAN };
+    log.push(0.5, &energy, &Balance { work: f64::NEG_INFINITY, dissipated: 0.25, imbalance: f64::NAN }).unwrap();
+    log.finish().unwrap();
+    assert_eq!(fs::read_to_string(&target).unwrap().lines().nth(1), Some("0.5,,1.5,,,,0.25,"));
 }
 
 #[test]

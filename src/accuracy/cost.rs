@@ -1,7 +1,7 @@
 //! Work in one unit, so that methods that do different things can be compared on any machine.
 
 use crate::error::Result;
-use crate::linear::CholeskySolver;
+use crate::linear::{CholeskySolver, FactorSize};
 use crate::system::System;
 use crate::work::Work;
 use faer::Par;
@@ -36,18 +36,27 @@ impl CostModel {
     /// # Errors
     /// When the factor of the system's matrix is too large.
     pub fn of(system: &System) -> Result<Self> {
-        let size = CholeskySolver::new(system, Par::Seq, &mut Work::default())?.size();
+        Ok(Self::with_factor(system, &CholeskySolver::new(system, Par::Seq, &mut Work::default())?.size()))
+    }
+
+    /// Of a system whose factor is known.
+    pub fn with_factor(system: &System, size: &FactorSize) -> Self {
         let springs = system.active_springs().len() as f64;
         let dofs = system.dofs().len() as f64;
         let force = OPERATIONS_PER_SPRING * springs + OPERATIONS_PER_DOF * dofs;
         let entries = size.entries as f64;
         let unit = force.max(1.0);
-        Ok(Self {
+        Self {
             assembly: 2.0,
             factorization: (size.flops / 2.0 + OPERATIONS_PER_ENTRY * entries + OPERATIONS_PER_DOF * dofs) / unit,
             direct_solve: (2.0 * entries + OPERATIONS_PER_DOF * dofs) / unit,
             cg_iteration: 1.0,
-        })
+        }
+    }
+
+    /// Of a system on which nothing is factored.
+    pub fn without_factor() -> Self {
+        Self { assembly: 2.0, factorization: 0.0, direct_solve: 0.0, cg_iteration: 1.0 }
     }
 
     /// The cost of some work, in force evaluations of this system.

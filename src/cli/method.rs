@@ -5,8 +5,8 @@ use super::values::{choice, fraction};
 use faer::Par;
 use sprung::accuracy::{Configuration, Requirement, preset};
 use sprung::integrate::{
-    AdaptiveStepper, Adaptivity, ImplicitOptions, Method, Outcome, Sampling, Schedule, StiffnessPolicy, TimeStepper,
-    run, run_adaptive,
+    AdaptiveStepper, Adaptivity, ImplicitOptions, Method, Monitor, Outcome, Sampling, Schedule, StiffnessPolicy,
+    TimeStepper, run_adaptive_monitored, run_monitored,
 };
 use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions};
 use sprung::{Error, Result, State, Stiffness, System};
@@ -188,14 +188,15 @@ impl Stepper<'_> {
         system: &System,
         state: &mut State,
         schedule: &Schedule,
-        observe: impl FnMut(u64, &State) -> ControlFlow<()>,
+        monitor: &mut Monitor,
+        observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
     ) -> Outcome {
         match self {
-            Self::Scheduled(stepper) => run(&mut **stepper, state, schedule, observe),
+            Self::Scheduled(stepper) => run_monitored(&mut **stepper, state, schedule, monitor, observe),
             Self::Adaptive { stepper, rtol } => {
                 let (duration, dt) = (schedule.elapsed(schedule.len()), schedule.dt());
                 let how = Adaptivity { duration, rtol: *rtol, first_step: dt, sampling: Sampling::Every(dt) };
-                run_adaptive(&mut **stepper, system, state, &how, observe)
+                run_adaptive_monitored(&mut **stepper, system, state, &how, monitor, observe)
             }
         }
     }

@@ -3,8 +3,8 @@
 use super::console::Console;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sprung::force::Energy;
-use sprung::integrate::Schedule;
-use sprung::output::{EnergyChange, EnergyLog, Frames};
+use sprung::integrate::{Monitor, Schedule};
+use sprung::output::{EnergyLog, Frames};
 use sprung::{Result, State, System};
 use std::num::NonZeroU64;
 use std::path::Path;
@@ -14,8 +14,6 @@ pub struct Recorder {
     energies: EnergyLog,
     frames: Option<Frames>,
     progress: ProgressBar,
-    initial: Energy,
-    last: Energy,
 }
 
 impl Recorder {
@@ -30,39 +28,34 @@ impl Recorder {
         schedule: &Schedule,
         system: &System,
         state: &State,
+        monitor: &Monitor,
     ) -> Result<Self> {
-        let initial = Energy::of(system, state);
         let mut recorder = Self {
             energies: EnergyLog::create(folder.join("energy.csv"))?,
             frames: frames.map(|every| Frames::new(folder, every)),
             progress: progress_bar(console, schedule.len()),
-            initial,
-            last: initial,
         };
-        recorder.record(system, state, 0)?;
+        recorder.record(system, state, 0, monitor)?;
         Ok(recorder)
     }
 
-    /// Records the state after `step` steps.
+    /// Records a state, as a rule the one that the monitor entered last; of one between two steps it has the energy computed.
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn record(&mut self, system: &System, state: &State, step: u64) -> Result<()> {
-        self.last = Energy::of(system, state);
-        self.energies.push(state.time, &self.last)?;
+    pub fn record(&mut self, system: &System, state: &State, number: u64, monitor: &Monitor) -> Result<()> {
+        let entered = monitor.time() == state.time;
+        let energy = if entered { monitor.energy() } else { Energy::of(system, state) };
+        let balance = if entered { monitor.balance() } else { monitor.balance_between(state.time, &energy) };
+        self.energies.push(state.time, &energy, &balance)?;
         if let Some(frames) = &mut self.frames {
-            frames.record(system, state, step)?;
+            frames.record(system, state, number)?;
         }
         if !self.progress.is_hidden() {
-            self.progress.set_position(step);
+            self.progress.set_position(number);
             self.progress.set_message(format!("t = {:.4} s", state.time));
         }
         Ok(())
-    }
-
-    /// Energy at the start and now.
-    pub fn energy(&self) -> EnergyChange {
-        EnergyChange::between(&self.initial, &self.last)
     }
 
     /// Completes the files.

@@ -7,10 +7,10 @@ use super::method::{MethodArguments, Plan};
 use super::recorder::Recorder;
 use super::values::{count, positive, positive_count};
 use super::{Outcome, Stop, interrupt};
-use sprung::accuracy::{Pace, Reduction, choose, reduce};
-use sprung::integrate::{Schedule, Status};
+use sprung::accuracy::{CostModel, Pace, Reduction, choose, reduce};
+use sprung::integrate::{Balance, Method, Monitor, MonitorOptions, Schedule, Status};
 use sprung::linear::LinearSolver;
-use sprung::output::{ChoiceReport, FailureReport, Summary, write_final_state};
+use sprung::output::{ChoiceReport, Effort, EnergyChange, FailureReport, Summary, write_final_state};
 use sprung::{Error, Result};
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
@@ -48,6 +48,10 @@ pub struct Run {
     /// Write every Nth step as a VTK file, from the initial state on, and frames.pvd, which opens them as a time series
     #[arg(long, value_name = "N", value_parser = positive_count)]
     frames: Option<NonZeroU64>,
+
+    /// Go on when energy appears from nowhere: to see it blow up
+    #[arg(long)]
+    allow_unstable: bool,
 
     #[command(flatten)]
     threads: Threads,
@@ -156,11 +160,14 @@ impl Run {
         let start = Instant::now();
         let mut stepper = plan.stepper(&system, &state).map_err(|error| error.in_file(&file))?;
         check_writable(&folder, &FILES)?;
-        let mut recorder = Recorder::start(console, &folder, self.frames, schedule, &system, &state)?;
+        let options = MonitorOptions { stops_unstable: !self.allow_unstable, ..MonitorOptions::default() };
+        let mut monitor =
+            Monitor::new(&system, &state, options).map_err(|spring| Error::from(spring).in_file(&file))?;
+        let mut recorder = Recorder::start(console, &folder, self.frames, schedule, &system, &state, &monitor)?;
 
         let mut unwritten = None;
-        let outcome = stepper.run(&system, &mut state, schedule, |step, state| {
-            unwritten = recorder.record(&system, state, step).err();
+        let outcome = stepper.run(&system, &mut state, schedule, &mut monitor, |number, state, monitor| {
+            unwritten = recorder.record(&system, state, number, monitor).err();
             if unwritten.is_some() || interrupted.load(Ordering::Relaxed) {
                 return ControlFlow::Break(());
             }
@@ -172,6 +179,11 @@ impl Run {
 
         let stepper = stepper.get();
         let solver = stepper.linear_solver();
+        let factor = solver.and_then(LinearSolver::factor);
+        let cost =
+            factor.map_or_else(CostModel::without_factor, |factor| CostModel::with_factor(&system, &factor.size));
+        let effort = cost.cost(&stepper.statistics().work);
+        let spent = choice.as_ref().and_then(|choice| choice.pilot_cost).unwrap_or(0.0);
         let summary = Summary {
             scene: name,
             status: outcome.status(),
@@ -188,8 +200,11 @@ impl Run {
             dofs: system.dofs().len(),
             wall_seconds: start.elapsed().as_secs_f64(),
             statistics: *stepper.statistics(),
-            factor: solver.and_then(LinearSolver::factor),
-            energy: recorder.energy(),
+            factor,
+            energy: EnergyChange::between(&monitor.initial(), &monitor.energy(), monitor.balance()),
+            error: None,
+            warnings: Vec::new(),
+            effort: Effort { run: effort, total: effort + spent },
             choice,
             reductions: reductions.iter().map(ToString::to_string).collect(),
             failure: outcome.end.as_ref().err().map(FailureReport::from),
@@ -205,6 +220,10 @@ impl Run {
         if let Some(FailureReport { step, time, message }) = &summary.failure {
             error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));
         }
+        if summary.status == Status::Unstable {
+            let kept = format_args!("step {}, t = {} s", summary.steps, summary.time);
+            error(format_args!("the state kept is from before that ({kept}); {}", advice(&plan)));
+        }
         if summary.status == Status::Indefinite {
             let step = schedule.step(summary.steps).unwrap_or(schedule.dt());
             let (option, matrix_dt) = plan.failed_matrix(step);
@@ -214,6 +233,15 @@ impl Run {
         }
         Ok(summary)
     }
+}
+
+/// What to do about a run that gained energy.
+fn advice(plan: &Plan) -> String {
+    let method = plan.configuration.method;
+    let shorter =
+        if plan.rtol.is_some() { "try a smaller --rtol" } else { "try a shorter --dt, or --rtol 1e-2 without one" };
+    let other = if method == Method::LinearBackwardEuler { "" } else { ", or another --method" };
+    format!("{shorter}{other}; --allow-unstable goes on regardless")
 }
 
 /// The summary for people.
@@ -257,6 +285,10 @@ fn text(summary: &Summary, folder: &Path, frames: bool) -> String {
         ));
     }
     lines.push(format!("  energy    {:.6e} J at the start, {:.6e} J at the end", energy.initial, energy.last));
+    let Balance { work, dissipated, imbalance } = energy.balance;
+    lines.push(format!(
+        "  balance   {work:.3e} J of work by moving constraints, {dissipated:.3e} J dissipated, {imbalance:.3e} J unexplained"
+    ));
     let names = if frames { [&FILES[..], &["frames.pvd"]].concat() } else { FILES.to_vec() };
     lines.push(format!("  files     {} in {}", names.join(", "), folder.display()));
     lines.join("\n")

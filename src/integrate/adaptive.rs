@@ -23,7 +23,7 @@
 //!
 //! Steps land exactly on the end of the run and on every kink of a prescribed path, where motions are not smooth.
 
-use super::{ErrorEstimate, Outcome, RunFailure, StepFailure, TimeStepper};
+use super::{ErrorEstimate, Monitor, Outcome, StepFailure, TimeStepper};
 use crate::system::{Motion, State, System};
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
@@ -89,6 +89,32 @@ pub fn run_adaptive(
     how: &Adaptivity,
     mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
 ) -> Outcome {
+    drive(stepper, system, state, how, None, |count, state, _| observe(count, state))
+}
+
+/// As [`run_adaptive`], with a monitor that enters every accepted step before `observe` sees samples of it, and ends the run
+/// when energy appears from nowhere: the state is then one from before that.
+pub fn run_adaptive_monitored(
+    stepper: &mut dyn AdaptiveStepper,
+    system: &System,
+    state: &mut State,
+    how: &Adaptivity,
+    monitor: &mut Monitor,
+    mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
+) -> Outcome {
+    drive(stepper, system, state, how, Some(monitor), |count, state, monitor| {
+        monitor.map_or(ControlFlow::Continue(()), |monitor| observe(count, state, monitor))
+    })
+}
+
+fn drive(
+    stepper: &mut dyn AdaptiveStepper,
+    system: &System,
+    state: &mut State,
+    how: &Adaptivity,
+    mut monitor: Option<&mut Monitor>,
+    mut observe: impl FnMut(u64, &State, Option<&Monitor>) -> ControlFlow<()>,
+) -> Outcome {
     let end = state.time + how.duration;
     let stops = stops(system, state.time, end);
     let mut stops = stops.iter().copied().peekable();
@@ -98,9 +124,12 @@ pub fn run_adaptive(
     let mut steps = 0;
     while let Some(&stop) = stops.peek() {
         let (h, lands) = control.step_towards(stop - state.time);
-        let tried = stepper.try_step(state, h).map(|estimate| control.error(&estimate, state, h));
+        let tried = stepper.try_step(state, h).map(|estimate| {
+            let local = root_mean_square(estimate.positions.iter().copied()) * (state.positions.len() as f64).sqrt();
+            (control.error(&estimate, state, h), local)
+        });
         let failure = match tried {
-            Ok(error) if error <= 1.0 => {
+            Ok((error, local)) if error <= 1.0 => {
                 before.copy_from(state);
                 stepper.accept(state);
                 steps += 1;
@@ -110,13 +139,18 @@ pub fn run_adaptive(
                     state.prescribe(system);
                     stops.next();
                 }
+                if let Some(Err(failure)) = monitor.as_mut().map(|monitor| monitor.enter(steps, state, h, Some(local)))
+                {
+                    return Outcome::failed(steps, before.time, failure, steps, state, monitor);
+                }
                 let is_last = stops.peek().is_none();
+                let mut observe = |count, sample: &State| observe(count, sample, monitor.as_deref());
                 if samples.observe(system, &before, state, is_last, &mut observe).is_break() && !is_last {
                     return Outcome { steps, end: Ok(ControlFlow::Break(())) };
                 }
                 continue;
             }
-            Ok(error) => {
+            Ok((error, _)) => {
                 control.rejected(error, h);
                 StepFailure::Tolerance
             }
@@ -127,7 +161,7 @@ pub fn run_adaptive(
         };
         stepper.reject();
         if control.h < SHORTEST * how.duration {
-            return Outcome { steps, end: Err(RunFailure { step: steps + 1, time: state.time, failure }) };
+            return Outcome::failed(steps + 1, state.time, failure, steps, state, monitor);
         }
     }
     Outcome { steps, end: Ok(ControlFlow::Continue(())) }

@@ -29,6 +29,14 @@ pub enum StepFailure {
     /// The new state would not be finite.
     #[error("the new positions or velocities are not finite")]
     NonFinite,
+    /// The energy of the scene has grown by more than it can have.
+    #[error("{gained:.3e} J of energy appeared from nowhere, where the motion had {exchanged:.3e} J to exchange")]
+    Unstable {
+        /// By how much it has grown, in J.
+        gained: f64,
+        /// What the motion had to exchange, in J.
+        exchanged: f64,
+    },
 }
 
 /// What stopped Newton's method.
@@ -69,6 +77,10 @@ pub enum Status {
     NonFinite,
     /// The ends of a spring coincide.
     DegenerateSpring,
+    /// Energy appeared from nowhere.
+    Unstable,
+    /// It came to its end, and its accuracy could not be confirmed to be what was asked for.
+    Unconfirmed,
 }
 
 impl Status {
@@ -81,6 +93,8 @@ impl Status {
             Self::NotConverged => "not-converged",
             Self::NonFinite => "non-finite",
             Self::DegenerateSpring => "degenerate-spring",
+            Self::Unstable => "unstable",
+            Self::Unconfirmed => "unconfirmed",
         }
     }
 }
@@ -94,6 +108,7 @@ impl StepFailure {
             Self::Solve(SolveFailure::NonFinite) | Self::NonFinite => Status::NonFinite,
             Self::DegenerateSpring(_) => Status::DegenerateSpring,
             Self::Newton { .. } | Self::Tolerance => Status::NotConverged,
+            Self::Unstable { .. } => Status::Unstable,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The run loop: step after step until the end, a failure, or a request to stop.
 
-use super::{Schedule, Status, StepFailure, TimeStepper};
+use super::{Monitor, Schedule, Status, StepFailure, TimeStepper};
 use crate::system::State;
 use std::ops::ControlFlow;
 
@@ -33,6 +33,24 @@ impl Outcome {
             Err(failure) => failure.failure.status(),
         }
     }
+
+    /// Of a run that a step ended after `steps` good ones. Where energy was growing that is the cause, whatever ended it, and
+    /// the state becomes one from before.
+    pub(super) fn failed(
+        step: u64,
+        time: f64,
+        failure: StepFailure,
+        steps: u64,
+        state: &mut State,
+        monitor: Option<&mut Monitor>,
+    ) -> Self {
+        let grown = monitor.as_ref().and_then(|monitor| monitor.growth());
+        let steps = match (grown, monitor) {
+            (Some(_), Some(monitor)) => monitor.restore(state),
+            _ => steps,
+        };
+        Self { steps, end: Err(RunFailure { step, time, failure: grown.unwrap_or(failure) }) }
+    }
 }
 
 /// Advances `state` along the schedule. After every step `observe` sees the number of steps done and the new state, and
@@ -43,16 +61,45 @@ pub fn run(
     schedule: &Schedule,
     mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
 ) -> Outcome {
+    drive(stepper, state, schedule, None, |steps, state, _| observe(steps, state))
+}
+
+/// As [`run`], with a monitor that enters every step before `observe` sees it, and ends the run when energy appears from
+/// nowhere: the state is then one from before that, as it is when a step fails while energy grows.
+pub fn run_monitored(
+    stepper: &mut dyn TimeStepper,
+    state: &mut State,
+    schedule: &Schedule,
+    monitor: &mut Monitor,
+    mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
+) -> Outcome {
+    drive(stepper, state, schedule, Some(monitor), |steps, state, monitor| {
+        monitor.map_or(ControlFlow::Continue(()), |monitor| observe(steps, state, monitor))
+    })
+}
+
+fn drive(
+    stepper: &mut dyn TimeStepper,
+    state: &mut State,
+    schedule: &Schedule,
+    mut monitor: Option<&mut Monitor>,
+    mut observe: impl FnMut(u64, &State, Option<&Monitor>) -> ControlFlow<()>,
+) -> Outcome {
     let start = state.time;
     let mut steps = 0;
     while let Some(dt) = schedule.step(steps) {
-        if let Err(failure) = stepper.step(state, dt) {
-            let failed = RunFailure { step: steps + 1, time: state.time, failure };
-            return Outcome { steps, end: Err(failed) };
+        let before = state.time;
+        let mut done = stepper.step(state, dt);
+        if done.is_ok() {
+            steps += 1;
+            state.time = start + schedule.elapsed(steps);
+            done = monitor.as_mut().map_or(Ok(()), |monitor| monitor.enter(steps, state, dt, None));
         }
-        steps += 1;
-        state.time = start + schedule.elapsed(steps);
-        if observe(steps, state).is_break() && steps < schedule.len() {
+        if let Err(failure) = done {
+            let step = if matches!(failure, StepFailure::Unstable { .. }) { steps } else { steps + 1 };
+            return Outcome::failed(step, before, failure, steps, state, monitor);
+        }
+        if observe(steps, state, monitor.as_deref()).is_break() && steps < schedule.len() {
             return Outcome { steps, end: Ok(ControlFlow::Break(())) };
         }
     }

@@ -16,4 +16,4 @@ pub use failure_bundle::{BUNDLE, FailedStep};
 pub use final_state::write_final_state;
 pub use frames::{Frames, write_frame};
 pub use matrix_market::{write_dofs, write_symmetric, write_vector};
-pub use summary::{ChoiceReport, EnergyChange, FailureReport, Summary};
+pub use summary::{ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, Summary};

@@ -4,7 +4,7 @@ use super::AtomicFile;
 use crate::accuracy::{Choice, Pace};
 use crate::error::Result;
 use crate::force::Energy;
-use crate::integrate::{RunFailure, Statistics, Status};
+use crate::integrate::{Balance, RunFailure, Statistics, Status};
 use crate::linear::FactorReport;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -48,8 +48,14 @@ pub struct Summary {
     /// Size of the factor of A and the time it took, for a solver that factors.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub factor: Option<FactorReport>,
-    /// Total energy at both ends of the run.
+    /// Total energy at both ends of the run, and where it went between them.
     pub energy: EnergyChange,
+    /// How wrong the positions are at the end, as far as the run can know it.
+    pub error: Option<ErrorReport>,
+    /// What makes the result doubtful, in words; empty when there is nothing to say.
+    pub warnings: Vec<String>,
+    /// What was spent.
+    pub effort: Effort,
     /// Why this method and step, where they were chosen by the program.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub choice: Option<ChoiceReport>,
@@ -131,7 +137,7 @@ impl ChoiceReport {
     }
 }
 
-/// Total energy at both ends of a run, in J.
+/// Total energy at both ends of a run and where it went between them, in J. Numbers that are not finite are written as null.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct EnergyChange {
     /// At the start.
@@ -139,13 +145,45 @@ pub struct EnergyChange {
     /// At the last good state.
     #[serde(rename = "final")]
     pub last: f64,
+    /// What moving constraints put in, damping took, and neither explains.
+    #[serde(flatten)]
+    pub balance: Balance,
 }
 
 impl EnergyChange {
-    /// From one energy to another.
-    pub fn between(initial: &Energy, last: &Energy) -> Self {
-        Self { initial: initial.total(), last: last.total() }
+    /// From one energy to another, of which the balance says why.
+    pub fn between(initial: &Energy, last: &Energy, balance: Balance) -> Self {
+        Self { initial: initial.total(), last: last.total(), balance }
     }
+}
+
+/// How wrong the positions are at the end of a run: the relative error
+/// [`relative_position_error`](crate::accuracy::relative_position_error).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ErrorReport {
+    /// The estimate; finite.
+    pub estimate: f64,
+    /// Where it comes from.
+    pub kind: ErrorKind,
+}
+
+/// Where an estimate of the error comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ErrorKind {
+    /// From figures of the run itself: right to about a factor of ten.
+    Indicator,
+    /// Independent runs agree.
+    Confirmed,
+}
+
+/// What a result took, in evaluations of the forces of the scene: the time that the work takes over that of one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Effort {
+    /// The run handed out.
+    pub run: f64,
+    /// Everything, with what was spent on choosing.
+    pub total: f64,
 }
 
 /// What broke a run.

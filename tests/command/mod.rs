@@ -40,9 +40,11 @@ impl Sandbox {
         serde_json::from_str(&self.read(name)).unwrap()
     }
 
+    /// Rows of numbers; an empty field is not a number.
     pub fn csv(&self, name: &str) -> Vec<Vec<f64>> {
         let text = self.read(name);
-        csv::Reader::from_reader(text.as_bytes()).deserialize().map(Result::unwrap).collect()
+        let rows = csv::Reader::from_reader(text.as_bytes()).into_deserialize::<Vec<Option<f64>>>();
+        rows.map(|row| row.unwrap().into_iter().map(|value| value.unwrap_or(f64::NAN)).collect()).collect()
     }
 
     /// Names of everything in a folder, hidden files included.

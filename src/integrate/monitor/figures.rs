@@ -1,0 +1,111 @@
+//! The raw figures of a run, from which its indicators are made.
+
+use super::{particles, springs};
+use serde::Serialize;
+
+/// Figures of a run that cost next to nothing, for what it cannot know otherwise: how wrong it is.
+///
+/// Sums over the steps of norms over the free coordinates, h being the length of a step and X the extent of the scene at the end,
+/// `‖x − centroid‖`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Figures {
+    /// Steps.
+    pub steps: u64,
+    /// Length of the run, in s.
+    pub duration: f64,
+    /// X, in m.
+    pub extent: f64,
+    /// `Σ ½h ‖v' − v‖/X`: the truncation error of backward Euler, not cancelled.
+    pub change: f64,
+    /// The first term of `change`, times the number of steps.
+    pub start: f64,
+    /// `Σ h ‖(v' − v) − (h/h₋)(v − v₋)‖/X`: what second-order methods neglect, up to their error constants.
+    pub bend: f64,
+    /// `Σ ‖h³ x⃛‖/X` from third differences of the positions.
+    pub third: f64,
+    /// `Σ ‖x' − x − ½h (v + v')‖/X`: positions against the trapezoidal rule of their velocities.
+    pub slip: f64,
+    /// `Σ ‖M (v' − v)/h − F(x', v')‖ / Σ ‖M (v' − v)/h‖`: what linearising left out; zero where forces were not asked for.
+    pub defect: f64,
+    /// `Σ h ‖v‖/X`: the way of the particles.
+    pub way: f64,
+    /// The energy that a step of straight motion puts into springs that turn, over the kinetic energy: mean over time.
+    pub turning: f64,
+    /// The most by which the ends of a spring passed each other in a step, in lengths of the spring.
+    pub reach: f64,
+    /// Energy that the motion exchanged, in J: what it started with, released, and was given.
+    pub exchanged: f64,
+    /// The most that appeared from nowhere, in J, from the lowest imbalance before.
+    pub gained: f64,
+    /// What the method took away by the end, in J; negative where it gave.
+    pub lost: f64,
+    /// `Σ ‖e‖/X` over the steps, e the method's own estimate of the local error of the positions; zero where it has none.
+    pub embedded: f64,
+}
+
+/// The sums that figures are made of.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Trail {
+    steps: u64,
+    duration: f64,
+    change: f64,
+    start: f64,
+    bend: f64,
+    third: f64,
+    slip: f64,
+    defect: f64,
+    inertia: f64,
+    way: f64,
+    turning: f64,
+    kinetic: f64,
+    reach: f64,
+    embedded: f64,
+}
+
+impl Trail {
+    pub fn enter(&mut self, dt: f64, springs: &springs::Sums, particles: &particles::Sums, local_error: Option<f64>) {
+        self.steps += 1;
+        self.duration += dt;
+        let change = 0.5 * dt * particles.change.sqrt();
+        if self.steps == 1 {
+            self.start = change;
+        }
+        self.change += change;
+        self.bend += dt * particles.bend.sqrt();
+        self.third += particles.third.sqrt();
+        self.slip += particles.slip.sqrt();
+        self.defect += particles.defect.sqrt();
+        self.inertia += particles.inertia.sqrt();
+        self.way += dt * particles.speed.sqrt();
+        self.turning += dt * springs.turning;
+        self.kinetic += dt * particles.kinetic;
+        self.reach = self.reach.max(springs.reach);
+        self.embedded += local_error.unwrap_or(0.0);
+    }
+
+    /// With the extent of the scene and its energies filled in by the caller.
+    pub fn figures(&self, extent: f64) -> Figures {
+        let Self { steps, duration, .. } = *self;
+        Figures {
+            steps,
+            duration,
+            extent,
+            change: self.change / extent,
+            start: self.start * steps as f64 / extent,
+            bend: self.bend / extent,
+            third: self.third / extent,
+            slip: self.slip / extent,
+            defect: ratio(self.defect, self.inertia),
+            way: self.way / extent,
+            turning: ratio(self.turning, self.kinetic),
+            reach: self.reach.sqrt(),
+            embedded: self.embedded / extent,
+            ..Figures::default()
+        }
+    }
+}
+
+/// Of two numbers that are not negative; nothing out of nothing is nothing.
+fn ratio(part: f64, whole: f64) -> f64 {
+    if part == 0.0 { 0.0 } else { part / whole }
+}

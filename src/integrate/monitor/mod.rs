@@ -1,0 +1,207 @@
+//! What accompanies a run: the energy ledger, the watch over energy from nowhere, and the figures that say how wrong it is.
+//!
+//! After every accepted step one pass over the springs and one over the particles see the new state. They need no force but
+//! that of methods whose linearisation is in question; sums are made in blocks, so that they have the same bits whatever the
+//! number of threads.
+
+mod driven;
+mod figures;
+mod growth;
+mod ledger;
+mod particles;
+mod springs;
+
+pub use figures::Figures;
+pub use ledger::Balance;
+
+use super::StepFailure;
+use crate::force::{DegenerateSpring, Energy, Extensions, add_damping_force, add_elastic_force, add_weight};
+use crate::system::{State, System};
+use driven::Drive;
+use figures::Trail;
+use growth::{Growth, Unstable};
+use ledger::Ledger;
+use nalgebra::Vector3;
+use particles::Particles;
+use springs::Springs;
+
+/// What a monitor is to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MonitorOptions {
+    /// Whether forces are evaluated at every new state, for [`Figures::defect`].
+    pub forces: bool,
+    /// Whether energy from nowhere ends the run.
+    pub stops_unstable: bool,
+}
+
+impl Default for MonitorOptions {
+    fn default() -> Self {
+        Self { forces: false, stops_unstable: true }
+    }
+}
+
+/// Accompanies a run; see the module.
+pub struct Monitor<'s> {
+    system: &'s System,
+    options: MonitorOptions,
+    springs: Springs<'s>,
+    particles: Particles<'s>,
+    drive: Drive<'s>,
+    forces: Option<Forces>,
+    ledger: Ledger,
+    /// At the state before, with its time.
+    before: Ledger,
+    times: [f64; 2],
+    growth: Growth,
+    trail: Trail,
+    start: Vec<Vector3<f64>>,
+}
+
+/// The parabola of a rate over a step in Legendre polynomials, see `springs`.
+struct Sides {
+    mean: f64,
+    slope: f64,
+    bend: f64,
+}
+
+/// Forces at a state.
+struct Forces {
+    extensions: Extensions,
+    force: Vec<Vector3<f64>>,
+}
+
+impl<'s> Monitor<'s> {
+    /// From the state that a run starts from.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring.
+    pub fn new(system: &'s System, state: &State, options: MonitorOptions) -> Result<Self, DegenerateSpring> {
+        let drive = Drive::new(system, state);
+        let mut springs = Springs::new(system, state, drive.springs());
+        let mut particles = Particles::new(system, state);
+        let sums = (springs.pass(state, 0.0), particles.pass(state, 0.0, None));
+        let ledger = Ledger::new(&sums.0, &sums.1, drive.energy(state));
+        let growth = Growth::new(&ledger, state);
+        let forces = options.forces.then(|| Forces::new(system, state)).transpose()?;
+        Ok(Self {
+            system,
+            options,
+            springs,
+            particles,
+            drive,
+            forces,
+            ledger,
+            before: ledger,
+            times: [state.time; 2],
+            growth,
+            trail: Trail::default(),
+            start: state.positions.clone(),
+        })
+    }
+
+    /// Enters the state after a number of steps, the last of dt seconds; `local_error` is the norm of the method's own estimate of
+    /// the step's position error, in m.
+    ///
+    /// # Errors
+    /// [`StepFailure::Unstable`] when energy has appeared from nowhere, if that is to end the run.
+    pub fn enter(&mut self, steps: u64, state: &State, dt: f64, local_error: Option<f64>) -> Result<(), StepFailure> {
+        self.before = self.ledger;
+        self.times = [self.times[1], state.time];
+        let force = self.forces.as_mut().and_then(|forces| forces.at(self.system, state));
+        let (springs, particles) = (self.springs.pass(state, dt), self.particles.pass(state, dt, force));
+        let exchange = self.drive.pass(state, dt);
+        self.ledger.enter(&springs, &particles, self.drive.energy(state), &exchange);
+        self.trail.enter(dt, &springs, &particles, local_error);
+        match self.growth.enter(&self.ledger, steps, state) {
+            Some(Unstable { gained, exchanged }) if self.options.stops_unstable => {
+                Err(StepFailure::Unstable { gained, exchanged })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The failure that energy from nowhere makes of a run at its last state, where it has grown and is to end the run.
+    pub(super) fn growth(&self) -> Option<StepFailure> {
+        let is_above = self.options.stops_unstable && self.growth.is_above();
+        is_above.then(|| StepFailure::Unstable { gained: self.growth.gained, exchanged: self.growth.exchanged() })
+    }
+
+    /// Puts back the last state from before energy appeared, and its account; returns the number of steps that led to it.
+    pub(super) fn restore(&mut self, state: &mut State) -> u64 {
+        let kept = self.growth.kept();
+        state.copy_from(&kept.state);
+        self.ledger = kept.ledger;
+        kept.steps
+    }
+
+    /// The time of the state entered last, in s.
+    pub fn time(&self) -> f64 {
+        self.times[1]
+    }
+
+    /// Energy at the start of the run.
+    pub fn initial(&self) -> Energy {
+        self.ledger.initial
+    }
+
+    /// Energy at the state entered last.
+    pub fn energy(&self) -> Energy {
+        self.ledger.energy
+    }
+
+    /// Where the energy went until the state entered last.
+    pub fn balance(&self) -> Balance {
+        self.ledger.balance()
+    }
+
+    /// Where the energy went until a state between the last two, which has the given energy: work and dissipation in
+    /// proportion to the time.
+    pub fn balance_between(&self, time: f64, energy: &Energy) -> Balance {
+        let [start, end] = self.times;
+        let share = if end > start { ((time - start) / (end - start)).clamp(0.0, 1.0) } else { 1.0 };
+        let (from, to) = (self.before.balance(), self.ledger.balance());
+        let between = |from: f64, to: f64| from + share * (to - from);
+        self.ledger.balance_of(energy, between(from.work, to.work), between(from.dissipated, to.dissipated))
+    }
+
+    /// The figures of the run up to a state, as a rule its last.
+    pub fn figures(&self, state: &State) -> Figures {
+        Figures {
+            exchanged: self.growth.exchanged(),
+            gained: self.growth.gained,
+            lost: -self.ledger.balance().imbalance,
+            ..self.trail.figures(self.extent(state))
+        }
+    }
+
+    /// The distance of the particles from their centre; where they are all at one place, from where they started; never zero.
+    fn extent(&self, state: &State) -> f64 {
+        let positions = &state.positions;
+        let centre = positions.iter().sum::<Vector3<f64>>() / positions.len().max(1) as f64;
+        let spread = positions.iter().map(|x| (x - centre).norm_squared()).sum::<f64>().sqrt();
+        let way = positions.iter().zip(&self.start).map(|(x, y)| (x - y).norm_squared()).sum::<f64>().sqrt();
+        let largest = positions.iter().map(|x| x.norm()).fold(0.0, f64::max);
+        [spread, way].into_iter().find(|&length| length > 1e-12 * largest).unwrap_or(1.0)
+    }
+}
+
+impl Forces {
+    fn new(system: &System, state: &State) -> Result<Self, DegenerateSpring> {
+        let extensions = Extensions::at(system, &state.positions)?;
+        Ok(Self { extensions, force: vec![Vector3::zeros(); system.particles()] })
+    }
+
+    /// `f_el + f_d + g` at a state; nothing where the ends of a spring coincide.
+    fn at(&mut self, system: &System, state: &State) -> Option<&[Vector3<f64>]> {
+        let Self { extensions, force } = self;
+        extensions.update(system, &state.positions).ok()?;
+        force.fill(Vector3::zeros());
+        add_elastic_force(system, extensions, force);
+        add_damping_force(system, extensions, &state.velocities, force);
+        add_weight(system, force);
+        Some(force)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,158 @@
+//! One pass over the particles after every step: what they carry, and how their motion bends.
+//!
+//! The figures are norms over the free coordinates, each free at this point of a run:
+//!
+//! ```text
+//! change  ‖v' − v‖                          h² ẍ/h: what a method of first order neglects, h/2 of it in the positions
+//! bend    ‖(v' − v) − (h/h₋)(v − v₋)‖       h² v̈: what one of second order neglects
+//! third   ‖δx' − 2r δx + r² δx₋‖ᵃ           h³ x⃛: the same from the positions alone, r = h/h₋
+//! slip    ‖x' − x − h (v + v')/2‖           how far positions are from the trapezoidal rule of their own velocities
+//! defect  ‖M (v' − v)/h − F(x', v')‖        the residual of backward Euler, where the forces are known
+//! ```
+
+use crate::system::{Axes, State, System};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+/// Particles that one thread treats at a stretch. Sums are made block by block, whatever the number of threads.
+const BLOCK: usize = 4096;
+
+/// Sums over particles at a state, and over the step that led to it: energies in J, squares of the figures above.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Sums {
+    /// `Σ ½ m v²`.
+    pub kinetic: f64,
+    /// `Σ m gravity·x`.
+    pub weight: f64,
+    pub change: f64,
+    pub bend: f64,
+    pub third: f64,
+    pub slip: f64,
+    pub defect: f64,
+    /// `‖M (v' − v)/h‖²`, what the defect is a part of.
+    pub inertia: f64,
+    /// `‖v'‖²`.
+    pub speed: f64,
+}
+
+impl Sums {
+    fn add(mut self, other: &Self) -> Self {
+        self.kinetic += other.kinetic;
+        self.weight += other.weight;
+        self.change += other.change;
+        self.bend += other.bend;
+        self.third += other.third;
+        self.slip += other.slip;
+        self.defect += other.defect;
+        self.inertia += other.inertia;
+        self.speed += other.speed;
+        self
+    }
+}
+
+/// A particle at the last state.
+#[derive(Debug, Clone, Copy)]
+struct Trace {
+    position: Vector3<f64>,
+    velocity: Vector3<f64>,
+    /// By which the last step changed it.
+    change: Vector3<f64>,
+    /// By which the last step changed the position, and by how much more than the one before.
+    step: Vector3<f64>,
+    more: Vector3<f64>,
+}
+
+/// All particles at the last state.
+pub(super) struct Particles<'s> {
+    system: &'s System,
+    traces: Vec<Trace>,
+    sums: Vec<Sums>,
+    /// Length of the last step, in s; zero before the first.
+    last: f64,
+    steps: u64,
+}
+
+impl<'s> Particles<'s> {
+    pub fn new(system: &'s System, state: &State) -> Self {
+        let zero = Vector3::zeros();
+        let trace = |(&position, &velocity)| Trace { position, velocity, change: zero, step: zero, more: zero };
+        let traces: Vec<Trace> = state.positions.iter().zip(&state.velocities).map(trace).collect();
+        let sums = vec![Sums::default(); traces.len().div_ceil(BLOCK)];
+        Self { system, traces, sums, last: 0.0, steps: 0 }
+    }
+
+    /// Goes on to a state that a step of dt seconds led to; `force` is the one there, where it is known.
+    pub fn pass(&mut self, state: &State, dt: f64, force: Option<&[Vector3<f64>]>) -> Sums {
+        let Self { system, traces, sums, last, steps } = self;
+        let step = Step { system, state, force, dt, last: *last, steps: *steps };
+        let block = |(number, (traces, sums)): (usize, (&mut [Trace], &mut Sums))| {
+            *sums = step.block(number * BLOCK, traces);
+        };
+        if sums.len() > 1 {
+            traces.par_chunks_mut(BLOCK).zip(sums.par_iter_mut()).enumerate().for_each(block);
+        } else {
+            traces.chunks_mut(BLOCK).zip(sums.iter_mut()).enumerate().for_each(block);
+        }
+        *last = dt;
+        *steps += u64::from(dt > 0.0);
+        sums.iter().fold(Sums::default(), Sums::add)
+    }
+}
+
+/// What all blocks of a pass see.
+struct Step<'a> {
+    system: &'a System,
+    state: &'a State,
+    force: Option<&'a [Vector3<f64>]>,
+    dt: f64,
+    last: f64,
+    /// Before this one.
+    steps: u64,
+}
+
+impl Step<'_> {
+    /// The particles from `first` on, as many as there are traces.
+    fn block(&self, first: usize, traces: &mut [Trace]) -> Sums {
+        let Self { system, state, force, dt, last, steps } = *self;
+        let (gravity, masses) = (system.gravity(), system.masses());
+        let ratio = if last > 0.0 { dt / last } else { 0.0 };
+        let mut sums = Sums::default();
+        for (p, trace) in (first..).zip(traces) {
+            let (x, v, mass) = (state.positions[p], state.velocities[p], masses[p]);
+            sums.kinetic += 0.5 * mass * v.norm_squared();
+            sums.weight += mass * gravity.dot(&x);
+            if dt > 0.0 {
+                let change = v - trace.velocity;
+                let bend = if last > 0.0 { change - trace.change * ratio } else { Vector3::zeros() };
+                let slip = (x - trace.position) - (v + trace.velocity) * (0.5 * dt);
+                let way = x - trace.position;
+                let more = if steps > 0 { way - trace.step * ratio } else { Vector3::zeros() };
+                let third = if steps > 1 { more - trace.more * (ratio * ratio) } else { Vector3::zeros() };
+                let inertia = change * (mass / dt);
+                let defect = force.map_or_else(Vector3::zeros, |force| inertia - force[p]);
+                let free = system.dofs().free_axes(p);
+                let square = |vector: &Vector3<f64>| norm_squared(vector, free);
+                sums.change += square(&change);
+                sums.bend += square(&bend);
+                sums.third += square(&third);
+                sums.slip += square(&slip);
+                sums.defect += square(&defect);
+                sums.inertia += square(&inertia);
+                sums.speed += square(&v);
+                (trace.change, trace.step, trace.more) = (change, way, more);
+            }
+            (trace.position, trace.velocity) = (x, v);
+        }
+        sums
+    }
+}
+
+/// Over some of the axes.
+#[inline(always)]
+fn norm_squared(v: &Vector3<f64>, axes: Axes) -> f64 {
+    if axes == Axes::ALL {
+        return v.norm_squared();
+    }
+    let square = |axis: usize| if axes.contains(axis) { v[axis] * v[axis] } else { 0.0 };
+    square(0) + square(1) + square(2)
+}

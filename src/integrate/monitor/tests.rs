@@ -1,0 +1,155 @@
+//! The formulas of the ledger against integrals by hand.
+
+use super::driven::Drive;
+use super::particles::Particles;
+use super::springs::{Springs, resolved_step};
+use super::{Monitor, MonitorOptions};
+use crate::spring::Spring;
+use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
+use nalgebra::Vector3;
+
+/// Two particles on the x axis, joined by a spring of given damping.
+fn pair(damping: f64) -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 2.0);
+    builder.particle([1.0, 0.0, 0.0], 3.0);
+    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping });
+    builder.build().unwrap()
+}
+
+fn at(start: &State, x: f64, v: f64) -> State {
+    let mut state = start.clone();
+    state.positions[1].x = x;
+    state.velocities[1].x = v;
+    state
+}
+
+/// l = 1 + r₀t + r₁t²/2 + r₂t³/3: its rate is a parabola, and the integral of its square is exact.
+#[test]
+fn a_rate_that_is_a_parabola_is_integrated_exactly() {
+    let (system, start) = pair(0.7);
+    let [r0, r1, r2, h] = [0.3, -2.0, 5.0, 0.02];
+    let rate = |t: f64| r0 + r1 * t + r2 * t * t;
+    let mut springs = Springs::new(&system, &at(&start, 1.0, r0), std::iter::empty());
+    let sums = springs.pass(&at(&start, 1.0 + h * (r0 + h * (r1 / 2.0 + h * r2 / 3.0)), rate(h)), h);
+    // ∫ (r₀ + r₁t + r₂t²)² dt.
+    let integral =
+        h * (r0 * r0 + h * (r0 * r1 + h * ((r1 * r1 + 2.0 * r0 * r2) / 3.0 + h * (r1 * r2 / 2.0 + h * r2 * r2 / 5.0))));
+    approx::assert_relative_eq!(sums.dissipated, 0.7 * integral, max_relative = 1e-9);
+    let mean = r0 + h * (r1 / 2.0 + h * r2 / 3.0);
+    approx::assert_relative_eq!(sums.certain, 0.7 * h * mean * mean, max_relative = 1e-9);
+    assert!(sums.certain < sums.dissipated);
+}
+
+/// Where steps do not resolve a spring only what is certain counts. Its own times: 1/sqrt(k/(l0 μ)) and μ/b, μ = 6/5 kg.
+#[test]
+fn unresolved_springs_dissipate_what_is_certain() {
+    let (system, start) = pair(0.7);
+    let longest = resolved_step(&system, 0);
+    approx::assert_relative_eq!(longest, (0.5 * 1.2 / 6.0f64).sqrt(), max_relative = 1e-14);
+    approx::assert_relative_eq!(resolved_step(&pair(70.0).0, 0), 1.2 / 70.0, max_relative = 1e-14);
+    for (h, is_resolved) in [(0.999 * longest, true), (1.001 * longest, false)] {
+        let mut springs = Springs::new(&system, &at(&start, 1.0, 0.3), std::iter::empty());
+        let sums = springs.pass(&at(&start, 1.05, -0.2), h);
+        assert_eq!(sums.dissipated > sums.certain, is_resolved, "{h}");
+    }
+}
+
+/// A turn across the spring of angle θ = h v⊥/l stretches it by l θ²/2.
+#[test]
+fn turning_is_measured_across_springs() {
+    let (system, start) = pair(0.0);
+    let mut state = start.clone();
+    state.velocities[1] = Vector3::new(0.4, 3.0, 0.0);
+    let sums = Springs::new(&system, &start, std::iter::empty()).pass(&state, 0.1);
+    let lift = 0.5 * 0.3 * 0.3;
+    approx::assert_relative_eq!(sums.turning, 0.5 * 12.0 * lift * lift, max_relative = 1e-12);
+    approx::assert_relative_eq!(sums.reach, 0.01 * (9.0 + 0.16), max_relative = 1e-12);
+    // Along the spring nothing turns.
+    let sums = Springs::new(&system, &start, std::iter::empty()).pass(&at(&start, 1.0, 7.0), 0.1);
+    assert!(sums.turning.abs() < 1e-12);
+}
+
+/// A spring between a held particle and one that is led straight away from it: T = κ(l − l0) + b u, and the work is
+/// `∫ T u dt`, elastic energy gained and dissipation.
+#[test]
+fn a_led_particle_does_the_work_that_its_spring_takes() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 2.0);
+    builder.particle([1.0, 0.0, 0.0], 3.0);
+    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.7 });
+    builder.hold(0);
+    let motion = Motion::Velocity(Vector3::new(0.3, 0.0, 0.0));
+    builder.constrain(Constraint { particles: vec![1], axes: Axes::of(&[0]), motion });
+    let (system, mut state) = builder.build().unwrap();
+    state.prescribe(&system);
+    let mut drive = Drive::new(&system, &state);
+    assert_eq!(drive.springs().collect::<Vec<_>>(), [0]);
+    approx::assert_relative_eq!(drive.energy(&state).kinetic, 0.5 * 3.0 * 0.09, max_relative = 1e-14);
+    let h = 0.05;
+    state.time = h;
+    // What the state says of the velocity after the step is another matter.
+    state.prescribe(&system);
+    state.velocities[1].x = 99.0;
+    let exchange = drive.pass(&state, h);
+    let elastic = |l: f64| 0.5 * 12.0 * (l - 0.5) * (l - 0.5);
+    let dissipated = 0.7 * 0.09 * h;
+    approx::assert_relative_eq!(exchange.dissipated, dissipated, max_relative = 1e-12);
+    approx::assert_relative_eq!(exchange.certain, dissipated, max_relative = 1e-12);
+    approx::assert_relative_eq!(exchange.work, elastic(1.015) - elastic(1.0) + dissipated, max_relative = 1e-12);
+}
+
+/// Norms over free coordinates only, and second differences with their ratio of steps.
+#[test]
+fn changes_of_velocity_are_measured_on_free_coordinates() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 2.0);
+    builder.particle([1.0, 0.0, 0.0], 3.0);
+    builder.constrain(Constraint { axes: Axes::of(&[1]), ..Constraint::hold([1]) });
+    let (system, start) = builder.build().unwrap();
+    let mut particles = Particles::new(&system, &start);
+    let mut state = start.clone();
+    state.velocities = vec![Vector3::new(0.0, 0.0, 2.0), Vector3::new(1.0, 50.0, 2.0)];
+    let force = [Vector3::new(0.0, 0.0, 38.0), Vector3::new(30.0, 7.0, 60.0)];
+    let sums = particles.pass(&state, 0.1, Some(&force));
+    approx::assert_relative_eq!(sums.change, 4.0 + 1.0 + 4.0, max_relative = 1e-14);
+    assert_eq!(sums.bend, 0.0);
+    // M Δv/h is (0, 0, 40) and (30, ·, 60).
+    approx::assert_relative_eq!(sums.defect, 4.0, max_relative = 1e-12);
+    approx::assert_relative_eq!(sums.inertia, 1600.0 + 900.0 + 3600.0, max_relative = 1e-12);
+    // x stays, so that it lags h (v + v')/2 behind.
+    approx::assert_relative_eq!(sums.slip, 0.0025 * 9.0, max_relative = 1e-12);
+    for v in &mut state.velocities {
+        v.z += 5.0;
+    }
+    let sums = particles.pass(&state, 0.2, None);
+    // Δv = (0, 0, 5), after twice the step: less 2 (0, 0, 2) and 2 (1, ·, 2).
+    approx::assert_relative_eq!(sums.bend, 1.0 + 4.0 + 1.0, max_relative = 1e-12);
+    assert_eq!(sums.defect, 0.0);
+}
+
+/// The sums of many blocks are those of one thread, to the bit.
+#[test]
+fn sums_do_not_depend_on_threads() {
+    let (system, start) = crate::scene::builtin::cloth(60).unwrap().build().unwrap();
+    assert!(system.springs().len() > 2 * 4096);
+    let figures = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let options = MonitorOptions { forces: true, stops_unstable: false };
+            let mut monitor = Monitor::new(&system, &start, options).unwrap();
+            let mut state = start.clone();
+            for step in 1..=3 {
+                for (p, v) in state.velocities.iter_mut().enumerate() {
+                    *v += Vector3::new((p as f64).sin(), 0.3 * (p as f64).cos(), 0.1);
+                }
+                for (x, v) in state.positions.iter_mut().zip(&state.velocities) {
+                    *x += v * 1e-3;
+                }
+                monitor.enter(step, &state, 1e-3, None).unwrap();
+            }
+            (monitor.figures(&state), monitor.balance())
+        })
+    };
+    assert_eq!(figures(1), figures(3));
+}
