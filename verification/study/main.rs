@@ -1,0 +1,122 @@
+//! The study of a thousand random scenes, and its page `verification/study.md`.
+//!
+//! ```sh
+//! cargo run --release --example study                       # everything, and the page
+//! cargo run --release --example study -- --count 100        # the first hundred seeds
+//! cargo run --release --example study -- --only 17          # one scene, run by run
+//! cargo run --release --example study -- --export 17 a.json # that scene as a file for the command
+//! ```
+//!
+//! References are kept in `target/study`; every run is written there too, one scene a line, in `records.jsonl`.
+
+#[path = "mod.rs"]
+mod study;
+
+use clap::Parser;
+use rayon::prelude::*;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use study::record::{Record, Wanted, of_scene, of_seed};
+use study::store::Store;
+use study::{named, random, tables};
+
+/// Runs random scenes with every method and compares with the truth.
+#[derive(Parser)]
+struct Arguments {
+    /// How many seeds
+    #[arg(long, default_value_t = 1000)]
+    count: u64,
+
+    /// The first seed
+    #[arg(long, default_value_t = 0)]
+    first: u64,
+
+    /// One seed alone, run by run
+    #[arg(long, value_name = "SEED")]
+    only: Option<u64>,
+
+    /// Writes the scene of a seed as JSON
+    #[arg(long, num_args = 2, value_names = ["SEED", "FILE"])]
+    export: Option<Vec<String>>,
+
+    /// Only these: fixed, rtol, accuracy, named, none (references alone)
+    #[arg(long, value_delimiter = ',', default_value = "fixed,rtol,accuracy,named")]
+    what: Vec<String>,
+
+    /// Scenes at a time
+    #[arg(long)]
+    threads: Option<usize>,
+
+    /// Makes the page anew from the records of the last study
+    #[arg(long)]
+    page: bool,
+
+    /// Where references and records are kept
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/target/study"))]
+    folder: PathBuf,
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments = Arguments::parse();
+    let store = Store::open(&arguments.folder.join("references"))?;
+    if let Some([seed, file]) = arguments.export.as_deref() {
+        return Ok(std::fs::write(file, random::scene(seed.parse()?).scene.to_json())?);
+    }
+    let has = |what: &str| arguments.what.iter().any(|asked| asked == what);
+    let wanted = Wanted { fixed: has("fixed"), adaptive: has("rtol"), accuracy: has("accuracy") };
+    if let Some(seed) = arguments.only {
+        print!("{}", tables::scene(&of_seed(seed, &store, wanted)?));
+        return Ok(());
+    }
+    let file = arguments.folder.join("records.jsonl");
+    let records = if arguments.page {
+        let text = std::fs::read_to_string(&file)?;
+        text.lines().map(serde_json::from_str).collect::<Result<_, _>>()?
+    } else {
+        if let Some(threads) = arguments.threads {
+            rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+        }
+        let records = measure(&arguments, &store, wanted, has("named"))?;
+        write_records(&file, &records)?;
+        records
+    };
+    let page = tables::page(&records);
+    print!("{page}");
+    // A part of the study is not what the page is about.
+    if arguments.first == 0 && records.iter().filter(|record| record.seed.is_some()).count() >= 1000 {
+        std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/study.md"), page)?;
+    }
+    Ok(())
+}
+
+fn measure(arguments: &Arguments, store: &Store, wanted: Wanted, named: bool) -> sprung::Result<Vec<Record>> {
+    let seeds: Vec<u64> = (arguments.first..arguments.first + arguments.count).collect();
+    let scenes = if named { named::scenes()? } else { Vec::new() };
+    let (done, all) = (AtomicUsize::new(0), seeds.len() + scenes.len());
+    let console = Mutex::new(std::io::stderr());
+    let report = |record: &Record| {
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        if let Ok(mut console) = console.lock()
+            && (done % 20 == 0 || done == all)
+        {
+            let _ = writeln!(console, "{done} of {all}: {}", record.scene);
+        }
+    };
+    // Scenes differ a thousandfold in cost: each is a task of its own.
+    let random = seeds.par_iter().with_max_len(1).map(|&seed| of_seed(seed, store, wanted).inspect(report));
+    let mut records = random.collect::<sprung::Result<Vec<_>>>()?;
+    let with_names = scenes.par_iter().with_max_len(1).map(|scene| of_scene(scene, store, wanted).inspect(report));
+    records.extend(with_names.collect::<sprung::Result<Vec<_>>>()?);
+    Ok(records)
+}
+
+fn write_records(file: &Path, records: &[Record]) -> Result<(), Box<dyn std::error::Error>> {
+    let mut text = String::new();
+    for record in records {
+        text.push_str(&serde_json::to_string(record)?);
+        text.push('\n');
+    }
+    Ok(std::fs::write(file, text)?)
+}

@@ -1,0 +1,382 @@
+//! What is counted, and the page that is made of it.
+
+use super::record::Record;
+use super::runs::{Ask, Run};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// A true error above this must not pass in silence.
+pub const WRONG: f64 = 0.3;
+
+/// A true error below this is not to be warned of.
+pub const RIGHT: f64 = 0.01;
+
+/// Growth of deviations beyond which a scene is not ordinary: two digits are lost on the way.
+pub const SENSITIVE: f64 = 100.0;
+
+/// A run is judged where the reference is better known than its error by this.
+const MARGIN: f64 = 10.0;
+
+/// A scene with one of its runs.
+#[derive(Clone, Copy)]
+pub struct Case<'r> {
+    /// The scene.
+    pub record: &'r Record,
+    /// The run.
+    pub run: &'r Run,
+}
+
+impl Case<'_> {
+    /// Whether the reference is good enough to tell an error of this size.
+    pub fn tells(&self, error: f64) -> bool {
+        self.record.reference_error.is_some_and(|own| MARGIN * own <= error)
+    }
+
+    /// Whether deviations stay small and no spring collapses, which makes forces jump or turn at once.
+    pub fn is_ordinary(&self) -> bool {
+        is_ordinary(self.record)
+    }
+
+    /// Completed, wrong, and without a word.
+    pub fn is_silent(&self) -> bool {
+        self.run.is_completed() && self.run.error() > WRONG && self.run.warnings.is_empty() && self.tells(WRONG)
+    }
+
+    /// Right, and a warning.
+    pub fn is_false_alarm(&self) -> bool {
+        self.is_right() && !self.run.warnings.is_empty()
+    }
+
+    /// Completed and right.
+    pub fn is_right(&self) -> bool {
+        self.run.is_completed() && self.run.error() < RIGHT && self.tells(RIGHT)
+    }
+
+    /// Estimate over truth, where both are known.
+    pub fn ratio(&self) -> Option<f64> {
+        let error = self.run.error.filter(|&error| self.run.is_completed() && error > 0.0 && self.tells(error))?;
+        Some(self.run.estimate? / error)
+    }
+}
+
+/// See [`Case::is_ordinary`].
+pub fn is_ordinary(record: &Record) -> bool {
+    record.amplification.is_some_and(|growth| growth <= SENSITIVE) && record.shortest.is_some_and(|ratio| ratio > 0.05)
+}
+
+/// Every run of every scene.
+pub fn cases(records: &[Record]) -> Vec<Case<'_>> {
+    records.iter().flat_map(|record| record.runs.iter().map(move |run| Case { record, run })).collect()
+}
+
+/// The page.
+pub fn page(records: &[Record]) -> String {
+    let mut page = String::from(
+        "# A thousand random scenes\n\n\
+         Made by `cargo run --release --example study`, which writes this page. Networks, cloths, chains, rods, lattices and columns in one\n\
+         to three dimensions, soft to stiff, damped or not, held or moved, one scene for each seed; the hard cases of `scenes/hard`; and\n\
+         ready scenes. Errors are relative position errors at the end against DOP853 (the crate `ode_solvers`, tolerance 10⁻¹³) on a second\n\
+         writing of the forces; the same at 10⁻¹¹ tells how well they are known. `--export SEED FILE` writes a scene for the command.\n\n",
+    );
+    let cases = cases(records);
+    let of = |want: fn(&Ask) -> bool| cases.iter().copied().filter(|case| want(&case.run.ask)).collect::<Vec<_>>();
+    page.push_str(&scenes(records));
+    page.push_str(&fixed(&of(|ask| matches!(ask, Ask::Dt(_)))));
+    page.push_str(&tolerances(&of(|ask| matches!(ask, Ask::Rtol(_)))));
+    page.push_str(&accuracies(&of(|ask| matches!(ask, Ask::Accuracy(_)))));
+    page
+}
+
+fn scenes(records: &[Record]) -> String {
+    let mut shapes = BTreeMap::<&str, Vec<&Record>>::new();
+    for record in records {
+        shapes.entry(&record.shape).or_default().push(record);
+    }
+    let mut text = String::from(
+        "## The scenes\n\nA deviation at the start grows by the factor that a disturbed reference shows. Ordinary scenes amplify it at most a\n\
+         hundredfold, and no spring of theirs shrinks to a twentieth of its length. The reference's own error is an upper bound.\n\n\
+         | kind | scenes | particles | Ω = ωT | damped | moved | ordinary | growth: median, 90 %, most | reference's error: median, 90 %, most | without reference |\n\
+         |---|---|---|---|---|---|---|---|---|---|\n",
+    );
+    for (shape, records) in shapes {
+        let count = |what: &dyn Fn(&Record) -> bool| records.iter().filter(|record| what(record)).count();
+        let range = |values: Vec<f64>| {
+            let values = sorted(values);
+            values.first().zip(values.last()).map_or("–".into(), |(a, b)| format!("{a:.0} … {b:.0}"))
+        };
+        let _ = writeln!(
+            text,
+            "| {shape} | {} | {} | {} | {} | {} | {} | {} | {} | {} |",
+            records.len(),
+            range(records.iter().map(|r| r.particles as f64).collect()),
+            range(records.iter().map(|r| r.pace).filter(|pace| pace.is_finite()).collect()),
+            count(&|r| r.damped),
+            count(&|r| r.moved),
+            count(&is_ordinary),
+            spread(records.iter().filter_map(|r| r.amplification).collect()),
+            spread(records.iter().filter_map(|r| r.reference_error).collect()),
+            count(&|r| r.reference_error.is_none()),
+        );
+    }
+    text.push('\n');
+    text
+}
+
+/// Runs of fixed steps.
+fn fixed(cases: &[Case]) -> String {
+    let mut text = String::from(
+        "## Steps of fixed length\n\nT/30, T/100, T/300, and 0.01 s and 1/60 s where that makes 10 to 1000 steps. *Silent*: completed with an error above 30 % and \
+         without\na warning. *Alarms*: warnings with an error below 1 %.\n\n\
+         | method | runs | completed | error: median, 90 %, most | above 30 % | silent | below 1 % | alarms | with estimate | within 3 | within 10 times |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|\n",
+    );
+    for (name, cases) in by_way(cases).into_iter().chain([("all".to_owned(), cases.to_vec())]) {
+        let _ = writeln!(text, "| {name} {}", fixed_row(&cases));
+    }
+    text.push_str("\nBy kind of scene, all methods:\n\n| kind | runs | completed | error: median, 90 %, most | above 30 % | silent | below 1 % | alarms | with estimate | within 3 | within 10 times |\n|---|---|---|---|---|---|---|---|---|---|---|\n");
+    for (name, cases) in by(cases, |case| case.record.shape.clone()) {
+        let _ = writeln!(text, "| {name} {}", fixed_row(&cases));
+    }
+    text.push_str("\nHow runs ended that did not complete:\n\n| method | ");
+    let ends = by(cases, |case| case.run.status.clone());
+    for end in ends.keys() {
+        let _ = write!(text, "{end} | ");
+    }
+    text.push_str("\n|---|");
+    text.push_str(&"---|".repeat(ends.len()));
+    text.push('\n');
+    for (name, cases) in by_way(cases) {
+        let _ = write!(text, "| {name} |");
+        for end in ends.keys() {
+            let _ = write!(text, " {} |", cases.iter().filter(|case| case.run.status == *end).count());
+        }
+        text.push('\n');
+    }
+    let mut silent: Vec<_> = cases.iter().filter(|case| case.is_silent()).copied().collect();
+    silent.sort_by(|a, b| b.run.error().total_cmp(&a.run.error()));
+    text.push_str(&offenders("Silent though wrong, worst first", &silent));
+    let mut alarms: Vec<_> = cases.iter().filter(|case| case.is_false_alarm()).copied().collect();
+    alarms.sort_by(|a, b| a.run.error().total_cmp(&b.run.error()));
+    text.push_str(&offenders("Alarms, most accurate first", &alarms));
+    let mut misjudged: Vec<_> = cases.iter().filter(|case| case.ratio().is_some()).copied().collect();
+    let distance = |case: &Case| case.ratio().map_or(0.0, |ratio| ratio.ln().abs());
+    misjudged.sort_by(|a, b| distance(b).total_cmp(&distance(a)));
+    text.push_str(&offenders("Estimates farthest from the truth", &misjudged));
+    text.push('\n');
+    text
+}
+
+fn fixed_row(cases: &[Case]) -> String {
+    let completed: Vec<_> = cases.iter().filter(|case| case.run.is_completed()).collect();
+    let errors = completed.iter().map(|case| case.run.error()).collect();
+    let count = |what: &dyn Fn(&Case) -> bool| cases.iter().filter(|case| what(case)).count();
+    let right = count(&|case| case.is_right());
+    let ratios: Vec<f64> = cases.iter().filter_map(Case::ratio).collect();
+    let within = |times: f64| share(ratios.iter().filter(|r| (1.0 / times..=times).contains(*r)).count(), ratios.len());
+    format!(
+        "| {} | {} | {} | {} | {} | {right} | {} | {} | {} | {} |",
+        cases.len(),
+        completed.len(),
+        spread(errors),
+        count(&|case| case.run.is_completed() && case.run.error() > WRONG && case.tells(WRONG)),
+        count(&|case| case.is_silent()),
+        share(count(&|case| case.is_false_alarm()), right),
+        ratios.len(),
+        within(3.0),
+        within(10.0),
+    )
+}
+
+/// Adaptive runs.
+fn tolerances(cases: &[Case]) -> String {
+    let mut text = String::from(
+        "## Adaptive steps: `--rtol`\n\nErrors at the end over the tolerance, of runs that completed on scenes whose reference can tell.\n\n\
+         | method, tolerance | runs | completed | error/rtol: median, 90 %, most | within 5 times | ordinary scenes: within 5 times | most | force evaluations, median |\n\
+         |---|---|---|---|---|---|---|---|\n",
+    );
+    let key = |case: &Case| match case.run.ask {
+        Ask::Rtol(rtol) => (case.run.method.clone(), format!("{rtol:e}")),
+        _ => Default::default(),
+    };
+    let told: Vec<_> = cases.iter().filter(|case| case.tells(5.0 * asked(case))).copied().collect();
+    for ((method, rtol), cases) in by(&told, key) {
+        let over = |cases: &[Case]| sorted(cases.iter().map(|case| case.run.error() / asked(case)).collect());
+        let completed: Vec<_> = cases.iter().filter(|case| case.run.is_completed()).copied().collect();
+        let ordinary: Vec<_> = completed.iter().filter(|case| case.is_ordinary()).copied().collect();
+        let within = |ratios: &[f64]| share(ratios.iter().filter(|&&ratio| ratio <= 5.0).count(), ratios.len());
+        let (all, ordinary) = (over(&completed), over(&ordinary));
+        let _ = writeln!(
+            text,
+            "| {method}, {rtol} | {} | {} | {} | {} | {} | {} | {:.0} |",
+            cases.len(),
+            completed.len(),
+            spread(all.clone()),
+            within(&all),
+            within(&ordinary),
+            ordinary.last().map_or("–".into(), |most| number(*most)),
+            quantile(&sorted(completed.iter().map(|case| case.run.evaluations as f64).collect()), 0.5),
+        );
+    }
+    let mut worst: Vec<_> = told.iter().filter(|case| case.run.error() > 5.0 * asked(case)).copied().collect();
+    worst.sort_by(|a, b| (b.run.error() / asked(b)).total_cmp(&(a.run.error() / asked(a))));
+    text.push_str(&offenders("More than 5 times the tolerance or not completed, worst first", &worst));
+    text.push('\n');
+    text
+}
+
+/// Runs with a required accuracy.
+fn accuracies(cases: &[Case]) -> String {
+    let mut text = String::from(
+        "## `--accuracy`\n\nA run that ends `unconfirmed` says that it could not promise; every other one that completed promises an error below R.\n\n\
+         | R | runs | completed | unconfirmed | other ends | above R | above 3 R | largest error/R | total force evaluations, median, 90 % |\n\
+         |---|---|---|---|---|---|---|---|---|\n",
+    );
+    let told: Vec<_> = cases.iter().filter(|case| case.tells(asked(case))).copied().collect();
+    for (accuracy, cases) in by(&told, |case| format!("{:e}", asked(case))) {
+        let completed: Vec<_> = cases.iter().filter(|case| case.run.is_completed()).collect();
+        let over = sorted(completed.iter().map(|case| case.run.error() / asked(case)).collect());
+        let above = |times: f64| share(over.iter().filter(|&&ratio| ratio > times).count(), cases.len());
+        let unconfirmed = cases.iter().filter(|case| case.run.status == "unconfirmed").count();
+        let work = sorted(cases.iter().map(|case| case.run.evaluations as f64).collect());
+        let _ = writeln!(
+            text,
+            "| {accuracy} | {} | {} | {} | {} | {} | {} | {} | {:.0}, {:.0} |",
+            cases.len(),
+            completed.len(),
+            share(unconfirmed, cases.len()),
+            cases.len() - completed.len() - unconfirmed,
+            above(1.0),
+            above(3.0),
+            over.last().map_or("–".into(), |most| number(*most)),
+            quantile(&work, 0.5),
+            quantile(&work, 0.9),
+        );
+    }
+    let mut worst: Vec<_> = told.iter().filter(|case| case.run.error() > asked(case)).copied().collect();
+    worst.sort_by(|a, b| {
+        let key = |case: &Case| (case.run.is_completed(), case.run.error() / asked(case));
+        key(b).0.cmp(&key(a).0).then(key(b).1.total_cmp(&key(a).1))
+    });
+    text.push_str(&offenders("Above R or not completed, broken promises first", &worst));
+    text
+}
+
+/// The tolerance or accuracy that was asked for.
+fn asked(case: &Case) -> f64 {
+    match case.run.ask {
+        Ask::Dt(value) | Ask::Rtol(value) | Ask::Accuracy(value) => value,
+    }
+}
+
+/// At most so many are listed.
+const LISTED: usize = 25;
+
+fn offenders(title: &str, cases: &[Case]) -> String {
+    if cases.is_empty() {
+        return format!("\n{title}: none.\n");
+    }
+    let mut text = format!(
+        "\n{title} ({} of {}):\n\n| scene | method | asked | ended | error | estimate | growth | Ω | warning |\n|---|---|---|---|---|---|---|---|---|\n",
+        cases.len().min(LISTED),
+        cases.len()
+    );
+    for case in cases.iter().take(LISTED) {
+        text.push_str(&row(case));
+    }
+    text
+}
+
+fn row(case: &Case) -> String {
+    let Case { record, run } = case;
+    let asked = match run.ask {
+        Ask::Dt(dt) => format!("dt T/{}", number(record.duration / dt)),
+        Ask::Rtol(rtol) => format!("rtol {rtol:e}"),
+        Ask::Accuracy(accuracy) => format!("accuracy {accuracy:e}"),
+    };
+    let warning = run.warnings.first().map_or("", String::as_str);
+    format!(
+        "| {} | {} | {asked} | {} | {} | {} | {} | {} | {} |\n",
+        record.scene,
+        way(run),
+        run.status,
+        run.error.map_or("–".into(), number),
+        run.estimate.map_or("–".into(), number),
+        record.amplification.map_or("–".into(), number),
+        number(record.pace),
+        warning.chars().take(60).collect::<String>(),
+    )
+}
+
+/// One scene, run by run.
+pub fn scene(record: &Record) -> String {
+    let mut text = format!(
+        "{}: {} particles in {} dimensions, {} s, Ω {}, damped {}, moved {}\nreference: error {}, growth {}, shortest spring {} of its rest length\n",
+        record.scene,
+        record.particles,
+        record.dimension,
+        number(record.duration),
+        number(record.pace),
+        record.damped,
+        record.moved,
+        record.reference_error.map_or("none".into(), number),
+        record.amplification.map_or("–".into(), number),
+        record.shortest.map_or("–".into(), number),
+    );
+    for run in &record.runs {
+        text.push_str(&row(&Case { record, run }));
+    }
+    text
+}
+
+fn way(run: &Run) -> String {
+    format!("{} {}", run.method, run.stiffness).trim_end_matches(" none").trim_end_matches(" on-demand").to_owned()
+}
+
+fn by_way<'r>(cases: &[Case<'r>]) -> BTreeMap<String, Vec<Case<'r>>> {
+    by(cases, |case| way(case.run))
+}
+
+fn by<'r, K: Ord>(cases: &[Case<'r>], key: impl Fn(&Case) -> K) -> BTreeMap<K, Vec<Case<'r>>> {
+    let mut groups = BTreeMap::<K, Vec<Case>>::new();
+    for case in cases {
+        groups.entry(key(case)).or_default().push(*case);
+    }
+    groups
+}
+
+fn sorted(mut values: Vec<f64>) -> Vec<f64> {
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+fn quantile(sorted: &[f64], part: f64) -> f64 {
+    let at = (part * sorted.len() as f64).ceil() as usize;
+    sorted.get(at.saturating_sub(1)).copied().unwrap_or(f64::NAN)
+}
+
+fn spread(values: Vec<f64>) -> String {
+    let values = sorted(values);
+    [0.5, 0.9, 1.0].map(|part| number(quantile(&values, part))).join(", ")
+}
+
+fn share(part: usize, whole: usize) -> String {
+    if whole == 0 { format!("{part}") } else { format!("{part} ({:.1} %)", 100.0 * part as f64 / whole as f64) }
+}
+
+/// Two digits.
+fn number(value: f64) -> String {
+    if value.is_nan() {
+        "–".into()
+    } else if value == 0.0 || (0.01..1000.0).contains(&value.abs()) {
+        let digits = if value.abs() >= 10.0 {
+            0
+        } else if value.abs() >= 1.0 {
+            1
+        } else {
+            3
+        };
+        format!("{value:.digits$}")
+    } else {
+        format!("{value:.1e}")
+    }
+}
