@@ -15,8 +15,12 @@ pub struct Work {
     pub factorizations: u64,
     /// Linear systems solved, failed ones included.
     pub solves: u64,
+    /// Of these, those by conjugate gradients.
+    pub iterative_solves: u64,
     /// Products with A inside conjugate gradients.
     pub cg_iterations: u64,
+    /// Of these, those preconditioned with multigrid.
+    pub multigrid_iterations: u64,
     /// Solves by conjugate gradients that started from earlier solutions.
     pub warm_starts: u64,
     /// Computations of the coarse levels of multigrid, refused ones included.
@@ -34,7 +38,9 @@ impl Work {
             symbolic_factorizations,
             factorizations,
             solves,
+            iterative_solves,
             cg_iterations,
+            multigrid_iterations,
             warm_starts,
             multigrid_setups,
             newton_iterations,
@@ -44,7 +50,9 @@ impl Work {
         self.symbolic_factorizations += symbolic_factorizations;
         self.factorizations += factorizations;
         self.solves += solves;
+        self.iterative_solves += iterative_solves;
         self.cg_iterations += cg_iterations;
+        self.multigrid_iterations += multigrid_iterations;
         self.warm_starts += warm_starts;
         self.multigrid_setups += multigrid_setups;
         self.newton_iterations += newton_iterations;

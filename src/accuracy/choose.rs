@@ -15,10 +15,10 @@
 
 use super::ladder::Task;
 use super::race::Race;
-use super::{Configuration, CostModel, Pace};
+use super::{Configuration, Pace};
 use crate::error::Result;
 use crate::integrate::{Method, StiffnessPolicy};
-use crate::linear::SolverChoice;
+use crate::linear::{CostModel, SolverChoice};
 use crate::system::{State, System};
 use faer::Par;
 
@@ -72,7 +72,7 @@ pub fn choose(
     go_on: &dyn Fn() -> bool,
 ) -> Result<Option<Choice>> {
     let Requirement { accuracy, duration, .. } = *requirement;
-    let task = Task { system, start, duration, costs: CostModel::of(system)?, go_on };
+    let task = Task { system, start, duration, costs: CostModel::of(system), go_on };
     let mut race = Race::new(system, requirement);
     let mut limit;
     loop {

@@ -1,8 +1,9 @@
 //! One configuration at shorter and shorter steps, and what its results say about their own error.
 
-use super::{Configuration, CostModel, Pace, relative_position_error, trial};
+use super::{Configuration, Pace, relative_position_error, trial};
 use crate::error::Result;
 use crate::integrate::Status;
+use crate::linear::CostModel;
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
@@ -71,7 +72,7 @@ impl Ladder {
     pub fn climb(&mut self, task: &Task<'_>) -> Result<f64> {
         let (pace, configuration) = (self.pace, &self.configuration);
         let run = trial(task.system, task.start, configuration, pace, task.duration, task.go_on)?;
-        let cost = task.costs.cost(&run.statistics.work).max(1.0);
+        let cost = task.costs.cost(&run.statistics.work, run.factor).max(1.0);
         self.pace = match pace {
             Pace::Step(dt) => Pace::Step(0.5 * dt),
             Pace::Adaptive { rtol, first_step } => Pace::Adaptive { rtol: 0.25 * rtol, first_step: 0.5 * first_step },

@@ -2,7 +2,6 @@
 
 mod candidates;
 mod choose;
-mod cost;
 mod ladder;
 mod norm;
 mod preset;
@@ -12,7 +11,6 @@ mod settle;
 mod trial;
 
 pub use choose::{Choice, Requirement, choose};
-pub use cost::CostModel;
 pub use norm::{extent, relative_position_error};
 pub use preset::preset;
 pub use reduction::{Reduced, Reduction, reduce};

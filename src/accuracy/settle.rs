@@ -45,7 +45,7 @@ impl Race {
         let mut pace = winner.pace;
         for _ in 0..6 {
             let run = trial(task.system, task.start, &configuration, pace, task.duration, task.go_on)?;
-            let cost = task.costs.cost(&run.statistics.work);
+            let cost = task.costs.cost(&run.statistics.work, run.factor);
             self.pilots += 1;
             self.pilot_cost += cost;
             let estimated_error = task.distance(&run.state.positions, &limit.positions) + limit.error;

@@ -5,6 +5,7 @@ use crate::integrate::{
     Adaptivity, ImplicitOptions, Method, RunFailure, Sampling, Schedule, Statistics, Status, TimeStepper, run,
     run_adaptive,
 };
+use crate::linear::FactorSize;
 use crate::system::{State, System};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -50,6 +51,8 @@ pub struct Trial {
     pub failure: Option<RunFailure>,
     /// The linear solver really used; `none` for a method without matrices.
     pub solver: &'static str,
+    /// The size of the factor, where there was one.
+    pub factor: Option<FactorSize>,
     /// Steps done.
     pub steps: u64,
     /// The last good state.
@@ -95,6 +98,7 @@ pub fn trial(
         status: outcome.status(),
         failure: outcome.end.err(),
         solver: stepper.linear_solver().map_or("none", |solver| solver.name()),
+        factor: stepper.linear_solver().and_then(|solver| solver.factor()).map(|factor| factor.size),
         steps: outcome.steps,
         state,
         statistics: *stepper.statistics(),

@@ -1,10 +1,10 @@
 //! The sweep: every configuration at every step size that fits into the time, measured against the reference.
 
 use super::{Progress, Quality, Reference};
-use crate::accuracy::{Configuration, CostModel, Pace, Trial, trial};
+use crate::accuracy::{Configuration, Pace, Trial, trial};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, Status, StiffnessPolicy};
-use crate::linear::{SolverChoice, SolverOptions};
+use crate::linear::{CostModel, SolverChoice, SolverOptions};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use crate::work::Work;
@@ -105,7 +105,7 @@ impl Bench<'_> {
             wall_seconds: wall.as_secs_f64(),
             repeats,
             work,
-            cost: self.costs.cost(&work),
+            cost: self.costs.cost(&work, trial.factor),
         }
     }
 }

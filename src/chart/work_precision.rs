@@ -3,9 +3,9 @@
 use super::sizes::{self, SizeRun};
 use super::sweep::{Bench, Run, sweep};
 use super::{Progress, Reference, tolerance};
-use crate::accuracy::CostModel;
 use crate::error::Result;
 use crate::integrate::Method;
+use crate::linear::CostModel;
 use crate::system::{State, System};
 use faer::Par;
 use serde::Serialize;
@@ -57,7 +57,7 @@ impl WorkPrecision {
         let begin = Instant::now();
         progress.at(begin.elapsed(), "reference");
         let Some(reference) = Reference::compute(system, start, [dt, duration], budget / 3)? else { return Ok(None) };
-        let costs = CostModel::of(system)?;
+        let costs = CostModel::of(system);
         let bench = Bench { system, start, duration, reference: &reference, costs };
 
         progress.at(begin.elapsed(), "tolerances of conjugate gradients");

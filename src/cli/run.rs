@@ -7,9 +7,9 @@ use super::method::{MethodArguments, Plan};
 use super::recorder::Recorder;
 use super::values::{count, positive, positive_count};
 use super::{Outcome, Stop, interrupt};
-use sprung::accuracy::{CostModel, Pace, Reduction, choose, reduce};
+use sprung::accuracy::{Pace, Reduction, choose, reduce};
 use sprung::integrate::{Balance, Method, Monitor, MonitorOptions, Schedule, Status};
-use sprung::linear::LinearSolver;
+use sprung::linear::{CostModel, LinearSolver};
 use sprung::output::{ChoiceReport, Effort, EnergyChange, FailureReport, Summary, write_final_state};
 use sprung::{Error, Result};
 use std::num::NonZeroU64;
@@ -180,9 +180,7 @@ impl Run {
         let stepper = stepper.get();
         let solver = stepper.linear_solver();
         let factor = solver.and_then(LinearSolver::factor);
-        let cost =
-            factor.map_or_else(CostModel::without_factor, |factor| CostModel::with_factor(&system, &factor.size));
-        let effort = cost.cost(&stepper.statistics().work);
+        let effort = CostModel::of(&system).cost(&stepper.statistics().work, factor.map(|factor| factor.size));
         let spent = choice.as_ref().and_then(|choice| choice.pilot_cost).unwrap_or(0.0);
         let summary = Summary {
             scene: name,

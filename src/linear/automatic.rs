@@ -1,37 +1,47 @@
 //! A factorization or conjugate gradients, whichever turns out to cost less.
 //!
-//! What a factorization costs is known before the first: the pattern says it. What conjugate gradients cost depends on the
-//! stiffness, the step, the tolerance and the first guesses; only trying shows it. So they are tried, and watched: the
-//! effort by which they exceed the factorizations that they replace is added up, starting again from zero whenever it
-//! falls below. When it exceeds the cost of one factorization the solver changes to factorizations for good. Whatever a
-//! scene is like, this wastes, by the same count, at most the cost of two of them (the argument of renting or buying skis).
+//! What conjugate gradients cost depends on the stiffness, the step, the tolerance and the first guesses; only trying shows it. What
+//! factorizations cost is in the pattern, but to analyse it costs as much as dozens of steps may. So nothing is analysed at first:
+//! conjugate gradients are tried, and watched. The effort by which they exceed the factorizations that they replace is
+//! added up, starting again from zero whenever it falls below:
 //!
-//! Effort is counted, not timed: the same run makes the same choice, and gives the same bits, on every machine and for any
-//! number of threads. The unit is a product with A. The weights are measured on cloths and lattices of 10³ to 10⁵ particles:
-//! what is close is decided by them, what is not would be decided by any.
+//! - as long as the pattern is not analysed, against factorizations that fill nothing in. When this exceeds an analysis and
+//!   one of them, the pattern is analysed, and what factorizations cost is known;
+//! - from then on against these. When it exceeds one of them the solver changes to factorizations for good.
+//!
+//! Whatever a scene is like, this wastes at most the cost of an analysis and two factorizations (the argument of renting or buying
+//! skis).
+//!
+//! Effort is [counted](CostModel), not timed: the same run makes the same choice, and gives the same bits, on every machine and for
+//! any number of threads.
 
 use super::LinearSolver;
+use super::cost::CostModel;
 use super::direct::CholeskySolver;
-use super::factorization::{FactorReport, FactorSize};
+use super::factorization::FactorReport;
 use super::iterative::CgSolver;
 use super::outcome::{Definiteness, Solution, SolveFailure};
 use crate::operator::SystemOperator;
+use crate::system::System;
 use crate::work::Work;
+use faer::Par;
 use nalgebra::Vector3;
 
-/// Operations of a supernodal factorization in the time of one spring in a product with A.
-const OPERATIONS: f64 = 200.0;
+/// Factorizations that cost more than this many force evaluations are not considered: multigrid takes about a hundred to set up and
+/// to solve.
+const HOPELESS: f64 = 2000.0;
 
-/// What assembling and storing an entry of the factor costs beside the arithmetic, in springs of a product.
-const ENTRY: f64 = 1.2;
+/// What is known of factorizations.
+enum Direct {
+    /// Not analysed.
+    Unseen,
+    /// Analysed.
+    Seen(Box<CholeskySolver>),
+    /// Far too expensive, or too large.
+    Hopeless,
+}
 
-/// What an entry costs in a solve with the factor.
-const SOLVED_ENTRY: f64 = 0.4;
-
-/// Factorizations that cost more than this are not considered: multigrid takes about 200 products to set up and 200 to solve.
-const HOPELESS: f64 = 4000.0;
-
-/// What factorizations cost in products with A.
+/// What factorizations cost, in force evaluations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct DirectCost {
     factor: f64,
@@ -39,11 +49,6 @@ struct DirectCost {
 }
 
 impl DirectCost {
-    fn of(size: FactorSize, springs: f64) -> Self {
-        let entries = size.entries as f64 / springs;
-        Self { factor: size.flops / springs / OPERATIONS + ENTRY * entries, solve: SOLVED_ENTRY * entries }
-    }
-
     fn step(self) -> f64 {
         self.factor + self.solve
     }
@@ -51,8 +56,11 @@ impl DirectCost {
 
 /// Sparse Cholesky and conjugate gradients for one system; one of them solves.
 pub struct AutomaticSolver {
-    direct: Option<CholeskySolver>,
     iterative: CgSolver,
+    direct: Direct,
+    par: Par,
+    costs: CostModel,
+    /// Of factorizations, as far as known.
     cost: DirectCost,
     is_direct: bool,
     /// By how much conjugate gradients have cost more than factorizations since they last cost less.
@@ -62,16 +70,16 @@ pub struct AutomaticSolver {
 }
 
 impl AutomaticSolver {
-    /// For a system of so many springs that act on free coordinates.
-    pub fn new(direct: CholeskySolver, iterative: CgSolver, springs: f64) -> Self {
-        let cost = DirectCost::of(direct.size(), springs);
-        let direct = (cost.step() <= HOPELESS).then_some(direct);
-        Self { direct, iterative, cost, is_direct: false, lost: 0.0, tried: 0 }
+    /// For a system; factorizations, should there be any, are shared out as `par` says.
+    pub fn new(system: &System, iterative: CgSolver, par: Par) -> Self {
+        let costs = CostModel::of(system);
+        let cost = DirectCost { factor: costs.least_factorization(), solve: costs.least_direct_solve() };
+        Self { iterative, direct: Direct::Unseen, par, costs, cost, is_direct: false, lost: 0.0, tried: 0 }
     }
 
     fn chosen(&self) -> &dyn LinearSolver {
         match &self.direct {
-            Some(direct) if self.is_direct => direct,
+            Direct::Seen(direct) if self.is_direct => &**direct,
             _ => &self.iterative,
         }
     }
@@ -79,6 +87,38 @@ impl AutomaticSolver {
     /// The effort so far over the matrices so far.
     fn mean_effort(&self) -> f64 {
         self.iterative.effort() / self.tried.max(1) as f64
+    }
+
+    /// What may be lost before something else is tried.
+    fn patience(&self) -> f64 {
+        match self.direct {
+            Direct::Unseen => self.costs.analysis(None) + self.cost.step(),
+            Direct::Seen(_) => self.cost.step(),
+            Direct::Hopeless => f64::INFINITY,
+        }
+    }
+
+    /// Out of patience: analyses the pattern, or changes to factorizations.
+    fn reconsider(&mut self, system: &System, work: &mut Work) {
+        match self.direct {
+            Direct::Unseen => {
+                let direct = CholeskySolver::new(system, self.par, work).ok();
+                let priced = direct.map(|direct| {
+                    let (factor, solve) =
+                        (self.costs.factorization(direct.size()), self.costs.direct_solve(direct.size()));
+                    (direct, DirectCost { factor, solve })
+                });
+                let affordable = priced.filter(|(_, cost)| cost.step() <= HOPELESS);
+                self.direct = Direct::Hopeless;
+                if let Some((direct, cost)) = affordable {
+                    (self.direct, self.cost) = (Direct::Seen(Box::new(direct)), cost);
+                    self.is_direct = self.mean_effort() > cost.step();
+                    self.lost = 0.0;
+                }
+            }
+            Direct::Seen(_) => self.is_direct = true,
+            Direct::Hopeless => {}
+        }
     }
 }
 
@@ -92,13 +132,21 @@ impl LinearSolver for AutomaticSolver {
     }
 
     fn factor(&self) -> Option<FactorReport> {
-        self.chosen().factor()
+        match &self.direct {
+            Direct::Seen(direct) => direct.factor(),
+            Direct::Unseen | Direct::Hopeless => None,
+        }
     }
 
     fn choice(&self) -> Option<String> {
-        let (name, factor) = (self.name(), self.cost.step());
-        let tried = format!("conjugate gradients took the work of {:.0} products with A a matrix", self.mean_effort());
-        Some(format!("{name}: {tried}, factoring and solving take that of {factor:.0}"))
+        let name = self.name();
+        let tried =
+            format!("conjugate gradients took the work of {:.1} force evaluations a matrix", self.mean_effort());
+        Some(match self.direct {
+            Direct::Unseen => format!("{name}: {tried}, which does not pay for a look at factorizations"),
+            Direct::Seen(_) => format!("{name}: {tried}, factoring and solving take that of {:.1}", self.cost.step()),
+            Direct::Hopeless => format!("{name}: {tried}, factorizations are far more expensive"),
+        })
     }
 
     fn place(&mut self, positions: &[Vector3<f64>]) {
@@ -106,8 +154,12 @@ impl LinearSolver for AutomaticSolver {
     }
 
     fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
-        self.is_direct |= self.lost > self.cost.step();
-        if let Some(direct) = self.direct.as_mut().filter(|_| self.is_direct) {
+        if !self.is_direct && self.lost > self.patience() {
+            self.reconsider(a.system(), work);
+        }
+        if let Direct::Seen(direct) = &mut self.direct
+            && self.is_direct
+        {
             return direct.prepare(a, work);
         }
         self.tried += 1;
@@ -128,21 +180,28 @@ impl LinearSolver for AutomaticSolver {
         x: &mut [f64],
         work: &mut Work,
     ) -> Result<Solution, SolveFailure> {
-        let Self { direct, iterative, cost, lost, .. } = self;
-        let Some(direct) = direct else { return iterative.solve(a, b, x, work) };
-        if self.is_direct {
-            return direct.solve(a, b, x, work);
+        loop {
+            if let Direct::Seen(direct) = &mut self.direct
+                && self.is_direct
+            {
+                return direct.solve(a, b, x, work);
+            }
+            let before = self.iterative.effort();
+            self.iterative.allow(self.patience() + self.cost.solve - self.lost);
+            let solved = self.iterative.solve(a, b, x, work);
+            self.lost += self.iterative.effort() - before - self.cost.solve;
+            match (solved, &self.direct) {
+                (Err(SolveFailure::NotConverged { .. }), Direct::Unseen | Direct::Seen(_)) => {}
+                (solved, _) => return solved,
+            }
+            self.reconsider(a.system(), work);
+            if let Direct::Seen(direct) = &mut self.direct
+                && self.is_direct
+            {
+                direct.prepare(a, work)?;
+            }
+            x.fill(0.0);
         }
-        let before = iterative.effort();
-        iterative.allow(cost.step() + cost.solve - *lost);
-        let solved = iterative.solve(a, b, x, work);
-        *lost += iterative.effort() - before - cost.solve;
-        if let Err(SolveFailure::NotConverged { .. }) = solved {
-            self.is_direct = true;
-            direct.prepare(a, work)?;
-            return direct.solve(a, b, x, work);
-        }
-        solved
     }
 }
 

@@ -3,6 +3,7 @@
 //! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that
 //! both take microseconds, and only one convention for the index of a failed pivot is then in play.
 
+use super::memory;
 use super::ordering::{Ordering, OrderingMethod};
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::error::{Error, Result};
@@ -87,6 +88,11 @@ impl Analysis {
         let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
         let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, ordering, params)
             .map_err(|error| Error::Usage(format!("the matrix is too large to factor: {error:?}")))?;
+        let bytes = symbolic.len_val().saturating_mul(size_of::<f64>());
+        if !memory::fits(bytes) {
+            let gigabytes = bytes as f64 / 1e9;
+            return Err(Error::Usage(format!("the matrix is too large to factor: its factor takes {gigabytes:.1} GB")));
+        }
         let values = vec![0.0; symbolic.len_val()];
         // One buffer serves numeric factorization of any kind and solves.
         let scratch = symbolic

@@ -2,9 +2,10 @@
 
 use super::LinearSolver;
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
+use super::cost::CostModel;
 use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
 use super::preconditioner::Preconditioner;
-use super::preconditioner_kind::{MULTIGRID_SETUP, PreconditionerKind};
+use super::preconditioner_kind::PreconditionerKind;
 use super::warm_start::WarmStart;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
@@ -36,7 +37,8 @@ pub struct CgSolver {
     /// While block Jacobi is on trial: where the particles are, for multigrid.
     trial: Option<Vec<Vector3<f64>>>,
     warm_start: WarmStart,
-    /// Effort so far, and the most that it may grow to.
+    costs: CostModel,
+    /// [Cost](CostModel) of set-ups, iterations and first guesses so far, and the most that it may grow to.
     effort: f64,
     allowed: f64,
 }
@@ -72,6 +74,7 @@ impl CgSolver {
             application,
             warm_start: WarmStart::new(system.dofs().len()),
             trial: kind.is_none().then(|| vec![Vector3::zeros(); system.particles()]),
+            costs: CostModel::of(system),
             effort: 0.0,
             allowed: f64::INFINITY,
         })
@@ -84,11 +87,18 @@ impl CgSolver {
             Application::Assembled(matrix) => method.solve(matrix.matrix(), preconditioner, b, x),
         };
         work.cg_iterations += report.iterations;
-        self.effort += report.iterations as f64 * self.preconditioner.kind().iteration_effort();
+        if self.preconditioner.kind() == PreconditionerKind::Multigrid {
+            work.multigrid_iterations += report.iterations;
+        }
+        self.effort += report.iterations as f64 * self.iteration();
         report
     }
 
-    /// What set-ups and iterations have cost so far, counted, not timed, in products with A.
+    fn iteration(&self) -> f64 {
+        self.costs.iteration(self.preconditioner.kind())
+    }
+
+    /// What it has cost so far, counted, not timed, in [force evaluations](CostModel).
     pub fn effort(&self) -> f64 {
         self.effort
     }
@@ -100,17 +110,17 @@ impl CgSolver {
 
     /// Iterations that can be afforded.
     fn affordable(&self) -> u64 {
-        ((self.allowed - self.effort) / self.preconditioner.kind().iteration_effort()) as u64
+        ((self.allowed - self.effort) / self.iteration()) as u64
     }
 
     /// Whether coarse levels can be afforded, and iterations that make them worth it.
     fn affords_multigrid(&self) -> bool {
-        self.allowed - self.effort > 1.5 * MULTIGRID_SETUP
+        self.allowed - self.effort > 1.5 * self.costs.multigrid_setup()
     }
 
     /// Makes a preconditioner that has lost patience a better one.
     fn improve(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
-        self.effort += MULTIGRID_SETUP;
+        self.effort += self.costs.multigrid_setup();
         if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
             return multigrid.rebuild(a, work);
         }
@@ -156,7 +166,7 @@ impl LinearSolver for CgSolver {
         }
         let setups = work.multigrid_setups;
         let updated = self.preconditioner.update(a, work);
-        self.effort += (work.multigrid_setups - setups) as f64 * MULTIGRID_SETUP;
+        self.effort += (work.multigrid_setups - setups) as f64 * self.costs.multigrid_setup();
         updated.map(|()| Definiteness::Unknown)
     }
 
@@ -172,6 +182,8 @@ impl LinearSolver for CgSolver {
         work: &mut Work,
     ) -> Result<Solution, SolveFailure> {
         work.solves += 1;
+        work.iterative_solves += 1;
+        self.effort += self.costs.iterative_solve();
         if x.iter().all(|&x| x == 0.0) {
             let warm_start = &mut self.warm_start;
             let guessed = match &self.application {
@@ -179,6 +191,7 @@ impl LinearSolver for CgSolver {
                 Application::Assembled(matrix) => warm_start.guess(matrix.matrix(), b, x),
             };
             work.warm_starts += u64::from(guessed);
+            self.effort += self.costs.warm_start() * f64::from(u8::from(guessed));
         }
         let digits = -self.method.tolerance.log10();
         let patience = match &self.preconditioner {

@@ -7,11 +7,13 @@
 mod automatic;
 mod block_jacobi;
 mod cg;
+mod cost;
 mod direct;
 mod factorization;
 #[cfg(test)]
 mod fixtures;
 mod iterative;
+mod memory;
 mod norms;
 mod ordering;
 mod outcome;
@@ -26,6 +28,7 @@ mod warm_start;
 pub use automatic::AutomaticSolver;
 pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
+pub use cost::CostModel;
 pub use direct::{CholeskySolver, LdltSolver};
 pub use factorization::{Cholesky, FactorReport, FactorSize, FactorTimes, Ldlt, NonPositivePivot, SOLVE_COLUMNS};
 pub use iterative::{Application, CgSolver};

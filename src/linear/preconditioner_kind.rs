@@ -1,4 +1,4 @@
-//! The preconditioners by name, and what they cost.
+//! The preconditioners by name.
 
 /// Which preconditioner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -23,16 +23,4 @@ impl PreconditionerKind {
             Self::Multigrid => "multigrid",
         }
     }
-
-    /// What an iteration costs, in products with A: measured on cloths and lattices of 10³ to 10⁵ particles, within a third.
-    pub(super) const fn iteration_effort(self) -> f64 {
-        match self {
-            Self::None => 1.2,
-            Self::Jacobi | Self::BlockJacobi => 1.4,
-            Self::Multigrid => 9.0,
-        }
-    }
 }
-
-/// What recomputing the coarse levels of multigrid costs, in products with A: as much as twenty iterations.
-pub(super) const MULTIGRID_SETUP: f64 = 180.0;

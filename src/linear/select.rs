@@ -64,25 +64,17 @@ pub enum Promise {
     Unknown,
 }
 
-impl Promise {
-    /// Factor operations per spring up to which `Auto` factors without trying anything else. Cloths of 10⁴ particles
-    /// have 3e4, those of 10⁵ 1.3e5, lattices of 10⁴ 2e5.
-    fn worth_proving(self) -> f64 {
-        match self {
-            Self::Definite => 0.0,
-            Self::MadeDefinite => 3e4,
-            Self::Unknown => 3e5,
-        }
-    }
-}
+/// Factor operations per spring up to which a matrix of which nothing is known is factored: a factorization finds out whether it is
+/// definite, conjugate gradients only may.
+const WORTH_PROVING: f64 = 3e5;
 
-/// Degrees of freedom up to which `Auto` always factors: that takes well under a millisecond.
-const SMALL: usize = 300;
+/// Degrees of freedom up to which `Auto` always factors: that takes about as long as a solve by conjugate gradients.
+const SMALL: usize = 60;
 
 /// Degrees of freedom beyond which `Auto` does not even analyse: the analysis alone would take seconds.
 const LARGEST_ANALYSED: usize = 1_500_000;
 
-/// Makes the solver. `Auto` factors what is small or where a proof of definiteness is worth it; elsewhere it tries
+/// Makes the solver. `Auto` factors what is small, or where a proof of definiteness is worth it; elsewhere it tries
 /// conjugate gradients and keeps what costs less, see [`AutomaticSolver`].
 ///
 /// # Errors
@@ -102,15 +94,15 @@ pub fn select(
         SolverChoice::Cg => Box::new(matrix_free()?),
         SolverChoice::CgAssembled => Box::new(CgSolver::assembled(system, preconditioner, options.tolerance)?),
         SolverChoice::Auto if dofs > LARGEST_ANALYSED => Box::new(matrix_free()?),
-        SolverChoice::Auto => {
-            let direct = CholeskySolver::new(system, options.par, work)?;
+        SolverChoice::Auto if dofs <= SMALL => Box::new(CholeskySolver::new(system, options.par, work)?),
+        SolverChoice::Auto if promise == Promise::Unknown => {
             let springs = system.active_springs().len().max(1) as f64;
-            if dofs <= SMALL || direct.size().flops <= promise.worth_proving() * springs {
-                Box::new(direct)
-            } else {
-                Box::new(AutomaticSolver::new(direct, matrix_free()?, springs))
+            match CholeskySolver::new(system, options.par, work) {
+                Ok(direct) if direct.size().flops <= WORTH_PROVING * springs => Box::new(direct),
+                _ => Box::new(matrix_free()?),
             }
         }
+        SolverChoice::Auto => Box::new(AutomaticSolver::new(system, matrix_free()?, options.par)),
     })
 }
 
@@ -130,7 +122,7 @@ mod tests {
             builder.masses = vec![1.0; particles];
             let (system, _) = builder.build().unwrap();
             let mut work = Work::default();
-            let solver = select(&system, &SolverOptions::default(), Promise::Definite, &mut work).unwrap();
+            let solver = select(&system, &SolverOptions::default(), Promise::Unknown, &mut work).unwrap();
             assert_eq!((solver.name(), work.symbolic_factorizations), ("cg", analyses));
         }
     }

@@ -1,0 +1,174 @@
+//! What work costs, in one unit for everything that chooses or compares.
+//!
+//! The unit is a force evaluation of the system at hand. What an operation costs follows from sizes that are known before it is
+//! done: springs, coordinates, entries and operations of a factor. Each of them takes so many nanoseconds on one core; only ratios of
+//! these are used, and they hardly depend on the machine. They are fitted to `verification/costs.json`, which
+//! `cargo run --release --example costs` measures, and held to it within a factor of 1.5 (the coarse levels of multigrid, which depend on more than sizes, of 1.6).
+//!
+//! Counting instead of timing makes the same choice on every machine and for any number of threads.
+
+use super::factorization::FactorSize;
+use super::preconditioner_kind::PreconditionerKind;
+use crate::system::System;
+use crate::work::Work;
+
+/// What the operations of a step cost on one system, in units of one force evaluation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CostModel {
+    springs: f64,
+    dofs: f64,
+    /// Entries of the lower triangle of A.
+    entries: f64,
+    /// A force evaluation, in ns.
+    force: f64,
+}
+
+/// A force evaluation with the step of an explicit method around it, in ns: once, a spring, a coordinate.
+const FORCE: [f64; 3] = [79.0, 13.7, 0.9];
+
+/// A product with A: once, a spring.
+const PRODUCT: [f64; 2] = [146.0, 3.8];
+
+/// Extensions and blocks of all springs: once, a spring.
+const ASSEMBLY: [f64; 2] = [64.0, 14.3];
+
+/// Refilling and factoring A: once, a spring, a coordinate, an entry of the factor, an operation.
+const FACTORIZATION: [f64; 5] = [350.0, 51.0, 1.3, 3.2, 0.031];
+
+/// Ordering and symbolic analysis: once, an entry of the factor.
+const ANALYSIS: [f64; 2] = [2500.0, 7.9];
+
+/// A solve with the factor, beside the product that checks it: once, a coordinate, an entry of the factor that stays in the
+/// processor's memory from one solve to the next, one that does not.
+const SOLVE: [f64; 4] = [50.0, 33.4, 0.24, 1.54];
+
+/// Entries of a factor that stay.
+const CACHED: f64 = 1e6;
+
+/// The vectors of an iteration of conjugate gradients, beside the product: a coordinate.
+const VECTORS: f64 = 1.3;
+
+/// Blocks of block Jacobi: a coordinate.
+const BLOCKS: f64 = 1.55;
+
+/// A cycle of multigrid: a coordinate, a spring; of a system so small that there is but one dense level, a pair of coordinates.
+const CYCLE: [f64; 3] = [40.5, 5.7, 0.32];
+
+/// Computing the coarse levels: once, a coordinate, a spring; with one dense level, once and a triple of coordinates.
+const SETUP: [f64; 4] = [6900.0, 800.0, 195.0, 0.012];
+
+/// Coordinates up to which multigrid is one dense level.
+const DENSE: f64 = 400.0;
+
+/// Products with A in a solve by conjugate gradients beside its iterations: the residuals of the first guess and of the
+/// solution, with their vectors.
+const RESIDUALS: f64 = 2.65;
+
+/// `Σ times_i · sizes_i`, the first size being one.
+fn nanoseconds<const N: usize>(times: [f64; N], sizes: [f64; N]) -> f64 {
+    times.iter().zip(sizes).map(|(time, size)| time * size).sum()
+}
+
+impl CostModel {
+    /// Of a system.
+    pub fn of(system: &System) -> Self {
+        let axes = system.dimension() as f64;
+        let (springs, dofs) = (system.active_springs().len() as f64, system.dofs().len() as f64);
+        let entries = 0.5 * (axes + 1.0) * dofs + axes * axes * springs;
+        Self { springs, dofs, entries, force: nanoseconds(FORCE, [1.0, springs, dofs]) }
+    }
+
+    /// A product of A with a vector, matrix-free.
+    pub fn product(&self) -> f64 {
+        nanoseconds(PRODUCT, [1.0, self.springs]) / self.force
+    }
+
+    /// The spring blocks of A.
+    pub fn assembly(&self) -> f64 {
+        nanoseconds(ASSEMBLY, [1.0, self.springs]) / self.force
+    }
+
+    /// A numeric factorization, assembly of the sparse matrix included.
+    pub fn factorization(&self, size: FactorSize) -> f64 {
+        self.factoring(size.entries as f64, size.flops)
+    }
+
+    /// The least that a factorization can cost: as if it filled nothing in.
+    pub fn least_factorization(&self) -> f64 {
+        self.factoring(self.entries, 0.0)
+    }
+
+    fn factoring(&self, entries: f64, flops: f64) -> f64 {
+        nanoseconds(FACTORIZATION, [1.0, self.springs, self.dofs, entries, flops]) / self.force
+    }
+
+    /// An ordering with symbolic analysis; of a factor that is not known yet, the least that it can cost.
+    pub fn analysis(&self, size: Option<FactorSize>) -> f64 {
+        let entries = size.map_or(self.entries, |size| size.entries as f64);
+        nanoseconds(ANALYSIS, [1.0, entries]) / self.force
+    }
+
+    /// A solve with a factor, its residual included.
+    pub fn direct_solve(&self, size: FactorSize) -> f64 {
+        self.solving(size.entries as f64)
+    }
+
+    /// The least that a solve with a factor can cost.
+    pub fn least_direct_solve(&self) -> f64 {
+        self.solving(self.entries)
+    }
+
+    fn solving(&self, entries: f64) -> f64 {
+        let (cached, others) = (entries.min(CACHED), (entries - CACHED).max(0.0));
+        nanoseconds(SOLVE, [1.0, self.dofs, cached, others]) / self.force + self.product()
+    }
+
+    /// An iteration of conjugate gradients.
+    pub fn iteration(&self, preconditioner: PreconditionerKind) -> f64 {
+        let others = match preconditioner {
+            PreconditionerKind::None => 0.0,
+            PreconditionerKind::Jacobi | PreconditionerKind::BlockJacobi => BLOCKS * self.dofs,
+            PreconditionerKind::Multigrid if self.dofs <= DENSE => CYCLE[2] * self.dofs * self.dofs,
+            PreconditionerKind::Multigrid => CYCLE[0] * self.dofs + CYCLE[1] * self.springs,
+        };
+        self.product() + (VECTORS * self.dofs + others) / self.force
+    }
+
+    /// The coarse levels of multigrid.
+    pub fn multigrid_setup(&self) -> f64 {
+        let [once, dof, spring, triple] = SETUP;
+        let levels =
+            if self.dofs <= DENSE { triple * self.dofs.powi(3) } else { dof * self.dofs + spring * self.springs };
+        (once + levels) / self.force
+    }
+
+    /// A solve by conjugate gradients beside its iterations.
+    pub fn iterative_solve(&self) -> f64 {
+        RESIDUALS * self.product()
+    }
+
+    /// A first guess from earlier solutions: two products.
+    pub fn warm_start(&self) -> f64 {
+        2.0 * self.product()
+    }
+
+    /// The cost of some work, with the factor that it used, if any.
+    pub fn cost(&self, work: &Work, factor: Option<FactorSize>) -> f64 {
+        let factorization = factor.map_or(self.least_factorization(), |size| self.factorization(size));
+        let direct_solve = factor.map_or(self.least_direct_solve(), |size| self.direct_solve(size));
+        let others = work.cg_iterations.saturating_sub(work.multigrid_iterations);
+        let terms = [
+            (work.force_evaluations, 1.0),
+            (work.assemblies, self.assembly()),
+            (work.symbolic_factorizations, self.analysis(factor)),
+            (work.factorizations, factorization),
+            (work.solves.saturating_sub(work.iterative_solves), direct_solve),
+            (work.iterative_solves, self.iterative_solve()),
+            (others, self.iteration(PreconditionerKind::BlockJacobi)),
+            (work.multigrid_iterations, self.iteration(PreconditionerKind::Multigrid)),
+            (work.multigrid_setups, self.multigrid_setup()),
+            (work.warm_starts, self.warm_start()),
+        ];
+        terms.iter().map(|(count, each)| *count as f64 * each).sum()
+    }
+}

@@ -1,0 +1,81 @@
+//! The cost model against measured times.
+
+use serde::Deserialize;
+use sprung::linear::{CostModel, FactorSize, OrderingMethod, PreconditionerKind};
+use sprung::scene::{Kind, builtin};
+
+/// Sizes of a scene and times in ns, as `cargo run --release --example costs` stores them.
+#[derive(Deserialize)]
+struct Row {
+    scene: String,
+    size: usize,
+    factor_entries: usize,
+    factor_flops: f64,
+    force: f64,
+    product: f64,
+    assembly: f64,
+    analysis: f64,
+    factorization: f64,
+    solve: f64,
+    iteration_none: f64,
+    iteration_jacobi: f64,
+    iteration_block_jacobi: f64,
+    iteration_multigrid: f64,
+    multigrid_setup: f64,
+    iterative_solve: f64,
+}
+
+/// Costs that decide between solvers and methods: within this factor of the times.
+const CLOSE: f64 = 1.5;
+
+/// Coarse levels are denser in random networks than elsewhere.
+const COARSE: f64 = 1.6;
+
+/// An ordering depends on more than sizes, and is done once.
+const ROUGH: f64 = 2.5;
+
+#[test]
+fn costs_are_those_that_were_measured() {
+    let rows: Vec<Row> = serde_json::from_str(include_str!("../verification/costs.json")).unwrap();
+    let mut far = Vec::new();
+    for row in &rows {
+        let kind = Kind::ALL.into_iter().find(|kind| kind.name() == row.scene).unwrap();
+        let (system, _) = builtin(kind, row.size).unwrap().build().unwrap();
+        let costs = CostModel::of(&system);
+        let ordering = OrderingMethod::MinimumDegree;
+        let size = FactorSize { entries: row.factor_entries, flops: row.factor_flops, ordering };
+        let pairs = [
+            ("product", costs.product(), row.product, CLOSE),
+            ("assembly", costs.assembly(), row.assembly, CLOSE),
+            ("analysis", costs.analysis(Some(size)), row.analysis, ROUGH),
+            ("factorization", costs.factorization(size), row.factorization, CLOSE),
+            ("solve", costs.direct_solve(size), row.solve, CLOSE),
+            ("iteration", costs.iteration(PreconditionerKind::None), row.iteration_none, CLOSE),
+            ("iteration, jacobi", costs.iteration(PreconditionerKind::Jacobi), row.iteration_jacobi, CLOSE),
+            (
+                "iteration, block-jacobi",
+                costs.iteration(PreconditionerKind::BlockJacobi),
+                row.iteration_block_jacobi,
+                CLOSE,
+            ),
+            ("iteration, multigrid", costs.iteration(PreconditionerKind::Multigrid), row.iteration_multigrid, CLOSE),
+            ("multigrid set-up", costs.multigrid_setup(), row.multigrid_setup, COARSE),
+            ("iterative solve", costs.iterative_solve(), row.iterative_solve, ROUGH),
+        ];
+        for (operation, cost, time, bound) in pairs {
+            // What conjugate gradients do on a few coordinates is too short for the clock, and nothing depends on it.
+            let iterates = ["product", "iterati", "multigr"].iter().any(|start| operation.starts_with(start));
+            if system.dofs().len() <= 60 && iterates {
+                continue;
+            }
+            let ratio = cost / (time / row.force);
+            if !(1.0 / bound..=bound).contains(&ratio) {
+                far.push(format!(
+                    "{} {}: {operation} is said to cost {ratio:.2} times what it does",
+                    row.scene, row.size
+                ));
+            }
+        }
+    }
+    assert!(far.is_empty(), "{} of {} scenes:\n{}", far.len(), rows.len(), far.join("\n"));
+}

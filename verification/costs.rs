@@ -1,0 +1,178 @@
+//! Measures what the operations of a step cost, for the cost model to be held to: writes `verification/costs.json`.
+//!
+//! `cargo run --release --example costs` times every operation on ready scenes of 2 to 10⁵ particles: one thread, its own time, the
+//! shortest of many repetitions. The test `costs` holds [`sprung::linear::CostModel`] to what is stored: its unit is a force evaluation, so only
+//! ratios of these times count, and they hardly depend on the machine.
+
+use cpu_time::ThreadTime;
+use serde::Serialize;
+use sprung::force::Extensions;
+use sprung::integrate::{ImplicitOptions, Method};
+use sprung::linear::{CgSolver, CholeskySolver, LinearSolver, PreconditionerKind, ReusedMultigrid};
+use sprung::operator::{Combination, LinearOperator, SystemOperator};
+use sprung::scene::{Kind, builtin};
+use sprung::work::Work;
+use sprung::{State, Stiffness, System};
+use std::hint::black_box;
+use std::path::Path;
+use std::time::Duration;
+
+/// One scene: its sizes, and the time of each operation in ns.
+#[derive(Serialize)]
+struct Row {
+    scene: String,
+    size: usize,
+    factor_entries: usize,
+    factor_flops: f64,
+    force: f64,
+    product: f64,
+    assembly: f64,
+    analysis: f64,
+    factorization: f64,
+    solve: f64,
+    iteration_none: f64,
+    iteration_jacobi: f64,
+    iteration_block_jacobi: f64,
+    iteration_multigrid: f64,
+    multigrid_setup: f64,
+    iterative_solve: f64,
+}
+
+/// Sizes of each kind: up to 10⁵ particles, as far as a factorization takes seconds at most.
+const SCENES: [(Kind, &[usize]); 6] = [
+    (Kind::Chain, &[2, 10, 100, 1000, 10_000]),
+    (Kind::Cloth, &[4, 10, 20, 32, 64, 100, 316]),
+    (Kind::Lattice, &[3, 5, 8, 10, 16, 22]),
+    (Kind::Network, &[12, 50, 400, 2000]),
+    (Kind::Column, &[9, 300]),
+    (Kind::Pendulum, &[1]),
+];
+
+/// Every operation is repeated for so long.
+const LONG_ENOUGH: Duration = Duration::from_millis(120);
+
+/// The shortest time of an operation, in ns. What is too short for the clock is done in batches.
+fn shortest(mut operation: impl FnMut()) -> f64 {
+    let begin = ThreadTime::now();
+    operation();
+    let first = begin.elapsed().as_nanos().max(1) as f64;
+    let batch = (20_000.0 / first).ceil().clamp(1.0, 1000.0) as usize;
+    let (mut best, mut rounds) = (f64::INFINITY, 0);
+    let begin = ThreadTime::now();
+    while rounds < 2 || begin.elapsed() < LONG_ENOUGH {
+        let start = ThreadTime::now();
+        for _ in 0..batch {
+            operation();
+        }
+        best = best.min(start.elapsed().as_nanos() as f64 / batch as f64);
+        rounds += 1;
+    }
+    best
+}
+
+/// Moves every coordinate by up to 3 % of the shortest spring, so that no spring lies along an axis.
+fn shake(system: &System, state: &mut State) {
+    let lengths = system.active().map(|(_, [i, j], _)| (state.positions[i] - state.positions[j]).norm());
+    let spacing = lengths.fold(f64::INFINITY, f64::min);
+    for (p, x) in state.positions.iter_mut().enumerate() {
+        for axis in 0..system.dimension() {
+            x[axis] += 0.03 * spacing * ((3 * p + axis) as f64 * 12.9898).sin();
+        }
+    }
+    state.prescribe(system);
+}
+
+fn measure(kind: Kind, size: usize) -> Result<Row, Box<dyn std::error::Error>> {
+    let (system, mut state) = builtin(kind, size)?.build()?;
+    shake(&system, &mut state);
+    let n = system.dofs().len();
+    let mut extensions = Extensions::at(&system, &state.positions)?;
+    let mut operator = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
+    let (b, mut x) = (vec![1.0; n], vec![0.0; n]);
+
+    let mut explicit = Method::SymplecticEuler.stepper(&system, &state, &ImplicitOptions::default())?;
+    let mut moving = state.clone();
+    let force = shortest(|| {
+        let _ = black_box(explicit.step(&mut moving, 1e-12));
+    });
+    let product = shortest(|| operator.apply(&b, black_box(&mut x)));
+    let assembly = shortest(|| {
+        let _ = extensions.update(&system, &state.positions);
+        operator.update(&extensions, Stiffness::Tension, Combination::step(0.01));
+    });
+    let mut work = Work::default();
+    let analysis = shortest(|| drop(CholeskySolver::new(&system, faer::Par::Seq, &mut work)));
+    let mut direct = CholeskySolver::new(&system, faer::Par::Seq, &mut work)?;
+    let factorization = shortest(|| {
+        let _ = black_box(direct.prepare(&operator, &mut work));
+    });
+    let solve = shortest(|| {
+        let _ = black_box(direct.solve(&operator, &b, &mut x, &mut work));
+    });
+
+    // Right-hand sides that converge late: what is timed are iterations up to a limit.
+    let rough: Vec<f64> = (0..n).map(|row| ((row * row) as f64 * 0.7).sin()).collect();
+    let mut solves = |kind: PreconditionerKind, more: u64| -> Result<[f64; 2], sprung::Error> {
+        let mut solver = CgSolver::matrix_free(&system, Some(kind), 1e-300)?;
+        solver.place(&state.positions);
+        let _ = solver.prepare(&operator, &mut work);
+        let mut with = |limit: u64| {
+            solver.method().iteration_limit = limit;
+            let mut done = 0;
+            let time = shortest(|| {
+                x.fill(0.0);
+                x[0] = 1e-3;
+                let before = work.cg_iterations;
+                let _ = black_box(solver.solve(&operator, &rough, &mut x, &mut work));
+                done = work.cg_iterations - before;
+            });
+            (time, done as f64)
+        };
+        let ((short, few), (long, many)) = (with(1), with(1 + more));
+        Ok([(long - short) / (many - few).max(1.0), short])
+    };
+    let many = (n as u64 / 2).clamp(1, 30);
+    let [iteration_none, _] = solves(PreconditionerKind::None, many)?;
+    let [iteration_jacobi, _] = solves(PreconditionerKind::Jacobi, many)?;
+    let [iteration_block_jacobi, short] = solves(PreconditionerKind::BlockJacobi, many)?;
+    let [iteration_multigrid, _] = solves(PreconditionerKind::Multigrid, many.min(6))?;
+    let mut multigrid = ReusedMultigrid::new(&system)?;
+    multigrid.place(&state.positions);
+    let multigrid_setup = shortest(|| {
+        let _ = multigrid.update(&operator, &mut work);
+        let _ = black_box(multigrid.rebuild(&operator, &mut work));
+    });
+    let factor = direct.size();
+    Ok(Row {
+        scene: kind.name().into(),
+        size,
+        factor_entries: factor.entries,
+        factor_flops: factor.flops,
+        force,
+        product,
+        assembly,
+        analysis,
+        factorization,
+        solve,
+        iteration_none,
+        iteration_jacobi,
+        iteration_block_jacobi,
+        iteration_multigrid,
+        multigrid_setup,
+        iterative_solve: short - iteration_block_jacobi,
+    })
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    let mut rows = Vec::new();
+    for (kind, sizes) in SCENES {
+        for &size in sizes {
+            eprintln!("{} {size}", kind.name());
+            rows.push(pool.install(|| measure(kind, size).map_err(|error| error.to_string()))?);
+        }
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/costs.json");
+    std::fs::write(path, serde_json::to_string_pretty(&rows)? + "\n")?;
+    Ok(())
+}
