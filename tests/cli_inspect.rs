@@ -61,8 +61,14 @@ fn tells_people_the_same_and_draws_it() {
     sandbox.put("short.toml", SPRING);
     let answer = sandbox.sprung(&["inspect", "short.toml", "--out", "pictures"]);
     assert_eq!(answer.status, Some(0), "{}", answer.stderr);
-    for part in ["INDEFINITE", "2 negative, 0 zero, 4 positive", "every step", "spring 0 (0–1): strain -0.500, share 1"]
-    {
+    for part in [
+        "at this state: A is INDEFINITE",
+        "linearised, for linear-backward-euler",
+        "3.41 under w2",
+        "2 negative, 0 zero, 4 positive",
+        "every step",
+        "spring 0 (0–1): strain -0.500, share 1",
+    ] {
         assert!(answer.stdout.contains(part), "{part} is not in\n{}", answer.stdout);
     }
     let names = sandbox.names("pictures");
@@ -71,6 +77,61 @@ fn tells_people_the_same_and_draws_it() {
     let page = sandbox.read("pictures/inspect.html");
     assert_eq!(page.matches("<svg").count(), 5);
     assert!(!page.contains("NaN") && !page.contains("src=\"http"));
+}
+
+#[test]
+fn takes_a_step_where_none_is_given_and_says_so() {
+    let sandbox = Sandbox::new();
+    sandbox.put("short.toml", &SPRING.replace("time = { dt = 0.1, duration = 1 }", ""));
+    let answer = sandbox.sprung(&["inspect", "short.toml", "--json"]).ends_with(0);
+    answer.complains(&["no dt was given: 0.01 s is taken"]);
+    assert_eq!(answer.json()["dt"], 0.01);
+}
+
+/// A cloth at rest: every step is definite and stable, and a run with this one breaks down in its third.
+#[test]
+fn a_step_that_the_matrix_allows_and_the_motion_does_not_is_told() {
+    let sandbox = Sandbox::new();
+    sandbox.put("cloth.toml", &sandbox.sprung(&["new", "cloth", "--size", "10"]).ends_with(0).stdout);
+    let answer = sandbox.sprung(&["run", "cloth.toml", "--dt", "0.05", "--stiffness", "full"]);
+    answer.ends_with(1).complains(&["in step 3"]);
+    let json = sandbox.sprung(&["inspect", "cloth.toml", "--dt", "0.05", "--json"]).ends_with(0).json();
+    assert_eq!((json["definite"].as_bool(), json["critical_dt"].is_null()), (Some(true), true));
+    assert_eq!(json["turning"]["too_far"], true);
+    let safe = json["options"]["full"]["turning_dt"].as_f64().expect("a limit");
+    assert!(safe > 1e-3 && safe < 5e-3, "{safe}");
+    assert!(json["first_lost"].is_null());
+    let json = sandbox.sprung(&["inspect", "cloth.toml", "--dt", "0.05", "--steps", "2", "--json"]).ends_with(0).json();
+    let lost = &json["first_lost"];
+    assert_eq!((lost["turning"]["step"].as_u64(), lost["definite"]["step"].as_u64()), (Some(1), Some(2)));
+    assert!(lost["energy"]["gained"].as_f64() > Some(0.0));
+    let page = sandbox.read("out/cloth/inspect.html");
+    assert!(page.contains("were first lost") && page.contains("which alone stretches it by"), "{page}");
+}
+
+/// What the README shows of a terminal is what the program prints: the commands, and of their output the lines shown.
+#[test]
+fn the_readme_shows_what_is_printed() {
+    let readme = include_str!("../README.md");
+    let sandbox = Sandbox::new();
+    let blocks: Vec<&str> = readme.split("```console\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
+    assert!(!blocks.is_empty());
+    let mut printed = String::new();
+    for line in blocks.concat().lines() {
+        if let Some(command) = line.strip_prefix("$ sprung ") {
+            let (command, file) =
+                command.split_once(" > ").map_or((command, None), |(command, file)| (command, Some(file)));
+            let arguments: Vec<&str> = command.split_whitespace().collect();
+            printed = sandbox.sprung(&arguments).ends_with(0).stdout;
+            if let Some(file) = file {
+                sandbox.put(file, &printed);
+            }
+        } else if line != "…" {
+            let (_, rest) =
+                printed.split_once(&format!("{line}\n")).unwrap_or_else(|| panic!("{line}\nis not in\n{printed}"));
+            printed = rest.to_owned();
+        }
+    }
 }
 
 #[test]
@@ -146,8 +207,7 @@ fn refuses_what_it_cannot_use_and_writes_nothing() {
     let sandbox = Sandbox::new();
     sandbox.put("short.toml", &SPRING.replace("time = { dt = 0.1, duration = 1 }", ""));
     for (arguments, part) in [
-        (&["inspect", "short.toml"][..], "--dt"),
-        (&["inspect", "short.toml", "--dt", "0"], "positive"),
+        (&["inspect", "short.toml", "--dt", "0"][..], "positive"),
         (&["inspect", "short.toml", "--dt", "0.1", "--stiffness", "none"], "none"),
         (&["inspect", "missing.toml", "--dt", "0.1"], "missing.toml"),
     ] {

@@ -1,6 +1,7 @@
 //! Arguments that several commands share.
 
 use super::Stop;
+use super::console::Console;
 use sprung::output::AtomicFile;
 use sprung::scene::{Scene, TimeSettings};
 use sprung::{Error, Result, State, System};
@@ -23,6 +24,9 @@ pub struct LoadedScene {
     pub state: State,
 }
 
+/// The step where one is needed and none was given, in s.
+pub const DEFAULT_STEP: f64 = 0.01;
+
 impl SceneFile {
     pub fn load(&self) -> Result<LoadedScene> {
         let scene = Scene::load(&self.path)?;
@@ -39,6 +43,14 @@ impl LoadedScene {
     pub fn or_given<T>(&self, option: Option<T>, key: Option<T>, name: &str) -> Result<T> {
         option.or(key).ok_or_else(|| {
             Error::Usage(format!("{}: no {name}: give the option --{name} or the key time.{name}", self.file.display()))
+        })
+    }
+
+    /// The step asked for, the scene's own, or [`DEFAULT_STEP`]; says so where it was not given.
+    pub fn step_or_default(&self, console: &Console, asked: Option<f64>) -> f64 {
+        asked.or(self.time.dt).unwrap_or_else(|| {
+            console.note(format_args!("no dt was given: {DEFAULT_STEP} s is taken (--dt, or the key time.dt)"));
+            DEFAULT_STEP
         })
     }
 

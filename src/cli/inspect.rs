@@ -5,7 +5,7 @@ use super::console::{Console, error};
 use super::method::parallelism;
 use super::values::{choice, count, positive};
 use super::{Outcome, Stop};
-use sprung::inspect::{DefinitenessWatch, Inspection, Loss, Pictures};
+use sprung::inspect::{FirstLosses, Follower, Inspection, Pictures};
 use sprung::integrate::{ImplicitOptions, Method, RunFailure, Schedule, run};
 use sprung::linear::SolverOptions;
 use sprung::output::AtomicFile;
@@ -18,20 +18,21 @@ use std::path::{Path, PathBuf};
 /// Say whether A is positive definite, which springs spoil it, and which step is safe
 ///
 /// Counts the signs of the eigenvalues of A = M/dt² − G/dt − K, finds λ_min, λ_max and the condition number, the largest time
-/// step for which A is positive definite and the largest for which the method is stable, under each stiffness option, and
-/// the springs behind every direction of negative curvature. With --steps it looks after that many steps of linearised
-/// backward Euler, and says when on the way A lost definiteness first. Writes inspect.html and its pictures.
+/// step for which A is positive definite, the largest for which linearised backward Euler is stable and the largest that turns
+/// no spring too far, under each stiffness option, and the springs behind every direction of negative curvature. All of this is
+/// about one state. With --steps it follows so many steps of linearised backward Euler, says after which step definiteness,
+/// stability, turning and energy were lost first, and looks at the state at the end. Writes inspect.html and its pictures.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Inspect {
     #[command(flatten)]
     scene: SceneFile,
 
-    /// Time step, in seconds [default: the scene's time.dt]
+    /// Time step, in seconds [default: the scene's time.dt, or 0.01]
     #[arg(long, value_name = "S", value_parser = positive)]
     dt: Option<f64>,
 
-    /// Simulate so many steps first (with on-demand stiffness)
+    /// Follow a run for so many steps first (with on-demand stiffness)
     #[arg(long, value_name = "N", value_parser = count, default_value = "0")]
     steps: u64,
 
@@ -61,14 +62,14 @@ const FILES: [&str; 6] =
 /// Where a run came to, what was lost on the way, and what ended it early.
 struct Arrival {
     steps: u64,
-    loss: Option<Loss>,
+    losses: Option<FirstLosses>,
     failure: Option<RunFailure>,
 }
 
 impl Inspect {
     pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
         let scene = self.scene.load()?;
-        let dt = scene.or_given(self.dt, scene.time.dt, "dt")?;
+        let dt = scene.step_or_default(console, self.dt);
         self.threads.install(|| self.inspect(console, scene, dt))
     }
 
@@ -86,11 +87,11 @@ impl Inspect {
         }
         check_writable(&folder, &FILES)?;
         let images = Pictures::of(system, state, &inspection, par).map_err(in_file)?;
-        let loss = arrival.loss.as_ref();
-        let page = html(name, arrival.steps, state.time, &inspection, loss, &images);
+        let losses = arrival.losses.as_ref();
+        let page = html(name, arrival.steps, state.time, &inspection, losses, &images);
         write(&folder, &page, &images).map_err(Stop::Broken)?;
-        let record = InspectionRecord::new(name, arrival.steps, state.time, &inspection).with_first_loss(loss);
-        let text = text(name, arrival.steps, state.time, &inspection, loss);
+        let record = InspectionRecord::new(name, arrival.steps, state.time, &inspection).with_losses(losses);
+        let text = text(name, arrival.steps, state.time, &inspection, losses);
         let page = folder.join("inspect.html");
         console.result(&record, format!("{text}\n  pictures     {}", page.display()))?;
         match arrival.failure {
@@ -102,33 +103,28 @@ impl Inspect {
         }
     }
 
-    /// Simulates as many steps as asked for, looking at A before each and after the last.
+    /// Follows as many steps as asked for, looking at the state before each and after the last.
     fn arrive(&self, scene: &mut LoadedScene, dt: f64) -> Result<Arrival> {
-        let mut arrival = Arrival { steps: 0, loss: None, failure: None };
+        let mut arrival = Arrival { steps: 0, losses: None, failure: None };
         if self.steps == 0 {
             return Ok(arrival);
         }
         let LoadedScene { system, state, .. } = scene;
         let par = parallelism(system);
-        let mut watch = DefinitenessWatch::new(system, state, self.stiffness, dt, par)?;
+        let mut follower = Follower::new(system, state, self.stiffness, dt, par)?;
         let linear = SolverOptions { par, ..SolverOptions::default() };
         let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
         let mut stepper = Method::LinearBackwardEuler.stepper(system, state, &options)?;
-        arrival.loss = watch.look(0, state)?;
         let mut collapsed = None;
         let outcome = run(stepper.as_mut(), state, &Schedule::steps(dt, self.steps), |step, state: &State| {
-            if arrival.loss.is_none() {
-                match watch.look(step, state) {
-                    Ok(loss) => arrival.loss = loss,
-                    Err(spring) => collapsed = Some(spring),
-                }
-            }
+            collapsed = follower.look(step, state).err();
             if collapsed.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         if let Some(spring) = collapsed {
             return Err(spring.into());
         }
         arrival.steps = outcome.steps;
+        arrival.losses = Some(follower.first_losses().clone());
         arrival.failure = outcome.end.err();
         Ok(arrival)
     }

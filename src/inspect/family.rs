@@ -7,11 +7,11 @@
 //! ```
 
 use super::krylov::Krylov;
-use crate::force::Extensions;
+use crate::force::{DegenerateSpring, Extensions};
 use crate::linear::{Ldlt, dot};
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::{SpringBlock, Stiffness};
-use crate::system::System;
+use crate::system::{State, System};
 use crate::work::Work;
 
 /// What a step is to keep.
@@ -84,6 +84,16 @@ impl<'s> Family<'s> {
             roots[system.dofs().rows(particle)].fill(mass.sqrt());
         }
         Self { system, damping, operator, extensions, product: vec![0.0; roots.len()], roots }
+    }
+
+    /// Moves to another state of the same system.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring.
+    pub fn update(&mut self, state: &State) -> Result<(), DegenerateSpring> {
+        self.extensions.update(self.system, &state.positions)?;
+        self.damping.update(&self.extensions, Stiffness::Full, Combination::DAMPING);
+        Ok(())
     }
 
     /// Makes the operator P(s).

@@ -6,6 +6,7 @@ use super::family::Requirement;
 use super::inertia::{Inertia, InertiaCounter};
 use super::smallest_set::{DropSet, smallest_set};
 use super::spectrum::{Spectrum, spectrum_with};
+use super::turning::{Turn, Turning};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::error::Result;
 use crate::force::Extensions;
@@ -34,6 +35,8 @@ pub struct OptionInspection {
     pub critical: LargestStep,
     /// The largest step for which the method adds no instability of its own at this state.
     pub stable: LargestStep,
+    /// The largest step that turns no spring so far that this brakes or stretches it, see [`Turn`]: no linearisation sees this.
+    pub turning: LargestStep,
 }
 
 /// The definiteness of `A = M/dt² − G/dt − K` at one state, and what it depends on.
@@ -55,6 +58,8 @@ pub struct Inspection {
     pub directions: Vec<Direction>,
     /// The main culprits of directions of negative curvature, by where they hang together.
     pub clusters: Vec<Cluster>,
+    /// The spring that a step of this length turns worst, under the option; `None` where it turns none.
+    pub turn: Option<Turn>,
     /// Where A under `Full` is not positive definite: which transverse terms must go.
     pub smallest_set: Option<DropSet>,
     /// What the inspection cost.
@@ -83,6 +88,7 @@ impl Inspection {
             SystemMatrix::assemble(pattern.clone(), &operator).into_matrix()
         };
         let mut critical = CriticalSteps::new(system, state, par)?;
+        let mut turning = Turning::new(system, state, par)?;
         let mut work = Work { symbolic_factorizations: 2, ..Work::default() };
         let minus_k = assemble(Stiffness::Full, Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 });
         let mut counter = InertiaCounter::new(minus_k.pattern(), par)?;
@@ -113,6 +119,7 @@ impl Inspection {
                     Stiffness::Full => definite,
                     Stiffness::Tension | Stiffness::Axial => critical.largest_step(Requirement::Stable, each),
                 },
+                turning: turning.largest_step(each, dt),
             };
             if each == option {
                 examined = Some(spectrum);
@@ -134,7 +141,9 @@ impl Inspection {
         };
         let compressed = system.active().zip(extensions.iter()).filter(|((_, _, spring), at)| spring.is_compressed(at));
         let compressed_springs = compressed.count();
+        let turn = turning.worst(option, dt);
         work.add(&critical.work);
+        work.add(&turning.work);
         Ok(Self {
             dt,
             option,
@@ -144,6 +153,7 @@ impl Inspection {
             clusters: clusters(&bad),
             spectrum,
             directions,
+            turn,
             smallest_set,
             work,
         })

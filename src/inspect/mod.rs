@@ -2,13 +2,14 @@
 //!
 //! [`Inspection::at`] answers everything at one state. Its parts stand on their own: [`Inertia`] counts signs of eigenvalues
 //! from a factorization whose error is measured, [`CriticalSteps`] finds the largest definite and the largest stable step,
-//! [`spectrum()`] the ends of the spectrum, [`direction`] the springs behind an eigenvector, [`smallest_set()`] the springs whose
-//! transverse terms must go.
+//! [`Turning`] the largest that turns no spring too far, [`Follower`] what a run loses first, [`spectrum()`] the ends of the
+//! spectrum, [`direction`] the springs behind an eigenvector, [`smallest_set()`] the springs whose transverse terms must go.
 
 mod along;
 mod critical;
 mod culprits;
 mod family;
+mod follow;
 mod inertia;
 mod inspection;
 mod krylov;
@@ -17,13 +18,16 @@ mod picture;
 mod random;
 mod smallest_set;
 mod spectrum;
+mod turning;
 
 pub use along::{DefinitenessWatch, Loss};
 pub use critical::{CriticalSteps, LargestStep};
 pub use culprits::{Cluster, Culprit, Direction, Mover, clusters, direction};
 pub use family::Requirement;
+pub use follow::{FirstLosses, Follower, Gain, Passed};
 pub use inertia::{Inertia, InertiaCounter, InertiaMethod};
 pub use inspection::{Inspection, OptionInspection};
 pub use picture::Pictures;
 pub use smallest_set::{DropSet, Minimality, smallest_set};
 pub use spectrum::{Eigenpair, Spectrum, smallest_eigenvalue, spectrum};
+pub use turning::{MOST_BRAKED, MOST_STRETCHED, Turn, Turning};

@@ -1,6 +1,7 @@
 //! An inspection as a page with pictures.
 
-use crate::inspect::{Culprit, Inspection, LargestStep, Loss, Minimality, Pictures};
+use super::losses::{kept, limit, lost, other_methods, scope, turning};
+use crate::inspect::{Culprit, FirstLosses, Inspection, Minimality, Pictures};
 use crate::report::number::{count, pretty};
 use crate::report::{drawing, page, plot, spy};
 use maud::{Markup, html};
@@ -24,7 +25,7 @@ pub fn html(
     step: u64,
     time: f64,
     inspection: &Inspection,
-    loss: Option<&Loss>,
+    losses: Option<&FirstLosses>,
     pictures: &Pictures,
 ) -> String {
     let when =
@@ -36,8 +37,8 @@ pub fn html(
     );
     let body = html! {
         (banner(inspection))
-        (page::section("steps", &html! { "Which steps are safe" }, &steps(inspection, pictures)))
-        (page::section("culprits", &html! { "Which springs spoil it" }, &culprits(inspection, loss, pictures)))
+        (page::section("steps", &html! { "Which steps are safe" }, &steps(inspection, losses, pictures)))
+        (page::section("culprits", &html! { "Which springs spoil it" }, &culprits(inspection, pictures)))
         (page::section("matrix", &html! { "The matrix" }, &matrix(inspection, pictures)))
     };
     page::page("Definiteness", &lead, &body)
@@ -65,31 +66,47 @@ fn banner(inspection: &Inspection) -> Markup {
     }
 }
 
-fn limit(step: LargestStep) -> String {
-    step.dt().map_or("every step".into(), |dt| format!("{} s", pretty(dt)))
-}
-
-fn steps(inspection: &Inspection, pictures: &Pictures) -> Markup {
-    html! {
+fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictures) -> Markup {
+    let table = html! {
         table.full {
             thead { tr {
-                th scope="col" { "stiffness" } th.number scope="col" { "definite up to" } th.number scope="col" { "stable up to" }
+                th scope="col" { "stiffness" } th.number scope="col" { "definite up to" } th.number scope="col" { "stable up to" } th.number scope="col" { "turning up to" }
                 th.number scope="col" { "λ" sub { "min" } ", N/m" } th.number scope="col" { "λ" sub { "max" } ", N/m" } th.number scope="col" { "condition" }
             } }
             tbody { @for option in &inspection.options {
                 tr class=[(!option.inertia.is_definite()).then_some("failed-row")] {
                     td { (option.option.name()) }
-                    td.number { (limit(option.critical)) } td.number { (limit(option.stable)) }
-                    td.number { (pretty(option.smallest)) } td.number { (pretty(option.largest)) } td.number { (pretty(option.condition)) }
+                    @for step in [option.critical, option.stable, option.turning] { td.number { (limit(step, pretty)) } }
+                    @for value in [option.smallest, option.largest, option.condition] { td.number { (pretty(value)) } }
                 }
             } }
         }
-        p.quiet {
-            "Each limit lies between a step at which a Cholesky factorization exists and one at which it does not, or a direction of negative curvature is known. "
-            "“Stable” means that linearised backward Euler adds no instability of its own at this state."
-            @if inspection.growing_modes > 0 {
-                " The motion itself has " (count(inspection.growing_modes, "growing mode")) " here: no step makes these stable."
+    };
+    html! {
+        p { "These limits hold " (scope()) ": after every step there are others." }
+        (page::scrolling("Limits of the time step under each stiffness option", &table))
+        @if let Some(turn) = inspection.turn.as_ref().filter(|turn| turn.excess() > 1.0) {
+            @let [what, then] = turning(turn, pretty);
+            p.warning {
+                "The step turns " (what) "; " (then) ". Such a run does not break down, it is wrong: shorten the step, or take a method that does not linearise at its start."
             }
+        }
+        @if let Some(losses) = losses { (followed(losses)) }
+        dl.reading {
+            dt { "definite up to" } dd {
+                "A is positive definite. The limit lies between a step at which a Cholesky factorization exists and one at which it does not, \
+                 or a direction of negative curvature is known."
+                @if let Some(others) = other_methods(inspection, pretty) { " " (others) "." }
+            }
+            dt { "stable up to" } dd { "linearised backward Euler adds no instability of its own" }
+            dt { "turning up to" } dd {
+                "every spring keeps nine tenths of its turning while it turns by one radian, and no step stretches one by more than 1 % by turning it. \
+                 A step moves the ends of a spring straight on, by dt |v" sub { "⊥" } "|/l across it; that makes it longer, and its new tension then \
+                 brakes the turning, unless " code { "axial" } " leaves this out. No eigenvalue shows it."
+            }
+        }
+        @if inspection.growing_modes > 0 {
+            p.quiet { "The motion itself has " (count(inspection.growing_modes, "growing mode")) " here: no step makes these stable." }
         }
         @if let Some(curve) = &pictures.curve {
             (page::figures(&[page::figure(plot::svg(curve), &html! {
@@ -99,14 +116,24 @@ fn steps(inspection: &Inspection, pictures: &Pictures) -> Markup {
     }
 }
 
-fn culprits(inspection: &Inspection, loss: Option<&Loss>, pictures: &Pictures) -> Markup {
+/// What the run that led to the state lost first.
+fn followed(losses: &FirstLosses) -> Markup {
+    let lost = lost(losses, pretty);
+    html! {
+        @if lost.is_empty() {
+            p { "On the way to this state " (kept(losses)) "." }
+        } @else {
+            p { "On the way to this state were first lost:" }
+            ul { @for (what, how) in lost { li { b { (what) } " " (how) } } }
+        }
+    }
+}
+
+fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
     let lowest = inspection.directions.first();
     let named = lowest.map_or(&[][..], |lowest| &lowest.culprits);
     html! {
         p { (count(inspection.compressed_springs, "spring")) " shorter than at rest." }
-        @if let Some(loss) = loss {
-            p { "Along the run definiteness was first lost after " (count(loss.step as usize, "step")) ", at t = " (pretty(loss.time)) " s." }
-        }
         @if !named.is_empty() { (table(named)) }
         @if let Some(set) = &inspection.smallest_set {
             p {

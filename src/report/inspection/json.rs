@@ -1,6 +1,8 @@
 //! An inspection as JSON.
 
-use crate::inspect::{Cluster, Culprit, Direction, DropSet, Inertia, Inspection, Loss, Minimality, OptionInspection};
+use crate::inspect::{
+    Cluster, Culprit, Direction, DropSet, FirstLosses, Inertia, Inspection, Loss, Minimality, OptionInspection, Turn,
+};
 use serde::Serialize;
 
 /// An inspection as it is written to JSON. A number that is not finite becomes `null`; so does a step without limit.
@@ -21,8 +23,11 @@ pub struct InspectionRecord<'a> {
     clusters: Vec<ClusterRecord<'a>>,
     smallest_set: Option<SetRecord<'a>>,
     options: OptionRecords,
+    turning: Option<TurnRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
     first_loss: Option<LossRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    first_lost: Option<LossesRecord>,
 }
 
 impl<'a> InspectionRecord<'a> {
@@ -50,13 +55,16 @@ impl<'a> InspectionRecord<'a> {
                 tension: OptionRecord::of(tension),
                 axial: OptionRecord::of(axial),
             },
+            turning: inspection.turn.as_ref().map(TurnRecord::of),
             first_loss: None,
+            first_lost: None,
         }
     }
 
-    /// Adds where along a run definiteness was first lost.
-    pub fn with_first_loss(self, loss: Option<&Loss>) -> Self {
-        Self { first_loss: loss.map(LossRecord::of), ..self }
+    /// Adds what a run lost first: of definiteness as `first_loss`, of everything with its step as `first_lost`.
+    pub fn with_losses(self, losses: Option<&FirstLosses>) -> Self {
+        let first_loss = losses.and_then(|losses| losses.definite.as_ref()).map(LossRecord::of);
+        Self { first_loss, first_lost: losses.map(LossesRecord::of), ..self }
     }
 }
 
@@ -76,6 +84,7 @@ struct OptionRecord {
     condition: f64,
     critical_dt: Option<f64>,
     stable_dt: Option<f64>,
+    turning_dt: Option<f64>,
 }
 
 impl OptionRecord {
@@ -88,6 +97,7 @@ impl OptionRecord {
             condition: option.condition,
             critical_dt: option.critical.dt(),
             stable_dt: option.stable.dt(),
+            turning_dt: option.turning.dt(),
         }
     }
 }
@@ -197,5 +207,76 @@ impl LossRecord {
     fn of(loss: &Loss) -> Self {
         let Loss { step, time, negative, .. } = *loss;
         Self { step, time, stiffness: loss.option.name(), negative, culprits: culprits(&loss.culprits) }
+    }
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct TurnRecord {
+    spring: usize,
+    particles: [usize; 2],
+    /// In rad.
+    angle: f64,
+    /// As a part of the rest length.
+    stretch: f64,
+    /// The part of its turning that the spring loses in a turn by one radian.
+    braked: f64,
+    too_far: bool,
+}
+
+impl TurnRecord {
+    fn of(turn: &Turn) -> Self {
+        let Turn { spring, particles, angle, stretch, .. } = *turn;
+        Self { spring, particles, angle, stretch, braked: turn.braked(), too_far: turn.excess() > 1.0 }
+    }
+}
+
+/// Where each thing was first lost; `null` where it was kept or not looked for.
+#[derive(Debug, Clone, Serialize)]
+struct LossesRecord {
+    definite: Option<PointRecord>,
+    stable: Option<PointRecord>,
+    turning: Option<TurnedRecord>,
+    energy: Option<GainRecord>,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct PointRecord {
+    step: u64,
+    time: f64,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct TurnedRecord {
+    step: u64,
+    time: f64,
+    #[serde(flatten)]
+    turn: TurnRecord,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct GainRecord {
+    step: u64,
+    time: f64,
+    gained: f64,
+    in_play: f64,
+}
+
+impl LossesRecord {
+    fn of(losses: &FirstLosses) -> Self {
+        Self {
+            definite: losses.definite.as_ref().map(|loss| PointRecord { step: loss.step, time: loss.time }),
+            stable: losses.stable.map(|at| PointRecord { step: at.step, time: at.time }),
+            turning: losses.turning.as_ref().map(|(at, turn)| TurnedRecord {
+                step: at.step,
+                time: at.time,
+                turn: TurnRecord::of(turn),
+            }),
+            energy: losses.energy.map(|(at, gain)| GainRecord {
+                step: at.step,
+                time: at.time,
+                gained: gain.gained,
+                in_play: gain.in_play,
+            }),
+        }
     }
 }

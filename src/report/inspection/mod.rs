@@ -3,6 +3,7 @@
 mod explanation;
 mod html;
 mod json;
+mod losses;
 mod text;
 
 pub use explanation::explain;

@@ -1,13 +1,14 @@
 //! An inspection for the terminal.
 
-use crate::inspect::{Culprit, Direction, Inspection, LargestStep, Loss, Minimality};
+use super::losses::{kept, limit, lost, other_methods, scope, turning};
+use crate::inspect::{Culprit, Direction, FirstLosses, Inspection, LargestStep, Minimality};
 use crate::report::number::{count, plain};
 
 /// Culprits, directions, clusters and springs of a set that are listed.
 const LISTED: usize = 6;
 
-/// Everything that matters about an inspection, a screen long.
-pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, loss: Option<&Loss>) -> String {
+/// Everything that matters about an inspection, a screen long; `losses` are those of the run that led to the state.
+pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: Option<&FirstLosses>) -> String {
     let Inspection { dt, option, .. } = inspection;
     let examined = inspection.examined();
     let inertia = &examined.inertia;
@@ -19,7 +20,7 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, loss: Op
     let at = if step > 0 {
         format!(" after {}, t = {} s", count(step as usize, "step"), plain(time))
     } else {
-        String::new()
+        " at this state".into()
     };
     let mut lines = vec![format!("{scene}{at}: A is {verdict} (stiffness {}, dt = {dt:?} s)", option.name())];
     lines.push(format!(
@@ -31,12 +32,19 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, loss: Op
         plain(examined.largest),
         plain(examined.condition),
     ));
-    lines.push(format!("  {:<12} {:<24} {:<24} {}", "stiffness", "definite up to", "stable up to", "λ_min at this dt"));
+    lines.push(format!("  limits       {}; a run leaves it, --steps N follows one", scope()));
+    lines.push(format!(
+        "  {:<12} {:<20} {:<20} {:<16} {}",
+        "stiffness", "definite up to", "stable up to", "turning up to", "λ_min at this dt"
+    ));
     for each in &inspection.options {
-        let name = each.option.name();
-        let smallest = plain(each.smallest);
-        lines.push(format!("  {name:<12} {:<24} {:<24} {smallest} N/m", limit(each.critical), limit(each.stable)));
+        let (name, smallest) = (each.option.name(), plain(each.smallest));
+        let [critical, stable] = [each.critical, each.stable].map(exact);
+        let turning = limit(each.turning, plain);
+        lines.push(format!("  {name:<12} {critical:<20} {stable:<20} {turning:<16} {smallest} N/m"));
     }
+    lines.extend(other_methods(inspection, plain).map(|others| format!("  methods      {others}")));
+    lines.extend(turned(inspection));
     lines.push(format!("  compressed   {}", count(inspection.compressed_springs, "spring")));
     if inspection.growing_modes > 0 {
         let modes = count(inspection.growing_modes, "mode");
@@ -77,24 +85,37 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, loss: Op
         let terms = count(set.springs.len(), "transverse term");
         lines.push(format!("  drop         {terms} {how} (tension drops {}): {}", set.tension, list(&set.springs)));
     }
-    if let Some(loss) = loss {
-        let worst: Vec<String> = loss.culprits.iter().take(3).map(|c| c.spring.to_string()).collect();
-        let when = if loss.step == 0 {
-            "at the start".to_owned()
-        } else {
-            format!("after {}", count(loss.step as usize, "step"))
-        };
-        lines.push(format!(
-            "  first lost   {when}, t = {} s, under {}: springs {}",
-            plain(loss.time),
-            loss.option.name(),
-            worst.join(", ")
-        ));
+    if let Some(losses) = losses {
+        let lost = lost(losses, plain);
+        if lost.is_empty() {
+            lines.push(format!("  kept         on the way {}", kept(losses)));
+        }
+        for (k, (what, how)) in lost.iter().enumerate() {
+            let heading = if k == 0 { "first lost" } else { "" };
+            lines.push(format!("  {heading:<12} {what:<9} {how}"));
+        }
     }
     lines.join("\n")
 }
 
-fn limit(step: LargestStep) -> String {
+/// What comes of springs that are turned too far.
+const WRONG: &str = "Nothing breaks down by that, the motion is wrong: shorten the step";
+
+/// What the step does to the springs that it turns.
+fn turned(inspection: &Inspection) -> Vec<String> {
+    let Some(turn) = &inspection.turn else { return Vec::new() };
+    let [what, then] = turning(turn, plain);
+    if turn.excess() > 1.0 {
+        let lines = [format!("TOO FAR: the step turns {what};"), format!("{then}."), WRONG.into()];
+        let headings = ["turning", "", ""];
+        headings.iter().zip(lines).map(|(heading, line)| format!("  {heading:<12} {line}")).collect()
+    } else {
+        vec![format!("  turning      within the limits: worst {what}")]
+    }
+}
+
+/// A limit with the digits that a script may want.
+fn exact(step: LargestStep) -> String {
     match step {
         LargestStep::Every => "every step".into(),
         LargestStep::UpTo { dt, .. } => format!("{dt:.9e} s"),

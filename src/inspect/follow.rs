@@ -1,0 +1,198 @@
+//! Following a run: what it loses first, and after how many steps.
+//!
+//! What holds at one state does not hold at the next: springs become taut, slack or fast. A [`Follower`] looks at state after
+//! state and remembers where each of four things was lost first: that A is [definite](DefinitenessWatch), that the step is
+//! [stable](Requirement::Stable), that it does not [turn](Turn) springs too far, and that energy only comes from
+//! work. The first three are properties of a state, known before the step that goes wrong; the last is what a wrong step leaves.
+
+use super::along::{DefinitenessWatch, Loss};
+use super::family::{Family, Requirement};
+use super::turning::Turn;
+use crate::assembly::{SpringPattern, SystemMatrix};
+use crate::error::Result;
+use crate::force::{DegenerateSpring, Energy, Extensions};
+use crate::linear::Ldlt;
+use crate::spring::Stiffness;
+use crate::system::{State, System};
+use faer::Par;
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// A point of a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Passed {
+    /// Steps done.
+    pub step: u64,
+    /// The time, in s.
+    pub time: f64,
+}
+
+/// Energy that came from nowhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gain {
+    /// The total energy above the lowest that the run has had, in J: nothing that is passive gains any.
+    pub gained: f64,
+    /// The most energy that has been in play until then, in J: kinetic, elastic, and the change of the gravitational.
+    pub in_play: f64,
+}
+
+/// What a run lost first, each where it did.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FirstLosses {
+    /// A is not positive definite.
+    pub definite: Option<Loss>,
+    /// A is, but the step is longer than the largest stable one. Looked for under `Axial` only: the other options
+    /// lose definiteness first, or nothing.
+    pub stable: Option<Passed>,
+    /// The step has turned a spring too far.
+    pub turning: Option<(Passed, Turn)>,
+    /// Energy has appeared from nowhere.
+    pub energy: Option<(Passed, Gain)>,
+    /// Whether energy was looked at: only where nothing is moved, since moving does work.
+    pub energy_watched: bool,
+}
+
+impl FirstLosses {
+    /// The first step after which anything was lost.
+    pub fn first(&self) -> Option<u64> {
+        let steps = [
+            self.definite.as_ref().map(|loss| loss.step),
+            self.stable.map(|passed| passed.step),
+            self.turning.map(|(passed, _)| passed.step),
+            self.energy.map(|(passed, _)| passed.step),
+        ];
+        steps.into_iter().flatten().min()
+    }
+}
+
+/// A tenth of the energy in play counts as a gain: methods that keep energy on average let it swing by a few per cent.
+const GAIN: f64 = 0.1;
+
+/// Rounding of the energies themselves is no gain: sums over springs, each of a difference of lengths.
+const ROUNDING: f64 = 1e-10;
+
+/// Looks at the states of a run, for one option and one step length.
+pub struct Follower<'s> {
+    system: &'s System,
+    option: Stiffness,
+    dt: f64,
+    definiteness: DefinitenessWatch<'s>,
+    stability: Option<StabilityWatch<'s>>,
+    /// The state looked at last, and where its springs were.
+    before: Vec<Vector3<f64>>,
+    extensions: Extensions,
+    energy: Option<EnergyWatch>,
+    first: FirstLosses,
+}
+
+impl<'s> Follower<'s> {
+    /// Looks at the state from which a run starts with steps of length dt, in s.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring; a matrix that is too large.
+    pub fn new(system: &'s System, start: &State, option: Stiffness, dt: f64, par: Par) -> Result<Self> {
+        let mut follower = Self {
+            system,
+            option,
+            dt,
+            definiteness: DefinitenessWatch::new(system, start, option, dt, par)?,
+            stability: match option {
+                Stiffness::Axial => Some(StabilityWatch::new(system, start, option, dt, par)?),
+                Stiffness::Full | Stiffness::Tension => None,
+            },
+            before: start.positions.clone(),
+            extensions: Extensions::at(system, &start.positions)?,
+            energy: (!system.prescribed().moves()).then(|| EnergyWatch::new(&Energy::of(system, start))),
+            first: FirstLosses { energy_watched: !system.prescribed().moves(), ..FirstLosses::default() },
+        };
+        follower.look_at(0, start)?;
+        Ok(follower)
+    }
+
+    /// Looks at the next state, after so many steps.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring.
+    pub fn look(&mut self, step: u64, state: &State) -> Result<(), DegenerateSpring> {
+        let passed = Passed { step, time: state.time };
+        if self.first.turning.is_none() {
+            let moved: Vec<_> = state.positions.iter().zip(&self.before).map(|(x, before)| x - before).collect();
+            let worst = Turn::worst(self.system, &self.extensions, &moved, self.dt, self.option);
+            self.first.turning = worst.filter(|turn| turn.excess() > 1.0).map(|turn| (passed, turn));
+            self.before.clone_from(&state.positions);
+            self.extensions.update(self.system, &state.positions)?;
+        }
+        if let (None, Some(watch)) = (self.first.energy, &mut self.energy) {
+            self.first.energy = watch.look(&Energy::of(self.system, state)).map(|gain| (passed, gain));
+        }
+        self.look_at(step, state)
+    }
+
+    /// What depends on the state alone.
+    fn look_at(&mut self, step: u64, state: &State) -> Result<(), DegenerateSpring> {
+        if self.first.definite.is_none() {
+            self.first.definite = self.definiteness.look(step, state)?;
+        }
+        if let (None, Some(watch)) = (self.first.stable, &mut self.stability) {
+            let stable = watch.is_stable(state)?;
+            self.first.stable = (!stable).then_some(Passed { step, time: state.time });
+        }
+        Ok(())
+    }
+
+    /// What has been lost until now.
+    pub fn first_losses(&self) -> &FirstLosses {
+        &self.first
+    }
+}
+
+/// Looks whether a step is stable, state after state: whether `S = 4M/dt² − 2G/dt − 2K_opt + K` has a Cholesky factorization.
+struct StabilityWatch<'s> {
+    option: Stiffness,
+    dt: f64,
+    family: Family<'s>,
+    matrix: SystemMatrix,
+    factorization: Ldlt,
+}
+
+impl<'s> StabilityWatch<'s> {
+    fn new(system: &'s System, state: &State, option: Stiffness, dt: f64, par: Par) -> Result<Self> {
+        let family = Family::new(system, Extensions::at(system, &state.positions)?);
+        let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
+        let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
+        Ok(Self { option, dt, family, matrix, factorization })
+    }
+
+    fn is_stable(&mut self, state: &State) -> Result<bool, DegenerateSpring> {
+        self.family.update(state)?;
+        self.family.set(Requirement::Stable, self.option, 1.0 / self.dt);
+        self.matrix.refill(self.family.operator());
+        Ok(self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive())
+    }
+}
+
+/// Compares total energies along a run on which no work is done.
+struct EnergyWatch {
+    gravitational: f64,
+    lowest: f64,
+    in_play: f64,
+}
+
+impl EnergyWatch {
+    fn new(start: &Energy) -> Self {
+        let mut watch = Self { gravitational: start.gravitational, lowest: f64::INFINITY, in_play: 0.0 };
+        watch.look(start);
+        watch
+    }
+
+    fn look(&mut self, energy: &Energy) -> Option<Gain> {
+        let Energy { kinetic, elastic, gravitational } = *energy;
+        self.in_play = self.in_play.max(kinetic + elastic + (gravitational - self.gravitational).abs());
+        self.lowest = self.lowest.min(energy.total());
+        let gained = energy.total() - self.lowest;
+        let rounding = ROUNDING * (kinetic + elastic + gravitational.abs() + self.gravitational.abs());
+        // A NaN is a gain too: it did not come from a passive scene.
+        let kept = gained <= GAIN * self.in_play || gained <= rounding;
+        (!kept).then_some(Gain { gained, in_play: self.in_play })
+    }
+}

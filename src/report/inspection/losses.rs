@@ -1,0 +1,93 @@
+//! What turns and what was lost, in words that the terminal and the page share.
+
+use crate::inspect::{FirstLosses, Gain, Inspection, LargestStep, Loss, Passed, Turn};
+use crate::integrate::Method;
+use crate::report::number::count;
+
+/// How numbers are written: for a terminal or for a page.
+pub(super) type Form = fn(f64) -> String;
+
+/// A limit of the step.
+pub(super) fn limit(step: LargestStep, form: Form) -> String {
+    step.dt().map_or("every step".into(), |dt| format!("{} s", form(dt)))
+}
+
+/// What the limits are limits of.
+pub(super) fn scope() -> String {
+    format!("at this state, linearised, for {}", Method::LinearBackwardEuler.name())
+}
+
+/// For which methods the limit of definiteness is another one: those whose matrix is that of a part of the step.
+pub(super) fn other_methods(inspection: &Inspection, form: Form) -> Option<String> {
+    let limits = inspection.options.iter().filter_map(|option| option.critical.dt());
+    let others = Method::ALL.iter().filter(|method| method.is_implicit() && method.matrix_dt(1.0) != 1.0);
+    let factors: Vec<String> =
+        others.map(|method| format!("{} under {}", form(1.0 / method.matrix_dt(1.0)), method.name())).collect();
+    (limits.count() > 0).then(|| format!("A stays definite for longer steps by a factor of {}", factors.join(", ")))
+}
+
+/// What a step does to the spring that it turns worst: how far and by how much that stretches it, and what comes of it.
+pub(super) fn turning(turn: &Turn, form: Form) -> [String; 2] {
+    let Turn { spring, particles: [i, j], angle, stretch, .. } = *turn;
+    let (degrees, stretched) = (form(angle.to_degrees()), percent(stretch, form));
+    let what = format!("spring {spring} ({i}–{j}) by {degrees}°, which alone stretches it by {stretched}");
+    [
+        what,
+        format!(
+            "in a turn by one radian its stiffness across takes {} of the turning away",
+            percent(turn.braked(), form)
+        ),
+    ]
+}
+
+/// A part in per cent.
+fn percent(part: f64, form: Form) -> String {
+    match 100.0 * part {
+        all if (99.95..=100.0).contains(&all) => "100 %".into(),
+        percent => format!("{} %", form(percent)),
+    }
+}
+
+/// What a run that lost nothing kept.
+pub(super) fn kept(losses: &FirstLosses) -> &'static str {
+    match losses.energy_watched {
+        true => "A was definite, the step stable, no spring was turned too far, and no energy came from nowhere",
+        false => {
+            "A was definite, the step stable, and no spring was turned too far; energy was not judged, since what moves the scene does work"
+        }
+    }
+}
+
+/// What a run lost first, in the order of its steps: what it is, and where and how.
+pub(super) fn lost(losses: &FirstLosses, form: Form) -> Vec<(&'static str, String)> {
+    let after = |step: u64, time: f64| match step {
+        0 => "at the start".to_owned(),
+        _ => format!("after {}, t = {} s", count(step as usize, "step"), form(time)),
+    };
+    let mut all: Vec<(u64, &'static str, String)> = Vec::new();
+    if let Some(Loss { step, time, option, culprits, negative, .. }) = &losses.definite {
+        let worst: Vec<String> = culprits.iter().take(3).map(|c| c.spring.to_string()).collect();
+        let springs = if worst.is_empty() { String::new() } else { format!("; worst springs {}", worst.join(", ")) };
+        let directions = count(*negative, "negative pivot");
+        all.push((
+            *step,
+            "definite",
+            format!("{}: {directions} under {}{springs}", after(*step, *time), option.name()),
+        ));
+    }
+    if let Some(Passed { step, time }) = losses.stable {
+        all.push((step, "stable", format!("{}: the step is longer than the largest stable one", after(step, time))));
+    }
+    if let Some((Passed { step, time }, turn)) = &losses.turning {
+        let [what, _] = turning(turn, form);
+        all.push((*step, "turning", format!("{}: it turned {what}", after(*step, *time))));
+    }
+    if let Some((Passed { step, time }, Gain { gained, in_play })) = losses.energy {
+        let (gained, in_play) = (form(gained), form(in_play));
+        let what = format!("{}: {gained} J from nowhere, of {in_play} J in play", after(step, time));
+        all.push((step, "energy", what));
+    }
+    // What came first first; of one step the cause before what it leads to.
+    all.sort_by_key(|(step, ..)| *step);
+    all.into_iter().map(|(_, name, what)| (name, what)).collect()
+}
