@@ -14,13 +14,16 @@ use std::time::Duration;
 const KEPT: [&str; 4] = ["work", "error", "options-euler", "options-w2"];
 
 /// Tiles that are kept of the stability map.
-const TILES: [&str; 6] = [
+const TILES: [&str; 9] = [
     "stability-linear-backward-euler-full-stretch",
     "stability-linear-backward-euler-tension-stretch",
     "stability-linear-backward-euler-axial-stretch",
     "stability-w2-axial-stretch",
     "stability-symplectic-euler-none-stretch",
     "stability-symplectic-euler-none-damping",
+    "stability-linear-backward-euler-full-turning",
+    "stability-linear-backward-euler-axial-turning",
+    "stability-backward-euler-on-demand-turning",
 ];
 
 /// The end of the page: pictures that another program makes.

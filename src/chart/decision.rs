@@ -1,57 +1,98 @@
 //! The chart in words: what to use for how much accuracy.
+//!
+//! Only runs of a [tail](super::tail()) are recommended, so that no advice is contradicted by a finer run of the same table.
 
-use super::figures::best_of_each;
+use super::figures::{Curve, best_of_each, curves};
+use super::tail::tail;
 use super::{Run, WorkPrecision};
 
-/// The cheapest run for an accuracy.
+/// What to use for an accuracy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decision<'a> {
     /// The largest error that is allowed.
     pub accuracy: f64,
-    /// The run with the least work among those that are accurate enough; `None` where none is.
+    /// The run with the least work among those that can be relied on and are accurate enough; `None` where there is none.
     pub cheapest: Option<&'a Run>,
     /// The one with the shortest time.
     pub fastest: Option<&'a Run>,
     /// The cheapest of the notes' method, linearised backward Euler.
     pub notes: Option<&'a Run>,
+    /// Of each method that gets there the cheapest, the least work first: its best stiffness option, solver and step.
+    pub methods: Vec<&'a Run>,
 }
 
 impl WorkPrecision {
-    /// Decisions for errors of 10 %, 1 %, … as far as the sweep's best runs reach.
+    /// Decisions for errors of 10 %, 1 %, … as far as runs that can be relied on reach.
     pub fn decisions(&self) -> Vec<Decision<'_>> {
-        let best = self.runs.iter().filter_map(Run::useful_error).fold(f64::INFINITY, f64::min);
+        let best = self.sound_runs().into_iter().filter_map(Run::useful_error).fold(f64::INFINITY, f64::min);
         let accuracies = (1..=8).map(|exponent| 10f64.powi(-exponent));
         accuracies.take_while(|accuracy| *accuracy >= best).map(|accuracy| self.decision(accuracy)).collect()
     }
 
     /// The decision for one accuracy.
     pub fn decision(&self, accuracy: f64) -> Decision<'_> {
-        let enough = || self.runs.iter().filter(|run| run.useful_error().is_some_and(|error| error <= accuracy));
-        let cheapest = enough().min_by(|a, b| a.cost.total_cmp(&b.cost));
-        let fastest = enough().min_by(|a, b| a.wall_seconds.total_cmp(&b.wall_seconds));
-        let notes = enough().filter(|run| run.method == "linear-backward-euler");
-        Decision { accuracy, cheapest, fastest, notes: notes.min_by(|a, b| a.cost.total_cmp(&b.cost)) }
+        let mut enough = self.sound_runs();
+        enough.retain(|run| run.useful_error().is_some_and(|error| error <= accuracy));
+        enough.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let mut methods: Vec<&Run> = Vec::new();
+        for run in &enough {
+            if methods.iter().all(|other| other.way() != run.way()) {
+                methods.push(run);
+            }
+        }
+        Decision {
+            accuracy,
+            cheapest: enough.first().copied(),
+            fastest: enough.iter().copied().min_by(|a, b| a.wall_seconds.total_cmp(&b.wall_seconds)),
+            notes: enough.iter().copied().find(|run| run.method == "linear-backward-euler"),
+            methods,
+        }
     }
 
     /// What the sweep says, in one sentence each.
     pub fn conclusions(&self) -> Vec<String> {
         let mut all: Vec<String> = self.decisions().iter().filter_map(Decision::sentence).collect();
-        let usable = best_of_each(&self.runs).into_iter().map(|curve| {
-            // The end of the curve's part without failures, from short steps up.
-            let good = curve.runs.iter().rev().take_while(|run| run.cause().is_none());
-            let name = name(&curve.method, curve.stiffness, curve.solver);
-            match good.map(|run| run.dt).reduce(f64::max) {
-                Some(dt) => format!("{name} up to {} s", short(dt)),
-                None => format!("{name} not at all"),
-            }
-        });
-        all.push(format!("Steps that end less than 100 % off: {}.", usable.collect::<Vec<_>>().join("; ")));
+        let best = best_of_each(&self.runs, self.floor());
+        if all.is_empty() {
+            all.push("No run ended with an error below 10 % from which on shorter steps did better: nothing can be recommended.".into());
+        }
+        let ways = best.iter().map(|curve| self.reach(curve));
+        all.push(format!("Steps from which on every shorter one did better: {}.", ways.collect::<Vec<_>>().join("; ")));
         all
+    }
+
+    /// How far a configuration can be relied on.
+    fn reach(&self, best: &Curve<'_>) -> String {
+        let name = name(&best.method, best.stiffness, best.solver);
+        match tail(best, self.floor()).last() {
+            Some(run) => format!("{name} up to {}", run.pace()),
+            None => {
+                let all = curves(&self.runs);
+                let elsewhere = all.iter().filter(|curve| curve.method == best.method);
+                let useful = elsewhere.flat_map(|curve| &curve.runs).any(|run| run.useful_error().is_some());
+                format!("{name} {}", if useful { "nowhere" } else { "nowhere, no run succeeded" })
+            }
+        }
+    }
+}
+
+impl Run {
+    /// The method, and whether its steps adapt: what a person chooses first.
+    pub fn way(&self) -> (&'static str, bool) {
+        (self.method, self.rtol.is_some())
+    }
+
+    /// Its steps, in words.
+    pub fn pace(&self) -> String {
+        match self.rtol {
+            Some(rtol) => format!("adaptive steps, rtol = {}", short(rtol)),
+            None => format!("dt = {} s", short(self.dt)),
+        }
     }
 }
 
 impl Decision<'_> {
-    /// In words; `None` where no run is accurate enough.
+    /// In words; `None` where no run can be recommended.
     pub fn sentence(&self) -> Option<String> {
         let run = self.cheapest?;
         let against = match self.notes {
@@ -59,17 +100,14 @@ impl Decision<'_> {
                 format!("; linear-backward-euler needs {} times the work", short(notes.cost / run.cost))
             }
             Some(_) => String::new(),
-            None => "; linear-backward-euler did not get there in the time".into(),
+            None => "; linear-backward-euler did not get there".into(),
         };
         let percent = short(100.0 * self.accuracy);
-        let pace = match run.rtol {
-            Some(rtol) => format!("adaptive steps, rtol = {}", short(rtol)),
-            None => format!("dt = {} s", short(run.dt)),
-        };
         let (work, milliseconds) = (short(run.cost), short(1e3 * run.wall_seconds));
         Some(format!(
-            "For an error below {percent} %: {} with {pace} ({work} force evaluations, {milliseconds} ms){against}.",
-            name(run.method, run.stiffness, run.solver)
+            "For an error below {percent} %: {} with {} ({work} force evaluations, {milliseconds} ms){against}.",
+            name(run.method, run.stiffness, run.solver),
+            run.pace()
         ))
     }
 }

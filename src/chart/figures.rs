@@ -1,6 +1,7 @@
 //! What a chart shows, as plain pictures: speed against accuracy in time and in counted work, conservation, tolerances,
 //! solvers.
 
+use super::tail::tail;
 use super::{Run, WorkPrecision};
 use crate::figure::{Axis, Guide, Plot, Series};
 use std::collections::BTreeMap;
@@ -50,10 +51,10 @@ impl Run {
 
 impl Curve<'_> {
     /// How much the configuration costs, without regard to how far it was taken: the least of `cost · error^(1/2)` over its
-    /// useful runs.
-    fn coefficient(&self) -> f64 {
-        let of_run = |run: &&Run| run.useful_error().map(|error| run.cost * error.max(1e-15).sqrt());
-        self.runs.iter().filter_map(of_run).fold(f64::INFINITY, f64::min)
+    /// [tail](super::tail()).
+    fn coefficient(&self, floor: f64) -> f64 {
+        let of_run = |run: &Run| run.useful_error().map(|error| run.cost * error.max(1e-15).sqrt());
+        tail(self, floor).into_iter().filter_map(of_run).fold(f64::INFINITY, f64::min)
     }
 
     fn points(&self, y: impl Fn(&Run) -> f64) -> Vec<(f64, f64)> {
@@ -87,12 +88,12 @@ fn failures<'a>(runs: impl Iterator<Item = &'a Run>) -> BTreeMap<String, Vec<&'a
     failures
 }
 
-/// Of each method the configuration that costs least.
-pub fn best_of_each(runs: &[Run]) -> Vec<Curve<'_>> {
+/// Of each method the configuration that costs least, judged by runs that can be relied on; errors below `floor` are not told apart.
+pub fn best_of_each(runs: &[Run], floor: f64) -> Vec<Curve<'_>> {
     let mut best: Vec<Curve<'_>> = Vec::new();
     for curve in curves(runs) {
         match best.iter_mut().find(|other| other.method == curve.method) {
-            Some(other) if curve.coefficient() < other.coefficient() => *other = curve,
+            Some(other) if curve.coefficient(floor) < other.coefficient(floor) => *other = curve,
             Some(_) => {}
             None => best.push(curve),
         }
@@ -103,7 +104,7 @@ pub fn best_of_each(runs: &[Run]) -> Vec<Curve<'_>> {
 impl WorkPrecision {
     /// Every picture of the chart.
     pub fn figures(&self) -> Vec<Figure> {
-        let best = best_of_each(&self.runs);
+        let best = best_of_each(&self.runs, self.floor());
         let by_method = |curve: &Curve<'_>| match (curve.stiffness, curve.solver) {
             ("none", _) => curve.method.clone(),
             (stiffness, "llt") => format!("{} ({stiffness})", curve.method),

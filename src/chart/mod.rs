@@ -11,6 +11,7 @@ mod reference;
 mod sizes;
 pub mod stability;
 mod sweep;
+mod tail;
 mod tolerance;
 mod work_precision;
 
@@ -22,6 +23,7 @@ pub use reference::Reference;
 pub use sizes::SizeRun;
 pub use stability::StabilityMap;
 pub use sweep::{Run, configurations};
+pub use tail::tail;
 pub use work_precision::{SweepOptions, WorkPrecision};
 
 use std::time::Duration;

@@ -1,5 +1,6 @@
 //! The sweep: every configuration at every step size that fits into the time, measured against the reference.
 
+use super::tail::ABOVE_THE_FLOOR;
 use super::{Progress, Quality, Reference};
 use crate::accuracy::{Configuration, Pace, Trial, trial};
 use crate::error::Result;
@@ -131,9 +132,6 @@ pub fn configurations(par: Par) -> Vec<Configuration> {
 
 /// A run of a sweep has at least this many steps.
 const FEWEST_STEPS: f64 = 4.0;
-
-/// Nearer to the reference than this many times its own error nothing is measured.
-const ABOVE_THE_FLOOR: f64 = 3.0;
 
 /// The tolerance of the first adaptive run; a quarter of it, and so on, follow: half the steps of a second-order method.
 const COARSEST_TOLERANCE: f64 = 0.1;

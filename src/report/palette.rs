@@ -35,8 +35,17 @@ pub(super) const DIVERGING: [Colour; 9] = [
 ];
 
 /// Classes of cells: the first is the harmless one, and lies back; the others keep apart in lightness too.
-pub(super) const CLASSES: [Colour; 7] =
-    [(223, 238, 246), (60, 60, 60), (196, 60, 0), (146, 84, 160), (240, 190, 70), (0, 148, 110), (0, 92, 148)];
+pub(super) const CLASSES: [Colour; 9] = [
+    (223, 238, 246),
+    (60, 60, 60),
+    (196, 60, 0),
+    (146, 84, 160),
+    (240, 190, 70),
+    (0, 148, 110),
+    (0, 92, 148),
+    (228, 138, 112),
+    (150, 190, 150),
+];
 
 /// As CSS writes it.
 pub(super) fn css((red, green, blue): Colour) -> String {

@@ -26,11 +26,15 @@ pub enum Verdict {
     LongStep,
     /// The position is off by more than a rest length.
     LargeError,
+    /// A turning spring has lost more than a tenth of its angular momentum in a turn by one radian.
+    Braked,
+    /// Turning has stretched a spring by more than one per cent.
+    Stretched,
 }
 
 impl Verdict {
     /// Every verdict, in the order in which they are looked for.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Stable,
         Self::NonFinite,
         Self::Indefinite,
@@ -38,6 +42,8 @@ impl Verdict {
         Self::EnergyGrowth,
         Self::LongStep,
         Self::LargeError,
+        Self::Braked,
+        Self::Stretched,
     ];
 
     /// In words.
@@ -50,6 +56,8 @@ impl Verdict {
             Self::EnergyGrowth => "energy grows",
             Self::LongStep => "step longer than a spring",
             Self::LargeError => "error above l0",
+            Self::Braked => "turning is braked",
+            Self::Stretched => "stretched by turning",
         }
     }
 }

@@ -9,6 +9,7 @@ impl Tile {
         let (over, y) = match self.axis {
             Axis::Stretch => ("over the stretch", figure::Axis::linear("stretch λ = l/l0")),
             Axis::Damping => ("over damping, at λ = 2", figure::Axis::logarithmic("axial damping ratio ζ")),
+            Axis::Turning => ("over turning", figure::Axis::logarithmic("turn per step θ, rad")),
         };
         let option = if self.stiffness == "none" { String::new() } else { format!(" ({})", self.stiffness) };
         let class = |verdict: &Verdict| Verdict::ALL.iter().position(|other| other == verdict).unwrap_or(0);
@@ -40,11 +41,7 @@ impl Tile {
 
     /// A name for a file: method, option and axis.
     pub fn file_name(&self) -> String {
-        let axis = match self.axis {
-            Axis::Stretch => "stretch",
-            Axis::Damping => "damping",
-        };
-        format!("stability-{}-{}-{axis}", self.method, self.stiffness)
+        format!("stability-{}-{}-{}", self.method, self.stiffness, self.axis.name())
     }
 }
 

@@ -2,9 +2,11 @@
 
 use super::experiment::{Verdict, experiment};
 use super::limits::{Limit, Prediction, limits, prediction};
+use super::turning;
 use crate::accuracy::Configuration;
 use crate::chart::{Progress, configurations};
 use crate::error::Result;
+use crate::integrate::{Method, StiffnessPolicy};
 use crate::linear::SolverChoice;
 use crate::verify::{Check, Claim};
 use faer::Par;
@@ -20,14 +22,44 @@ pub enum Axis {
     Stretch,
     /// The axial damping ratio ζ, at the stretch 2.
     Damping,
+    /// The angle θ by which a step turns the spring, in rad.
+    Turning,
 }
 
+/// Stretch of the springs over damping.
+const STRETCHED: f64 = 2.0;
+
 impl Axis {
-    /// Stretch and damping ratio of a row.
-    fn conditions(self, row: f64) -> (f64, f64) {
+    /// What the rows stand for, in a word.
+    pub fn name(self) -> &'static str {
         match self {
-            Self::Stretch => (row, 0.0),
-            Self::Damping => (2.0, row),
+            Self::Stretch => "stretch",
+            Self::Damping => "damping",
+            Self::Turning => "turning",
+        }
+    }
+
+    fn experiment(self, configuration: &Configuration, z: f64, row: f64) -> Result<Verdict> {
+        match self {
+            Self::Stretch => experiment(configuration, z, row, 0.0),
+            Self::Damping => experiment(configuration, z, STRETCHED, row),
+            Self::Turning => turning::experiment(configuration, z, row),
+        }
+    }
+
+    fn limits(self, method: Method, policy: StiffnessPolicy, row: f64) -> Vec<Limit> {
+        match self {
+            Self::Stretch => limits(method, policy, row, 0.0),
+            Self::Damping => limits(method, policy, STRETCHED, row),
+            Self::Turning => turning::limits(method, policy, row),
+        }
+    }
+
+    fn prediction(self, method: Method, policy: StiffnessPolicy, z: f64, row: f64, margin: f64) -> Prediction {
+        match self {
+            Self::Stretch => prediction(method, policy, z, row, 0.0, margin),
+            Self::Damping => prediction(method, policy, z, STRETCHED, row, margin),
+            Self::Turning => turning::prediction(method, policy, z, row, margin),
         }
     }
 }
@@ -43,7 +75,7 @@ pub struct Tile {
     pub axis: Axis,
     /// z = ω dt of every column.
     pub columns: Vec<f64>,
-    /// λ or ζ of every row.
+    /// λ, ζ or θ of every row.
     pub rows: Vec<f64>,
     /// Row by row, what failed first.
     pub verdicts: Vec<Vec<Verdict>>,
@@ -58,7 +90,7 @@ pub struct Tile {
 /// Tiles for every method and option.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct StabilityMap {
-    /// Over the stretch, then over damping.
+    /// Over the stretch, then over damping, then over turning.
     pub tiles: Vec<Tile>,
 }
 
@@ -79,8 +111,12 @@ impl StabilityMap {
         // An odd number of rows has one at λ = 1.
         let count = resolution.max(4) / 3 * 2 + 1;
         let mut tiles = Vec::new();
-        for (axis, rows) in [(Axis::Stretch, geometric(0.5, 2.0, count)), (Axis::Damping, geometric(0.01, 10.0, count))]
-        {
+        let all = [
+            (Axis::Stretch, geometric(0.5, 2.0, count)),
+            (Axis::Damping, geometric(0.01, 10.0, count)),
+            (Axis::Turning, geometric(0.003, 1.0, count)),
+        ];
+        for (axis, rows) in all {
             let methods = configurations(Par::Seq).into_iter().filter(|c| c.options.linear.solver == SolverChoice::Llt);
             for configuration in methods {
                 progress.at(begin.elapsed(), configuration.method.name());
@@ -103,10 +139,8 @@ impl Tile {
     /// None is known: the model is always a valid system.
     pub fn measure(configuration: &Configuration, axis: Axis, columns: &[f64], rows: &[f64]) -> Result<Self> {
         let (method, policy) = (configuration.method, configuration.options.stiffness);
-        let row = |&row: &f64| {
-            let (stretch, damping) = axis.conditions(row);
-            columns.iter().map(|&z| experiment(configuration, z, stretch, damping)).collect::<Result<Vec<_>>>()
-        };
+        let row =
+            |&row: &f64| columns.iter().map(|&z| axis.experiment(configuration, z, row)).collect::<Result<Vec<_>>>();
         let verdicts = rows.par_iter().map(row).collect::<Result<Vec<_>>>()?;
         let margin = match columns {
             [first, second, ..] => second / first,
@@ -115,9 +149,8 @@ impl Tile {
         let mut predicted = 0;
         let mut contradictions = Vec::new();
         for (&row, verdicts) in rows.iter().zip(&verdicts) {
-            let (stretch, damping) = axis.conditions(row);
             for (&z, &verdict) in columns.iter().zip(verdicts) {
-                let agrees = match prediction(method, policy, z, stretch, damping, margin) {
+                let agrees = match axis.prediction(method, policy, z, row, margin) {
                     Prediction::Silent => continue,
                     Prediction::Stable => verdict == Verdict::Stable,
                     Prediction::Unstable => verdict != Verdict::Stable,
@@ -130,10 +163,7 @@ impl Tile {
                 }
             }
         }
-        let limits = rows.iter().map(|&row| {
-            let (stretch, damping) = axis.conditions(row);
-            limits(method, policy, stretch, damping)
-        });
+        let limits = rows.iter().map(|&row| axis.limits(method, policy, row));
         Ok(Self {
             method: method.name(),
             stiffness: configuration.stiffness(),
@@ -149,12 +179,13 @@ impl Tile {
 
     /// No cell contradicts theory.
     pub fn check(&self) -> Check {
-        let over = match self.axis {
-            Axis::Stretch => "stretch",
-            Axis::Damping => "damping",
+        let over = self.axis.name();
+        let exact = match self.axis {
+            Axis::Stretch | Axis::Damping => "the linear stability limits are exact on the model",
+            Axis::Turning => "the limit of turning holds to a third for small angles",
         };
         let mut why = format!(
-            "the linear stability limits are exact on the model: none of {} cells further than one column from a limit may contradict them",
+            "{exact}: none of {} cells further than one column from a limit may contradict them",
             self.predicted
         );
         if let Some((z, row)) = self.contradictions.first() {
@@ -168,7 +199,6 @@ impl Tile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::integrate::Method;
 
     #[test]
     fn a_small_map_agrees_with_theory() {
@@ -178,6 +208,13 @@ mod tests {
         }
         let refused = map.tiles.iter().flat_map(|tile| tile.verdicts.concat()).filter(|v| *v == Verdict::Indefinite);
         assert!(refused.count() > 10);
-        assert!(map.tiles.iter().all(|tile| tile.predicted > 30 || tile.method == Method::ForwardEuler.name()));
+        let linear = map.tiles.iter().filter(|tile| tile.axis != Axis::Turning);
+        assert!(linear.clone().all(|tile| tile.predicted > 30 || tile.method == Method::ForwardEuler.name()));
+        let braked = map
+            .tiles
+            .iter()
+            .filter(|tile| tile.axis == Axis::Turning && tile.verdicts.concat().contains(&Verdict::Braked));
+        assert!(braked.clone().any(|tile| tile.stiffness == "full" && tile.predicted > 30));
+        assert!(braked.clone().all(|tile| tile.stiffness != "axial" || tile.method != "linear-backward-euler"));
     }
 }

@@ -3,13 +3,18 @@
 //! **The model.** One particle of mass m in the plane between two equal springs to fixed walls, each at the stretch λ = l/l0.
 //! It has an axial mode, `ω² = 2k/(l0 m)`, and a transverse one, `ω_t² = ω² (1 − 1/λ)`: an oscillation where the springs
 //! are stretched, buckling at the rate `σ² = ω² (1/λ − 1)` where they are compressed. Everything that a spring can do to a
-//! time step is in these two. `z = ω dt` and λ (or the axial damping ratio ζ) span the map.
+//! linear time step is in these two. `z = ω dt` and λ (or the axial damping ratio ζ) span the map. What no linear model shows,
+//! a spring that turns, has a tile of its own over z and the angle by which a step turns it.
 
 mod experiment;
 mod figures;
 mod limits;
 mod map;
+mod turning;
 
 pub use experiment::Verdict;
 pub use limits::{Limit, Prediction, dropped_term_limits, limits, prediction};
 pub use map::{Axis, StabilityMap, Tile};
+
+/// k of a spring of length, mass and ω one.
+const STIFFNESS_OF_ONE: f64 = 1.0;

@@ -1,0 +1,181 @@
+//! The nonlinear tile: one particle that circles a fixed point on a spring.
+//!
+//! It starts at the rest length, moving across the spring so that a step turns it by the angle θ. The exact motion keeps the
+//! angular momentum, as the force points at the centre, and its largest stretch λ follows from that and the energy:
+//! `(θ/z)² (λ + 1)/λ² = λ − 1`. After a turn by about one radian, 1/θ steps, a run has failed whose angular momentum has fallen by
+//! more than a tenth (*braked*), or which has stretched the spring by one per cent more than the exact motion ever does.
+//!
+//! **The limit of linearised backward Euler with the transverse term** (`full`, `tension`, and `on-demand`, which is `full`
+//! where springs are stretched). A step begins at the stretch λ and turns the spring by `δ⊥ = v⊥ dt/(1 + z² (1 − 1/λ))`,
+//! since the transverse term stands against it; what is left of the angular momentum is `1/(1 + z² (1 − 1/λ))`, exactly. While
+//! it circles steadily, `λ − 1 ≈ θ²/z²` holds the particle on its circle, and the straight step adds `½ θ²`. So a step loses
+//! `θ² + ½ (zθ)²` and a radian `θ (1 + ½ z²)`, for small θ:
+//!
+//! ```text
+//! θ (1 + ½ z²) = −ln 0.9.
+//! ```
+//!
+//! The first part is backward Euler's damping of every rotation, the second what linearising at the start of the step
+//! adds. Methods that keep angular momentum (symplectic Euler, implicit midpoint, `axial`) are not braked. All
+//! methods that only look at the start of the step stretch the spring to `√(1 + θ²)` in the first one; under `axial`
+//! and in symplectic Euler nothing else acts there.
+
+use super::limits::{Limit, Prediction};
+use super::{STIFFNESS_OF_ONE, Verdict};
+use crate::accuracy::Configuration;
+use crate::error::Result;
+use crate::force::Energy;
+use crate::integrate::{Method, Status, StiffnessPolicy};
+use crate::spring::{Spring, Stiffness};
+use crate::system::{State, System, SystemBuilder};
+
+/// The part of the angular momentum that may be lost in a turn by one radian: as for the limit that an inspection names.
+const BRAKED: f64 = crate::inspect::MOST_BRAKED;
+
+/// The stretch beyond the exact motion's largest that counts.
+const STRETCHED: f64 = crate::inspect::MOST_STRETCHED;
+
+/// Growth of the energy that counts: nothing does work.
+const GROWTH: f64 = 2.0;
+
+fn model(angle: f64, z: f64) -> Result<(System, State)> {
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    let centre = builder.particle([0.0; 3], 1.0);
+    let particle = builder.particle([1.0, 0.0, 0.0], 1.0);
+    builder.spring(particle, centre, Spring { stiffness: STIFFNESS_OF_ONE, rest_length: 1.0, damping: 0.0 });
+    builder.hold(centre);
+    let (system, mut state) = builder.build()?;
+    if let Some(velocity) = state.velocities.get_mut(particle) {
+        velocity.y = angle / z;
+    }
+    Ok((system, state))
+}
+
+/// The largest stretch of the exact motion.
+fn largest_stretch(angle: f64, z: f64) -> f64 {
+    let ratio = (angle / z) * (angle / z);
+    let pull = |stretch: f64| ratio * (stretch + 1.0) / (stretch * stretch) - (stretch - 1.0);
+    // It falls with the stretch, from 2 (θ/z)² at 1, and is negative at 1 + 2 (θ/z)².
+    let (mut low, mut high) = (1.0, 1.0 + 2.0 * ratio);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if pull(middle) > 0.0 { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// Runs the model for a turn by one radian with steps `dt = z/ω` and says what fails first.
+pub(super) fn experiment(configuration: &Configuration, z: f64, angle: f64) -> Result<Verdict> {
+    let (system, mut state) = model(angle, z)?;
+    let mut stepper = configuration.method.stepper(&system, &state, &configuration.options)?;
+    let arm = |state: &State| state.positions.get(1).copied().unwrap_or_default();
+    let momentum = |state: &State| arm(state).cross(&state.velocities.get(1).copied().unwrap_or_default()).z;
+    let (before, initial) = (momentum(&state), Energy::of(&system, &state).total());
+    let reach = (1.0 + STRETCHED) * largest_stretch(angle, z);
+    let mut stretched = false;
+    for _ in 0..(1.0 / angle).ceil() as usize {
+        let from = arm(&state);
+        if let Err(failure) = stepper.step(&mut state, z) {
+            return Ok(match failure.status() {
+                Status::Indefinite => Verdict::Indefinite,
+                Status::NotConverged => Verdict::NotConverged,
+                _ => Verdict::NonFinite,
+            });
+        }
+        let energy = Energy::of(&system, &state).total();
+        if !energy.is_finite() {
+            return Ok(Verdict::NonFinite);
+        }
+        if energy > GROWTH * initial {
+            return Ok(Verdict::EnergyGrowth);
+        }
+        if (arm(&state) - from).norm() > from.norm() {
+            return Ok(Verdict::LongStep);
+        }
+        stretched |= arm(&state).norm() > reach;
+    }
+    Ok(match momentum(&state) < (1.0 - BRAKED) * before {
+        true => Verdict::Braked,
+        false if stretched => Verdict::Stretched,
+        false => Verdict::Stable,
+    })
+}
+
+/// Whether a method linearises at the start of the step, with the transverse term of stretched springs.
+fn is_braked(method: Method, policy: StiffnessPolicy) -> bool {
+    method == Method::LinearBackwardEuler && policy != StiffnessPolicy::Always(Stiffness::Axial)
+}
+
+/// Whether a first step goes straight on for certain.
+fn goes_straight(method: Method, policy: StiffnessPolicy) -> bool {
+    method == Method::SymplecticEuler || (method == Method::LinearBackwardEuler && !is_braked(method, policy))
+}
+
+/// The limits in closed form at a turning angle per step; none where there is none.
+pub(super) fn limits(method: Method, policy: StiffnessPolicy, angle: f64) -> Vec<Limit> {
+    let mut limits = Vec::new();
+    let squared = 2.0 * (-(-BRAKED).ln_1p() / angle - 1.0);
+    if is_braked(method, policy) && squared > 0.0 {
+        limits.push(Limit { formula: "θ(1 + z²/2) = 0.105", z: squared.sqrt() });
+    }
+    // For large z the exact motion stretches the spring by 2θ²/z² at most.
+    let excess = angle.hypot(1.0) / (1.0 + STRETCHED) - 1.0;
+    if goes_straight(method, policy) && excess > 0.0 {
+        limits.push(Limit { formula: "√(1 + θ²) = 1.01 (1 + 2θ²/z²)", z: angle * (2.0 / excess).sqrt() });
+    }
+    limits
+}
+
+/// The limit is one for small angles: up to this one it holds to a third.
+const SMALL: f64 = 0.05;
+const MARGIN: f64 = 1.35;
+
+/// What theory predicts; `Silent` within a factor of a limit, and where it has none.
+pub(super) fn prediction(method: Method, policy: StiffnessPolicy, z: f64, angle: f64, margin: f64) -> Prediction {
+    let margin = margin.max(MARGIN);
+    let Some(limit) = limits(method, policy, angle).first().copied() else { return Prediction::Silent };
+    match is_braked(method, policy) {
+        _ if z > margin * limit.z => Prediction::Unstable,
+        true if angle < SMALL && z < limit.z / margin => Prediction::Stable,
+        _ => Prediction::Silent,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrate::ImplicitOptions;
+
+    #[test]
+    fn the_limit_is_where_runs_are_braked() {
+        let options = |option: Stiffness| ImplicitOptions { stiffness: option.into(), ..ImplicitOptions::default() };
+        let at = |method, option, z, angle| {
+            experiment(&Configuration { method, options: options(option) }, z, angle).unwrap()
+        };
+        for angle in [0.003, 0.01, 0.03] {
+            for option in [Stiffness::Full, Stiffness::Tension] {
+                let limit = limits(Method::LinearBackwardEuler, option.into(), angle)[0].z;
+                assert_eq!(at(Method::LinearBackwardEuler, option, limit / 1.2, angle), Verdict::Stable);
+                assert_eq!(at(Method::LinearBackwardEuler, option, 1.2 * limit, angle), Verdict::Braked);
+            }
+            // Nothing but linearising with the transverse term at the start of the step is wrong there.
+            for method in [Method::BackwardEuler, Method::ImplicitMidpoint] {
+                assert_eq!(at(method, Stiffness::Full, 10.0, angle), Verdict::Stable, "{}", method.name());
+            }
+            assert_eq!(at(Method::LinearBackwardEuler, Stiffness::Axial, 10.0, angle), Verdict::Stable);
+        }
+        assert_eq!(at(Method::LinearBackwardEuler, Stiffness::Axial, 10.0, 0.2), Verdict::Stretched);
+    }
+
+    #[test]
+    fn the_exact_motion_turns_back_at_its_largest_stretch() {
+        for (angle, z) in [(0.01, 3.0), (0.3, 1.0), (1.0, 0.1)] {
+            let stretch = largest_stretch(angle, z);
+            let speed: f64 = angle / z;
+            // All energy is in the spring and in the motion across that the angular momentum demands.
+            let energy = 0.5 * (speed / stretch).powi(2) + 0.5 * (stretch - 1.0).powi(2);
+            assert!((energy / (0.5 * speed * speed) - 1.0).abs() < 1e-9, "{energy}");
+            assert!(stretch > 1.0);
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! What a chart recommends is never contradicted by its own table: tables made up at random, and advice found by looking at
+//! every run and everything finer of its configuration.
+
+use proptest::prelude::*;
+use sprung::chart::{Reference, Run, WorkPrecision};
+use sprung::integrate::Status;
+use sprung::work::Work;
+
+/// One run of a table that was made up.
+fn run(method: &'static str, stiffness: &'static str, [pace, cost]: [f64; 2], adapts: bool, error: Option<f64>) -> Run {
+    Run {
+        method,
+        stiffness,
+        solver: "llt",
+        tolerance: None,
+        rtol: adapts.then_some(pace),
+        dt: pace,
+        status: if error.is_some() { Status::Completed } else { Status::Indefinite },
+        failure: None,
+        error,
+        quality: None,
+        wall_seconds: 1e-6 * cost,
+        repeats: 1,
+        work: Work::default(),
+        cost,
+    }
+}
+
+const FLOOR: f64 = 3e-6;
+
+fn table(runs: Vec<Run>) -> WorkPrecision {
+    let state = sprung::State { time: 1.0, positions: Vec::new(), velocities: Vec::new() };
+    let reference = Reference { method: "made up".into(), error_estimate: FLOOR / 3.0, state };
+    WorkPrecision { scene: "s".into(), duration: 1.0, reference, runs, tolerances: Vec::new(), sizes: Vec::new() }
+}
+
+/// Configurations of up to seven runs whose errors fall more or less, or fail.
+fn tables() -> impl Strategy<Value = WorkPrecision> {
+    let error = prop_oneof![
+        6 => (0.0..1.0f64).prop_map(|noise| Some(noise)),
+        1 => Just(None),
+        // Beyond what counts as a result.
+        1 => Just(Some(40.0)),
+    ];
+    let curve = (prop::collection::vec(error, 0..8), 0.2..8.0f64, 1.0..50.0f64);
+    prop::collection::vec(curve, 8).prop_map(|curves| {
+        let ways = [
+            ("linear-backward-euler", "full", false),
+            ("linear-backward-euler", "axial", false),
+            ("w2", "full", false),
+            ("w2", "tension", false),
+            ("w2", "on-demand", true),
+            ("backward-euler", "on-demand", false),
+            ("symplectic-euler", "none", false),
+            ("bdf2", "on-demand", true),
+        ];
+        let mut runs = Vec::new();
+        for ((method, stiffness, adapts), (errors, fall, cost)) in ways.into_iter().zip(curves) {
+            for (k, noise) in errors.into_iter().enumerate() {
+                let halvings = f64::from(k as u32);
+                // Every decade of noise can undo a halving or two.
+                let error = noise
+                    .map(|noise| if noise > 1.0 { noise } else { 0.5 * (-fall * halvings).exp() * 10f64.powf(noise) });
+                runs.push(run(
+                    method,
+                    stiffness,
+                    [0.1 * 0.5f64.powf(halvings), cost * 2f64.powf(halvings)],
+                    adapts,
+                    error,
+                ));
+            }
+        }
+        // In the order of the sweep: by rounds, not by configuration.
+        runs.sort_by(|a, b| b.dt.total_cmp(&a.dt));
+        table(runs)
+    })
+}
+
+fn same_configuration(a: &Run, b: &Run) -> bool {
+    (a.method, a.stiffness, a.solver, a.rtol.is_some()) == (b.method, b.stiffness, b.solver, b.rtol.is_some())
+}
+
+/// Whether, from this run on, each succeeded and erred more than everything finer; and there is something finer, or at least the
+/// next coarser one confirms it in the same way.
+fn can_be_relied_on(run: &Run, all: &[Run]) -> bool {
+    let of_it: Vec<&Run> = all.iter().filter(|other| same_configuration(run, other)).collect();
+    let error = |run: &Run| run.error.filter(|error| *error < 1.0);
+    let falls_from = |from: f64| {
+        let part: Vec<&&Run> = of_it.iter().filter(|run| run.dt <= from).collect();
+        part.iter().all(|run| error(run).is_some())
+            && part.iter().all(|coarse| {
+                part.iter().filter(|fine| fine.dt < coarse.dt).all(|fine| {
+                    let (coarse, fine) = (error(coarse).unwrap(), error(fine).unwrap());
+                    fine < coarse || (fine <= FLOOR && coarse <= FLOOR)
+                })
+            })
+    };
+    let coarser = of_it.iter().map(|run| run.dt).filter(|dt| *dt > run.dt).fold(f64::INFINITY, f64::min);
+    let finest = of_it.iter().all(|other| other.dt >= run.dt);
+    falls_from(run.dt) && (!finest || (coarser.is_finite() && falls_from(coarser)))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
+
+    #[test]
+    fn advice_is_what_a_look_at_every_run_finds(chart in tables()) {
+        for exponent in 1..=6 {
+            let accuracy = 10f64.powi(-exponent);
+            let decision = chart.decision(accuracy);
+            let enough = || {
+                let close = |run: &&Run| run.error.is_some_and(|error| error <= accuracy);
+                chart.runs.iter().filter(close).filter(|run| can_be_relied_on(run, &chart.runs))
+            };
+            let least = |runs: &mut dyn Iterator<Item = &Run>| runs.map(|run| run.cost).fold(f64::INFINITY, f64::min);
+            let cost = |run: Option<&Run>| run.map_or(f64::INFINITY, |run| run.cost);
+            prop_assert_eq!(cost(decision.cheapest), least(&mut enough()));
+            prop_assert_eq!(cost(decision.notes), least(&mut enough().filter(|run| run.method == "linear-backward-euler")));
+            // Of every method that gets there the best option, once.
+            for run in &decision.methods {
+                prop_assert!(can_be_relied_on(run, &chart.runs) && run.error.unwrap() <= accuracy);
+                prop_assert_eq!(run.cost, least(&mut enough().filter(|other| other.way() == run.way())));
+                prop_assert_eq!(decision.methods.iter().filter(|other| other.way() == run.way()).count(), 1);
+            }
+            prop_assert!(enough().all(|run| decision.methods.iter().any(|other| other.way() == run.way())));
+        }
+    }
+
+    /// Every step that a sentence names is one from which on everything finer did better.
+    #[test]
+    fn no_sentence_is_contradicted_by_the_table(chart in tables()) {
+        let (sentences, reach) = chart.conclusions().split_last().map(|(last, rest)| (rest.to_vec(), last.clone())).unwrap();
+        for (sentence, decision) in sentences.iter().zip(chart.decisions()) {
+            let run = decision.cheapest.unwrap();
+            prop_assert!(can_be_relied_on(run, &chart.runs));
+            prop_assert!(sentence.contains(run.method) && sentence.contains(&run.pace()), "{}", sentence);
+        }
+        for claim in reach.trim_end_matches('.').split(": ").nth(1).unwrap().split("; ") {
+            let method = claim.split([' ', ',']).next().unwrap();
+            if let Some((_, pace)) = claim.split_once(" up to ") {
+                let named = |run: &&Run| run.method == method && run.pace() == pace;
+                prop_assert!(chart.runs.iter().filter(named).any(|run| can_be_relied_on(run, &chart.runs)), "{}", claim);
+            }
+        }
+    }
+}
+
+/// The long step that met the right place by chance, and exploded at half its length.
+#[test]
+fn luck_is_not_recommended() {
+    let lucky = |error| {
+        table(vec![
+            run("w2", "axial", [0.4, 10.0], false, Some(0.5)),
+            run("w2", "axial", [0.2, 20.0], false, Some(0.009)),
+            run("w2", "axial", [0.1, 40.0], false, error),
+            run("w2", "axial", [0.05, 80.0], false, Some(0.008)),
+            run("w2", "axial", [0.025, 160.0], false, Some(0.002)),
+        ])
+    };
+    for error in [None, Some(0.3), Some(30.0)] {
+        let chart = lucky(error);
+        assert_eq!(chart.decision(0.01).cheapest.unwrap().dt, 0.05, "{error:?}");
+        assert!(chart.conclusions().last().unwrap().contains("w2 (axial) up to dt = 0.05 s"));
+    }
+    assert_eq!(lucky(Some(0.0085)).decision(0.01).cheapest.unwrap().dt, 0.2);
+    // One run alone confirms nothing.
+    let one = table(vec![run("w2", "axial", [0.4, 10.0], false, Some(0.001))]);
+    assert!(one.decision(0.1).cheapest.is_none() && one.decisions().is_empty());
+    assert!(one.conclusions().iter().any(|sentence| sentence.contains("nothing can be recommended")));
+}
