@@ -37,7 +37,7 @@ fn table(runs: Vec<Run>) -> WorkPrecision {
 /// Configurations of up to seven runs whose errors fall more or less, or fail.
 fn tables() -> impl Strategy<Value = WorkPrecision> {
     let error = prop_oneof![
-        6 => (0.0..1.0f64).prop_map(|noise| Some(noise)),
+        6 => (0.0..1.0f64).prop_map(Some),
         1 => Just(None),
         // Beyond what counts as a result.
         1 => Just(Some(40.0)),
