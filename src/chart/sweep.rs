@@ -112,7 +112,7 @@ impl Bench<'_> {
 }
 
 /// The configurations that a sweep compares: each method under each option that it has, by factorization, and the notes'
-/// method and the W-method by conjugate gradients too.
+/// method, bdf2 and the W-method by conjugate gradients too.
 pub fn configurations(par: Par) -> Vec<Configuration> {
     let policies = Stiffness::ALL.map(StiffnessPolicy::Always).into_iter().chain([StiffnessPolicy::OnDemand]);
     let with = |method, stiffness, solver| {
@@ -120,7 +120,7 @@ pub fn configurations(par: Par) -> Vec<Configuration> {
         Configuration { method, options: ImplicitOptions { stiffness, linear } }
     };
     let mut all = Vec::new();
-    for method in [Method::LinearBackwardEuler, Method::W2] {
+    for method in [Method::LinearBackwardEuler, Method::Bdf2, Method::W2] {
         all.extend(policies.clone().map(|policy| with(method, policy, SolverChoice::Llt)));
         all.push(with(method, StiffnessPolicy::OnDemand, SolverChoice::Cg));
     }

@@ -26,11 +26,15 @@
 //! ```
 //!
 //! As y is off by O(h³) only, one iteration with any matrix that contracts is the formula up to O(h⁴) or better: the matrix decides
-//! how fast the iteration converges and not where to, so every stiffness option keeps the order; the on-demand policy takes `axial`. A spring that turns is not
+//! how fast the iteration converges and not where to, so every stiffness option keeps the order. The on-demand policy takes the one
+//! of [`tension`]. A spring that turns is not
 //! braked by the stretch that its turning by v h would bring, as it is when forces are linearised at x.
+//!
+//! **When one iteration is not enough** is seen by the residual at x', see [`iteration`].
 
 mod history;
 mod iteration;
+mod tension;
 
 use self::history::History;
 use self::iteration::Iteration;
@@ -83,7 +87,10 @@ impl<'s> Bdf2<'s> {
         }
         next.time = state.time + h;
         system.prescribed().set_positions(next.time, &mut next.positions);
-        iteration.solve(base, next, tau)?;
+        if ratio == 0.0 {
+            iteration.forget(state);
+        }
+        iteration.solve(state, base, next, tau)?;
         next.prescribe(system);
         if next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) }
     }

@@ -3,9 +3,12 @@
 use super::{Softening, Statistics};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Extensions};
-use crate::linear::{Definiteness, Evidence, LinearSolver, Promise, Solution, SolveFailure, SolverOptions, select};
+use crate::linear::{
+    BlockJacobi, Definiteness, DiagonalPart, Evidence, LinearSolver, Promise, Solution, SolveFailure, SolverOptions,
+    select,
+};
 use crate::operator::{Combination, SystemOperator};
-use crate::spring::Stiffness;
+use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
@@ -16,7 +19,8 @@ pub enum StiffnessPolicy {
     Always(Stiffness),
     /// `Full` while A is positive definite; in the solves where it is not, transverse terms are dropped, as few as a
     /// condition without factorizations can promise to be enough, see [`Softening`]. With a factorization "is not" is proven;
-    /// with conjugate gradients it means that negative curvature was met.
+    /// with conjugate gradients it means that negative curvature was met. [`Bdf2`](super::Bdf2), whose result does not hang on the
+    /// matrix, takes the transverse terms of tensions that last.
     OnDemand,
 }
 
@@ -73,6 +77,8 @@ pub(super) struct LinearSystem<'s> {
     /// The relative residual asked of iterative solvers.
     pub tolerance: f64,
     prepared: Prepared,
+    /// Made when first asked for.
+    blocks: Option<BlockJacobi>,
     rhs: Vec<f64>,
     solution: Vec<f64>,
 }
@@ -121,6 +127,7 @@ impl<'s> LinearSystem<'s> {
             policy,
             tolerance,
             prepared,
+            blocks: None,
             rhs,
             solution,
         })
@@ -172,6 +179,41 @@ impl<'s> LinearSystem<'s> {
         self.prepared.policy = StiffnessPolicy::OnDemand;
         self.prepared.combination = combination;
         self.take_over(Terms::Whole)
+    }
+
+    /// Takes over the matrix of the given combination at the current extensions, with transverse coefficients of its own in
+    /// place of an option: `transverse` gives that of a spring by its position among the active ones, in N/m and not negative.
+    pub fn prepare_with(
+        &mut self,
+        combination: Combination,
+        transverse: impl Fn(usize, &Spring, &Extension) -> f64 + Sync,
+    ) -> Result<(), SolveFailure> {
+        let Self { extensions, operator, prepared, statistics, solver, .. } = self;
+        prepared.policy = StiffnessPolicy::Always(Stiffness::Tension);
+        prepared.combination = combination;
+        prepared.terms = Terms::Of(Stiffness::Tension);
+        prepared.dropped = 0;
+        operator.set_blocks(extensions, combination.mass, |position, spring, at| {
+            let axial = spring.stiffness_block(at, Stiffness::Axial);
+            let block = SpringBlock { transverse: transverse(position, spring, at), ..axial } * -combination.stiffness;
+            if spring.damping > 0.0 { block + spring.damping_block(at) * -combination.damping } else { block }
+        });
+        statistics.work.assemblies += 1;
+        prepared.definiteness = solver.prepare(operator, &mut statistics.work)?;
+        Ok(())
+    }
+
+    /// `fᵀ D⁻¹ f` with D the 3×3 diagonal blocks of the prepared matrix: about `fᵀ A⁻¹ f`. Infinite where D is not positive
+    /// definite.
+    pub fn block_energy(&mut self, force: &[Vector3<f64>]) -> f64 {
+        let dofs = self.system.dofs();
+        let blocks = self.blocks.get_or_insert_with(|| BlockJacobi::new(DiagonalPart::Blocks, dofs));
+        if blocks.update(&self.operator).is_err() {
+            return f64::INFINITY;
+        }
+        dofs.gather(force, &mut self.rhs);
+        blocks.apply(&self.rhs, &mut self.solution);
+        self.rhs.iter().zip(&self.solution).map(|(f, d)| f * d).sum()
     }
 
     /// Whether the prepared matrix is the full one less some terms.

@@ -25,8 +25,9 @@
 //! with it the damping forces do work `−∫ f_dᵀ dδ` along the line searched, taken by the trapezoidal rule. Their sum φ has the
 //! slope `φ' = rᵀΔ`, and a step s must bring the decrease `φ(s) ≤ φ(0) + c s φ'(0)` (Armijo). Near the solution φ has no digits
 //! left to fall by; then its slope must have fallen, `φ'(s) ≤ (1 − 2c)|φ'(0)|`, which for a quadratic φ says the same (the
-//! "approximate Wolfe" condition of Hager and Zhang, 2005). The iteration starts from the lower one in Φ of staying (δ = 0) and
-//! coasting (δ = dt v): from δ = 0 its first full step is the linearised step.
+//! "approximate Wolfe" condition of Hager and Zhang, 2005). The iteration starts from the predicted state, δ = dt v. (From
+//! staying, δ = 0, its first full step would be the linearised one, which brakes springs that turn.) Where it comes to nothing from
+//! there, it starts again from staying.
 //!
 //! **The matrix** is that of the stiffness option as long as it serves, and otherwise one that does, see [`Filter`].
 
@@ -34,11 +35,12 @@ use super::filter::{Filter, Matrix};
 use super::forcing::Forcing;
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::merit::{Balance, Point};
-use super::{NotSolved, StepFailure};
+use super::{NotSolved, StepFailure, StiffnessPolicy};
 use crate::error::Result;
 use crate::force::{add_damping_differential, add_damping_force, add_elastic_force, add_weight};
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
+use crate::spring::Stiffness;
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
@@ -100,11 +102,50 @@ impl<'s> Newton<'s> {
     }
 
     /// Solves for the free entries of `displacement` over dt seconds from a state.
+    ///
+    /// Where the iteration from the predicted state comes to nothing, it starts again from staying.
     pub fn solve(&mut self, state: &State, dt: f64) -> Result<(), StepFailure> {
-        let mut filter = Filter::new(self.linear.policy);
+        let coast = self.start(state, dt, 1.0);
+        let solved = coast.and_then(|point| self.iterate(point, state, dt, self.linear.policy, false));
+        // Another start helps where there is no way on, not where matrices are refused or the way is too long.
+        let no_way = |failure: &StepFailure| match failure {
+            StepFailure::Newton { reason, .. } => *reason != NotSolved::IterationLimit,
+            StepFailure::NonFinite | StepFailure::DegenerateSpring(_) => true,
+            _ => false,
+        };
+        match solved {
+            Err(failure) if no_way(&failure) => {
+                let stay = self.start(state, dt, 0.0)?;
+                self.iterate(stay, state, dt, self.linear.policy, false)
+            }
+            solved => solved,
+        }
+    }
+
+    /// As [`solve`](Self::solve) from the point at hand, or from where the last step of the line search started if there is none, and
+    /// only until a whole step leaves less to correct than it corrected itself.
+    pub fn refine(&mut self, point: Option<Point>, state: &State, dt: f64) -> Result<(), StepFailure> {
+        let point = match point {
+            Some(point) => point,
+            None => {
+                self.move_by(-1.0);
+                self.evaluate(state, dt, 0.0)?
+            }
+        };
+        self.iterate(point, state, dt, Stiffness::Tension.into(), true)
+    }
+
+    fn iterate(
+        &mut self,
+        mut point: Point,
+        state: &State,
+        dt: f64,
+        policy: StiffnessPolicy,
+        is_loose: bool,
+    ) -> Result<(), StepFailure> {
+        let mut filter = Filter::new(policy);
         let mut forcing = Forcing::new(self.linear.tolerance);
         let mut iterations = 0;
-        let mut point = self.start(state, dt)?;
         loop {
             let balance = {
                 let Self { linear, trial, part, .. } = self;
@@ -133,6 +174,10 @@ impl<'s> Newton<'s> {
                 return failed(NotSolved::LineSearch);
             };
             filter.learn(step, next.residual / point.residual, self.linear.is_softened());
+            // Along the direction the matrix has the norm −rᵀΔ.
+            if is_loose && step == 1.0 && self.left() < -point.slope {
+                return Ok(());
+            }
             point = next;
         }
     }
@@ -142,10 +187,10 @@ impl<'s> Newton<'s> {
         self.evaluate(state, dt, 0.0)
     }
 
-    /// Moves by `A⁻¹(−r)` with the matrix last prepared; returns the square of the norm of that in A. Prescribed coordinates
-    /// must be where they are to be.
+    /// Moves by `Δ = A⁻¹(−r)` with the matrix last prepared; returns `Δᵀ A Δ`. Prescribed coordinates must be where they are to be.
     pub fn correct(&mut self) -> Result<f64, SolveFailure> {
         let Self { linear, force, direction, .. } = self;
+        linear.set_tolerance(linear.tolerance);
         direction.fill(Vector3::zeros());
         let solution = linear.solve(force, direction)?;
         linear.statistics.record(solution.relative_residual);
@@ -154,28 +199,26 @@ impl<'s> Newton<'s> {
         Ok(energy)
     }
 
-    /// Starts from staying or from coasting, whichever has the lower potential.
-    fn start(&mut self, state: &State, dt: f64) -> Result<Point, StepFailure> {
+    /// Δ.
+    pub fn direction(&self) -> &[Vector3<f64>] {
+        &self.direction
+    }
+
+    /// About what `Δᵀ A Δ` of the next direction with the same matrix will be.
+    pub fn left(&mut self) -> f64 {
+        self.linear.block_energy(&self.force)
+    }
+
+    /// Starts from a part of the way to the state predicted by the velocities: none is staying, all of it coasting.
+    fn start(&mut self, state: &State, dt: f64, part: f64) -> Result<Point, StepFailure> {
         let dofs = self.linear.system.dofs();
         for (p, v) in state.velocities.iter().enumerate() {
-            self.direction[p].fill(0.0);
             for axis in dofs.free_axes(p).iter() {
-                self.displacement[p][axis] = 0.0;
-                self.direction[p][axis] = v[axis] * dt;
+                self.displacement[p][axis] = v[axis] * (part * dt);
             }
+            self.direction[p].fill(0.0);
         }
-        let merit = |point: &Point| point.potential + 0.5 * point.damping_slope;
-        let stay = self.evaluate(state, dt, 0.0);
-        let coast = self.evaluate(state, dt, 1.0);
-        match (stay, coast) {
-            (Ok(stay), Ok(coast)) if merit(&stay) < merit(&coast) => self.evaluate(state, dt, 0.0),
-            (Ok(_), Err(_)) => self.evaluate(state, dt, 0.0),
-            (_, coast) => {
-                let coast = coast?;
-                self.move_by(1.0);
-                Ok(coast)
-            }
-        }
+        self.evaluate(state, dt, 0.0)
     }
 
     /// Evaluates r at `displacement + step·direction`, and its slope and work along the direction.

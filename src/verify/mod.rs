@@ -22,6 +22,7 @@ mod equilibrium;
 mod extrapolation;
 mod family;
 mod force_error;
+mod formula_steps;
 mod hard_states;
 mod jacobian;
 mod measured;

@@ -8,11 +8,13 @@
 //! backward Euler          M (v' − v)/dt − f_el(x') − f_d(x', v') − g
 //! explicit methods        M (v' − v)/dt − f_el(x) − f_d(x, v) − g
 //! ```
+//!
+//! Those of bdf2 are in [`formula_steps`].
 
 use super::measured::Measured;
 use super::reference::{self, Link, damping_product, free, links, stiffness_product};
 use super::runs::{Way, direct};
-use super::{Check, Claim, Subject, U, worst};
+use super::{Check, Claim, Subject, U, formula_steps, worst};
 use crate::integrate::Method;
 use crate::linear::{SolverChoice, SolverOptions, norm};
 use crate::spring::Stiffness;
@@ -77,16 +79,20 @@ pub(super) fn linear(subject: &Subject) -> Measured {
 pub(super) fn others(subject: &Subject) -> Measured {
     let mut checks = Vec::new();
     for way in Way::of(subject) {
+        if way.method == Method::Bdf2 {
+            checks.extend(formula_steps::checks(subject, way)?);
+            continue;
+        }
         let dt = way.step(subject);
         let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
         let moved = states.windows(2).map(|pair| displacement_error(subject, way.method, dt, &pair[0], &pair[1]));
-        if !matches!(way.method, Method::W2 | Method::Bdf2) {
+        if way.method != Method::W2 {
             let why = "in units of rounding of the position: v is the old, the new or the mean velocity, as the method has it";
             let name = format!("x' = x + dt v, {}", way.name());
             checks.push(Check::new(Claim::Solvers, name, &subject.name, worst(moved), 4.0, why));
         }
         let residual: fn(&Subject, f64, &State, &State) -> f64 = match way.method {
-            // Linear backward Euler has its own checks; the W-method is held to known answers.
+            // These have checks of their own; the W-method is held to known answers.
             Method::LinearBackwardEuler | Method::W2 | Method::Bdf2 => continue,
             Method::BackwardEuler => newton_share,
             Method::ImplicitMidpoint => midpoint_share,

@@ -1,23 +1,42 @@
-//! The quasi-Newton iteration of a step: from a prediction, with the exact residual.
+//! The quasi-Newton iteration of a step: from a prediction, with the exact residual, and as often as the residual asks for.
+//!
+//! **Enough.** After the correction d = −A⁻¹ r(y) the residual at y + d is evaluated. It says what the next correction would be:
+//! with D the 3×3 diagonal blocks of A, `√(r' D⁻¹ r')` is about its norm in A. One correction is enough as long as this is
+//! less than the norm `√(dᵀ A d)` of the one just made, and r' has not turned against it,
+//!
+//! ```text
+//! r'ᵀ D⁻¹ r' < dᵀ A d      and      −r'ᵀ d > −½ dᵀ A d.
+//! ```
+//!
+//! The second says that the incremental potential has fallen, see [`Newton`]. On motions that the steps resolve both hold by far:
+//! the quotient falls with the square of the step. A step that fails them is one that would grow, and grow further in the
+//! next step: the iteration diverges.
+//!
+//! **More.** Then the iteration goes on as Newton's method with line search does, with `tension` at each point that it reaches, until a
+//! full step is enough in this sense. It is not driven on to convergence: what one more iteration changes is then less than what the step's
+//! own prediction was off by, and the equations of a step that resolves nothing have solutions that no motion has. (A cloth swings
+//! down with steps of a 60th of a second to 6 % of its extent with one iteration a step, and to 130 % with equations solved to the last
+//! digit.)
 
+use super::tension::Tensions;
 use crate::error::Result;
 use crate::integrate::implicit::ImplicitOptions;
 use crate::integrate::newton::{Newton, NewtonOptions};
 use crate::integrate::{Statistics, StepFailure, StiffnessPolicy};
-use crate::linear::LinearSolver;
+use crate::linear::{LinearSolver, SolveFailure};
 use crate::operator::Combination;
-use crate::spring::Stiffness;
 use crate::system::{State, System};
 
 /// The equations of a step and what solves them.
 pub(super) struct Iteration<'s> {
     newton: Newton<'s>,
+    tensions: Tensions,
 }
 
 impl<'s> Iteration<'s> {
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
-        let newton = Newton::new(system, state, options, NewtonOptions { tolerance: 1e-8, ..Default::default() })?;
-        Ok(Self { newton })
+        let newton = Newton::new(system, state, options, NewtonOptions::default())?;
+        Ok(Self { newton, tensions: Tensions::new(system) })
     }
 
     pub fn system(&self) -> &'s System {
@@ -32,31 +51,53 @@ impl<'s> Iteration<'s> {
         &self.newton.linear.statistics
     }
 
-    /// Solves for `next`, which is the prediction on entry, by a backward Euler step over τ seconds from `base`.
-    pub fn solve(&mut self, base: &State, next: &mut State, tau: f64) -> Result<(), StepFailure> {
-        let system = self.system();
-        for (p, d) in self.newton.displacement.iter_mut().enumerate() {
+    /// Says that the next step has no past: its springs have the tensions at its start.
+    pub fn forget(&mut self, state: &State) {
+        self.tensions.set(self.newton.linear.system, &state.positions);
+    }
+
+    /// Solves for `next`, which is the prediction on entry, by a backward Euler step over τ seconds from `base`; the step itself
+    /// starts at `state`.
+    pub fn solve(&mut self, state: &State, base: &State, next: &mut State, tau: f64) -> Result<(), StepFailure> {
+        let Self { newton, tensions } = self;
+        let system = newton.linear.system;
+        for (p, d) in newton.displacement.iter_mut().enumerate() {
             *d = next.positions[p] - base.positions[p];
         }
-        self.correct(base, tau)?;
-        for (p, d) in self.newton.displacement.iter().enumerate() {
+        newton.here(base, tau)?;
+        prepare(newton, tensions, state, next, tau)?;
+        let energy = newton.correct()?;
+        tensions.learn(system, &newton.linear.extensions, newton.direction());
+        // A correction that overshoots, or that leads where there are no forces, is taken back.
+        let after = newton.here(base, tau).ok().filter(|point| point.slope < 0.5 * energy);
+        if after.is_none() || newton.left() >= energy {
+            newton.refine(after, base, tau)?;
+        }
+        for (p, d) in newton.displacement.iter().enumerate() {
             next.positions[p] = base.positions[p] + d;
             next.velocities[p] = d / tau;
         }
-        system.prescribed().set_positions(next.time, &mut next.positions);
         Ok(())
     }
+}
 
-    /// Corrects the displacement once.
-    fn correct(&mut self, base: &State, tau: f64) -> Result<(), StepFailure> {
-        let Self { newton } = self;
-        let step = Combination::step(tau);
-        newton.here(base, tau)?;
-        match newton.linear.policy {
-            StiffnessPolicy::OnDemand => newton.linear.prepare(Stiffness::Axial.into(), step)?,
-            policy => newton.linear.prepare(policy, step)?,
-        }
-        newton.correct()?;
-        Ok(())
-    }
+/// Takes over the matrix at the prediction `next` of a step from `state`.
+fn prepare(
+    newton: &mut Newton,
+    tensions: &Tensions,
+    state: &State,
+    next: &State,
+    tau: f64,
+) -> Result<(), SolveFailure> {
+    let linear = &mut newton.linear;
+    let step = Combination::step(tau);
+    let StiffnessPolicy::OnDemand = linear.policy else {
+        return linear.prepare(linear.policy, step);
+    };
+    let system = linear.system;
+    linear.prepare_with(step, |position, spring, at| {
+        let [i, j] = system.pair(system.active_springs()[position] as usize);
+        let moved = |p: usize| next.positions[p] - state.positions[p];
+        tensions.transverse(position, spring, at, &(moved(i) - moved(j)))
+    })
 }
