@@ -16,6 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let load = |name: &str| Scene::load(root.join("scenes").join(name).with_extension("toml"));
     let mut chain = builtin(Kind::Chain, 10)?;
     chain.time.duration = Some(0.5);
+    chain.time.dt = Some(0.005);
     let scenes = [
         load("two_springs")?,
         load("tetrahedron")?,

@@ -41,6 +41,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut cloth = builtin(Kind::Cloth, 8)?;
     // Later its folds decide, and they depend on everything.
     cloth.time.duration = Some(0.2);
+    cloth.time.dt = Some(0.01);
     let stories = [
         (
             load("stiff_pendulum")?,

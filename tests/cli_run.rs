@@ -282,7 +282,7 @@ fn unusable_arguments_are_refused_before_anything_is_written() {
         (&["run", "triangle.toml", "--solver", "qr"], &["'qr'", "--solver", "cg-assembled"]),
         (&["run", "triangle.toml", "--preconditioner", "ilu"], &["'ilu'", "--preconditioner", "block-jacobi"]),
         (&["run", "triangle.toml", "--out"], &["--out"]),
-        (&["run", "timeless.toml"], &["timeless.toml", "--dt", "time.dt"]),
+        (&["run", "timeless.toml"], &["timeless.toml", "--duration", "time.duration"]),
         (&["run", "timeless.toml", "--dt", "0.1"], &["timeless.toml", "--duration", "time.duration"]),
         (&["run", "triangle.toml", "--out", "triangle.toml"], &["triangle.toml", "not a directory"]),
     ];
@@ -329,4 +329,74 @@ fn files_of_an_earlier_run_are_replaced() {
     assert_eq!(sandbox.json("o/final.json")["steps"], 10);
     assert_eq!(sandbox.csv("o/energy.csv").len(), 11);
     assert_eq!(sandbox.read("o/notes.txt"), "old");
+}
+
+/// A scene without a step: steps that follow an error estimate, records at an interval, and what that was.
+#[test]
+fn without_a_step_the_run_chooses_its_own() {
+    let sandbox = Sandbox::new();
+    sandbox.put("timeless.toml", &TRIANGLE.replace("dt = 0.01", ""));
+    let answer = sandbox.sprung(&["run", "timeless.toml", "--out", "o"]).ends_with(0);
+    assert_eq!(answer.stderr, "");
+    let summary = sandbox.json("o/summary.json");
+    assert_eq!((&summary["rtol"], &summary["time"]), (&json!(0.01), &json!(0.1)));
+    assert!(summary["reason"].as_str().unwrap().contains("no dt is given"), "{}", summary["reason"]);
+    let times: Vec<f64> = sandbox.csv("o/energy.csv").iter().map(|row| row[0]).collect();
+    assert_eq!(times.len(), 101);
+    approx::assert_relative_eq!(times[1], 0.001, max_relative = 1e-12);
+    assert_eq!(times[100], 0.1);
+    assert_eq!(summary["error"]["kind"], "indicator");
+    assert!(summary["error"]["estimate"].as_f64().unwrap() < 0.02, "{}", summary["error"]);
+    assert_eq!(summary["warnings"], json!([]));
+    // Long runs are recorded sixty times a second.
+    sandbox.sprung(&["run", "timeless.toml", "--out", "o", "--duration", "3"]).ends_with(0);
+    assert_eq!(sandbox.csv("o/energy.csv").len(), 181);
+
+    // Methods of fixed steps, and numbers of steps, need one.
+    for arguments in [&["--method", "backward-euler"][..], &["--steps", "10"]] {
+        let arguments = [&["run", "timeless.toml", "--out", "o"], arguments].concat();
+        sandbox.sprung(&arguments).ends_with(0).complains(&["no dt was given", "0.01 s"]);
+        let summary = sandbox.json("o/summary.json");
+        assert_eq!((&summary["dt"], &summary["steps"]), (&json!(0.01), &json!(10)));
+    }
+}
+
+/// The ready cloth with the notes' method at a customary step hangs on the wrong side, and the run says so.
+#[test]
+fn a_run_that_is_wrong_says_so() {
+    let sandbox = Sandbox::new();
+    let cloth = sandbox.sprung(&["new", "cloth", "--size", "10"]).ends_with(0).stdout;
+    sandbox.put("cloth.toml", &cloth);
+    let run = ["run", "cloth.toml", "--duration", "0.5", "--out", "o"];
+    let answer = sandbox.sprung(&[&run[..], &["--dt", "0.01"]].concat()).ends_with(0);
+    for part in ["warning: wrong by about", "leave out --dt", "bdf2", "springs that turn"] {
+        assert!(answer.stderr.contains(part), "{part:?} is not in {}", answer.stderr);
+    }
+    let summary = sandbox.json("o/summary.json");
+    // The truth is 1.9, by an independent integrator.
+    let estimate = summary["error"]["estimate"].as_f64().unwrap();
+    assert!((0.19..19.0).contains(&estimate), "{estimate}");
+    assert_eq!(summary["warnings"].as_array().unwrap().len(), 2);
+
+    // Without a step it is right, and says that too.
+    let answer = sandbox.sprung(&run).ends_with(0);
+    assert_eq!(answer.stderr, "");
+    let estimate = sandbox.json("o/summary.json")["error"]["estimate"].as_f64().unwrap();
+    assert!(estimate < 0.05, "{estimate}");
+}
+
+#[test]
+fn effort_is_counted_in_force_evaluations() {
+    let sandbox = triangle();
+    let summary = |arguments: &[&str]| {
+        let arguments = [&["run", "triangle.toml", "--json", "--out", "o"], arguments].concat();
+        sandbox.sprung(&arguments).ends_with(0).json()
+    };
+    let explicit = summary(&["--method", "symplectic-euler"]);
+    assert_eq!(explicit["effort"], json!({ "run": 10.0, "total": 10.0 }));
+    let implicit = summary(&[]);
+    // A step is a force evaluation, an assembly, a factorization and a solve.
+    assert!(implicit["effort"]["run"].as_f64().unwrap() > 30.0, "{}", implicit["effort"]);
+    let chosen = summary(&["--accuracy", "1e-2"]);
+    assert!(chosen["effort"]["total"].as_f64().unwrap() > chosen["effort"]["run"].as_f64().unwrap());
 }

@@ -20,12 +20,11 @@ fn lengths(system: &System, state: &State, unit: f64) -> Vec<(String, usize)> {
 }
 
 #[test]
-fn every_kind_is_named_after_itself_and_runs_for_many_steps() {
+fn every_kind_is_named_after_itself_and_lets_runs_choose_their_steps() {
     for kind in Kind::ALL {
         let scene = builtin(kind, kind.default_size()).unwrap();
         assert_eq!(scene.name, kind.name());
-        let (dt, duration) = (scene.time.dt.unwrap(), scene.time.duration.unwrap());
-        assert!(duration / dt >= 100.0, "{kind:?}");
+        assert!(scene.time.dt.is_none() && scene.time.duration.unwrap() > 0.1, "{kind:?}");
         let (system, _) = scene.build().unwrap();
         assert!(!system.prescribed().is_empty() && !system.dofs().is_empty(), "{kind:?}");
         let joined: BTreeSet<_> = system.pairs().iter().map(|&[i, j]| [i.min(j), i.max(j)]).collect();

@@ -34,7 +34,7 @@ pub struct Chart {
     #[arg(long, value_name = "S", value_parser = positive)]
     duration: Option<f64>,
 
-    /// Time step around which to sweep, in seconds [default: the scene's time.dt]
+    /// Time step around which to sweep, in seconds [default: the scene's time.dt, or 0.01]
     #[arg(long, value_name = "S", value_parser = positive)]
     dt: Option<f64>,
 
@@ -70,7 +70,7 @@ struct Report<'a> {
 impl Chart {
     pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
         let scene = self.scene.load()?;
-        let dt = scene.or_given(self.dt, scene.time.dt, "dt")?;
+        let dt = scene.step_or_default(console, self.dt);
         let duration = scene.or_given(self.duration, scene.time.duration, "duration")?;
         let folder = scene.folder(&self.out);
         check_writable(&folder, &FILES)?;

@@ -39,6 +39,11 @@ impl Console {
     }
 }
 
+/// Says what makes a result doubtful, quiet or not.
+pub fn warning(line: impl Display) {
+    complain(format_args!("warning: {line}"));
+}
+
 /// Prints text and a line break on stdout. A reader that has left (`sprung new cloth | head`) is not an error.
 pub fn print(text: &str) -> Result<(), Stop> {
     let mut stdout = io::stdout().lock();

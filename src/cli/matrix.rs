@@ -24,7 +24,7 @@ pub struct Matrix {
     #[command(flatten)]
     scene: SceneFile,
 
-    /// Time step, in seconds [default: the scene's time.dt]
+    /// Time step, in seconds [default: the scene's time.dt, or 0.01]
     #[arg(long, value_name = "S", value_parser = positive)]
     dt: Option<f64>,
 
@@ -77,7 +77,7 @@ struct Entries {
 impl Matrix {
     pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
         let scene = self.scene.load()?;
-        let dt = scene.or_given(self.dt, scene.time.dt, "dt")?;
+        let dt = scene.step_or_default(console, self.dt);
         let matrices = self.threads.install(|| {
             Ok(StepMatrices::assemble(&scene.system, &scene.state, self.stiffness, dt)
                 .map_err(|error| error.in_file(&scene.file))?)

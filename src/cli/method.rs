@@ -15,7 +15,7 @@ use std::ops::ControlFlow;
 /// How to simulate. Options that are not given are `None`, so that those given in vain can be told.
 #[derive(Debug, clap::Args)]
 pub struct MethodArguments {
-    /// Time integration method [default: linear-backward-euler; with --rtol: w2; with --accuracy: auto]
+    /// Time integration method [default: linear-backward-euler; with adaptive steps: w2; with --accuracy: auto]
     #[arg(long)]
     #[arg(value_parser = choice(&METHODS, MethodChoice::name, describe_choice))]
     method: Option<MethodChoice>,
@@ -26,7 +26,8 @@ pub struct MethodArguments {
     accuracy: Option<f64>,
 
     /// Adaptive steps, short enough for a relative error of positions of about R at the end. --dt is then the first step to try
-    /// and the interval of records, which --frames counts. For methods with an error estimate: w2
+    /// and the interval of records, which --frames counts. For methods with an error estimate: w2 [default: 1e-2 where no
+    /// dt is given, neither here nor in the scene, with records every 1/60 s, or every hundredth of shorter runs]
     #[arg(long, value_name = "R", value_parser = fraction)]
     rtol: Option<f64>,
 
@@ -260,9 +261,29 @@ impl MethodArguments {
             Some(MethodChoice::Named(method)) => Some(method),
             Some(MethodChoice::Auto) => None,
             None if self.accuracy.is_some() => None,
-            None if self.rtol.is_some() => Some(Method::W2),
+            None if self.rtol.is_some() => Some(Self::ADAPTIVE),
             None => Some(Method::LinearBackwardEuler),
         }
+    }
+
+    /// The method of adaptive steps where none is asked for.
+    const ADAPTIVE: Method = Method::W2;
+
+    /// The tolerance of adaptive steps where no step is given.
+    const RTOL: f64 = 1e-2;
+
+    /// The tolerance of adaptive steps for a run for which no dt is given; `None` where a method was asked for that does not
+    /// estimate its error.
+    pub fn rtol_without_step(&self) -> Option<f64> {
+        match self.method {
+            Some(MethodChoice::Named(method)) if !method.estimates_errors() => self.rtol,
+            _ => Some(self.rtol.unwrap_or(Self::RTOL)),
+        }
+    }
+
+    /// The tolerance of adaptive steps asked for.
+    pub fn rtol(&self) -> Option<f64> {
+        self.rtol
     }
 
     /// Whether what cannot move is to be looked for and left out.
@@ -280,20 +301,22 @@ impl MethodArguments {
         }
     }
 
-    /// How to run with steps of dt seconds. Call inside the pool of threads that is to compute.
+    /// How to run with steps of dt seconds, or with adaptive ones of a tolerance. Call inside the pool of threads that is to
+    /// compute.
     ///
     /// # Errors
     /// Coincident ends of a spring in `state`; a matrix that is too large.
-    pub fn plan(&self, system: &System, state: &State, dt: f64) -> Result<Plan> {
+    pub fn plan(&self, system: &System, state: &State, dt: f64, rtol: Option<f64>) -> Result<Plan> {
         let linear = self.linear(system);
-        let (mut configuration, reason) = match (self.method(), self.rtol) {
+        let asked = if self.method.is_none() && rtol.is_some() { Some(Self::ADAPTIVE) } else { self.method() };
+        let (mut configuration, reason) = match (asked, rtol) {
             (Some(method), _) => {
                 let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
                 (Configuration { method, options }, None)
             }
             (None, Some(_)) => {
                 let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
-                (Configuration { method: Method::W2, options }, Some("the method with an error estimate"))
+                (Configuration { method: Self::ADAPTIVE, options }, Some("the method with an error estimate"))
             }
             (None, None) => {
                 let (configuration, reason) = preset(system, state, dt, linear)?;
@@ -301,7 +324,7 @@ impl MethodArguments {
             }
         };
         configuration.options.stiffness = self.stiffness.unwrap_or(configuration.options.stiffness);
-        Ok(Plan { configuration, rtol: self.rtol, reason })
+        Ok(Plan { configuration, rtol, reason })
     }
 
     /// What `--accuracy` asks for, if it is given.

@@ -3,6 +3,7 @@
 mod chart;
 mod common;
 mod console;
+mod doubts;
 mod failure;
 mod inspect;
 mod interrupt;

@@ -1,16 +1,19 @@
 //! `sprung run`: simulate a scene.
 
-use super::common::{LoadedScene, SceneFile, Threads, check_writable};
-use super::console::{Console, error};
+use super::common::{DEFAULT_STEP, LoadedScene, SceneFile, Threads, check_writable};
+use super::console::{Console, error, warning};
+use super::doubts::{advice, doubts};
 use super::failure::Failed;
 use super::method::{MethodArguments, Plan};
 use super::recorder::Recorder;
 use super::values::{count, positive, positive_count};
 use super::{Outcome, Stop, interrupt};
 use sprung::accuracy::{Pace, Reduction, choose, reduce};
-use sprung::integrate::{Balance, Method, Monitor, MonitorOptions, Schedule, Status};
+use sprung::integrate::{Balance, Method, Monitor, MonitorOptions, Schedule, Status, percent};
 use sprung::linear::{CostModel, LinearSolver};
-use sprung::output::{ChoiceReport, Effort, EnergyChange, FailureReport, Summary, write_final_state};
+use sprung::output::{
+    ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, Summary, write_final_state,
+};
 use sprung::{Error, Result};
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
@@ -20,17 +23,19 @@ use std::time::Instant;
 
 /// Simulate a scene
 ///
-/// Writes summary.json (what was done and how it ended), final.json (positions in m and velocities in m/s at the end) and
-/// energy.csv (energies in J after every step); with --frames also frames for ParaView. Without --steps the run ends
-/// exactly at the duration: the last step is shorter where the time step does not divide it. A run that breaks down
-/// writes its last good state and ends with status 1; so does one that is ended by Ctrl-C, after the current step.
+/// Writes summary.json (what was done, how it ended, and how wrong it is about), final.json (positions in m and velocities in
+/// m/s at the end) and energy.csv (energies in J after every step); with --frames also frames for ParaView. Without a time
+/// step, here or in the scene, the run chooses its steps. Without --steps the run ends exactly at the duration: the last step is
+/// shorter where the time step does not divide it. A run that breaks down, or in which energy appears from nowhere, writes
+/// its last good state and ends with status 1; so does one that is ended by Ctrl-C, after the current step.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Run {
     #[command(flatten)]
     scene: SceneFile,
 
-    /// Time step, in seconds [default: the scene's time.dt]
+    /// Time step, in seconds [default: the scene's time.dt; without one steps are adaptive, see --rtol, or 0.01 for methods that
+    /// have none]
     #[arg(long, value_name = "S", value_parser = positive)]
     dt: Option<f64>,
 
@@ -68,6 +73,20 @@ struct Prepared {
     choice: Option<ChoiceReport>,
 }
 
+/// Steps of fixed length, or the interval of records and the tolerance of adaptive ones.
+struct Pacing {
+    schedule: Schedule,
+    rtol: Option<f64>,
+    /// Whether steps are adaptive because no dt was given.
+    is_chosen: bool,
+}
+
+/// The interval of records of runs that choose their steps, in s: that of a screen, which no eye follows more often.
+const RECORDS_EVERY: f64 = 1.0 / 60.0;
+
+/// Records of such a run at least.
+const RECORDS: f64 = 100.0;
+
 const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
 
 impl Run {
@@ -77,7 +96,7 @@ impl Run {
         if self.method.accuracy().is_some() && self.dt.is_some() {
             console.note("--dt has no effect with --accuracy");
         }
-        let schedule = if self.method.accuracy().is_none() { Some(self.schedule(&scene)?) } else { None };
+        let pace = if self.method.accuracy().is_none() { Some(self.pace(console, &scene)?) } else { None };
         let interrupted = interrupt::flag();
         let summary = self.threads.install(|| {
             let mut reductions = Vec::new();
@@ -86,41 +105,50 @@ impl Run {
                 scene.system = reduced.system;
                 reductions = reduced.reductions;
             }
-            let prepared = self.prepare(&scene, schedule, &interrupted)?;
+            let prepared = self.prepare(&scene, pace, &interrupted)?;
             self.simulate(console, scene, prepared, &reductions, &interrupted)
         })?;
-        let missed = |choice: &ChoiceReport| choice.accuracy < choice.estimated_error;
-        let missed = summary.choice.as_ref().is_some_and(missed);
-        if missed {
-            error("the accuracy asked for was not reached; the result is the most accurate one that was found");
-        }
         if summary.statistics.indefinite_solves > 0 {
             let solves = summary.statistics.indefinite_solves;
             console.note(format_args!("A was indefinite in {solves} solves: the motion may look right and be wrong"));
         }
-        Ok(if summary.status == Status::Completed && !missed { Outcome::Done } else { Outcome::Failed })
+        Ok(if summary.status == Status::Completed { Outcome::Done } else { Outcome::Failed })
     }
 
-    fn schedule(&self, scene: &LoadedScene) -> Result<Schedule> {
-        let dt = scene.or_given(self.dt, scene.time.dt, "dt")?;
-        match self.steps {
-            Some(steps) => Ok(Schedule::steps(dt, steps)),
-            None => Ok(Schedule::duration(dt, scene.or_given(self.duration, scene.time.duration, "duration")?)),
+    /// How long the steps are, and for how long. A number of steps asks for steps of one length.
+    fn pace(&self, console: &Console, scene: &LoadedScene) -> Result<Pacing> {
+        let adaptive = if self.steps.is_some() { self.method.rtol() } else { self.method.rtol_without_step() };
+        if let (None, None, Some(rtol)) = (self.dt, scene.time.dt, adaptive) {
+            let duration = match self.steps {
+                Some(steps) => steps as f64 * DEFAULT_STEP,
+                None => scene.or_given(self.duration, scene.time.duration, "duration")?,
+            };
+            let interval = RECORDS_EVERY.min(duration / RECORDS);
+            return Ok(Pacing { schedule: Schedule::duration(interval, duration), rtol: Some(rtol), is_chosen: true });
         }
+        let duration = |dt| -> Result<Schedule> {
+            Ok(Schedule::duration(dt, scene.or_given(self.duration, scene.time.duration, "duration")?))
+        };
+        let dt = self.dt.or(scene.time.dt);
+        // What is missing altogether is said before what is put in its place.
+        let schedule = self.steps.map_or_else(
+            || duration(dt.unwrap_or(DEFAULT_STEP)),
+            |steps| Ok(Schedule::steps(dt.unwrap_or(DEFAULT_STEP), steps)),
+        )?;
+        scene.step_or_default(console, self.dt);
+        Ok(Pacing { schedule, rtol: self.method.rtol(), is_chosen: false })
     }
 
     /// Decides what is modelled and how, by pilot runs where an accuracy is asked for.
-    fn prepare(
-        &self,
-        scene: &LoadedScene,
-        schedule: Option<Schedule>,
-        interrupted: &AtomicBool,
-    ) -> Result<Prepared, Stop> {
+    fn prepare(&self, scene: &LoadedScene, pace: Option<Pacing>, interrupted: &AtomicBool) -> Result<Prepared, Stop> {
         let LoadedScene { system, state, .. } = scene;
         let in_file = |error: Error| error.in_file(&scene.file);
-        if let Some(schedule) = schedule {
-            let plan = self.method.plan(system, state, schedule.dt()).map_err(in_file)?;
-            let choice = plan.reason.map(|reason| ChoiceReport::of_preset(reason.into()));
+        if let Some(Pacing { schedule, rtol, is_chosen }) = pace {
+            let plan = self.method.plan(system, state, schedule.dt(), rtol).map_err(in_file)?;
+            let steps = rtol.filter(|_| is_chosen).map(|rtol| format!("no dt is given: adaptive steps, rtol {rtol:e}"));
+            let reasons: Vec<String> = steps.into_iter().chain(plan.reason.map(Into::into)).collect();
+            let choice =
+                (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) });
             return Ok(Prepared { schedule, plan, choice });
         }
         let duration = scene.or_given(self.duration, scene.time.duration, "duration")?;
@@ -160,7 +188,10 @@ impl Run {
         let start = Instant::now();
         let mut stepper = plan.stepper(&system, &state).map_err(|error| error.in_file(&file))?;
         check_writable(&folder, &FILES)?;
-        let options = MonitorOptions { stops_unstable: !self.allow_unstable, ..MonitorOptions::default() };
+        let method = plan.configuration.method;
+        // Only its linearisation is in question: the others solve their equations, or have none.
+        let forces = method == Method::LinearBackwardEuler;
+        let options = MonitorOptions { stops_unstable: !self.allow_unstable, forces };
         let mut monitor =
             Monitor::new(&system, &state, options).map_err(|spring| Error::from(spring).in_file(&file))?;
         let mut recorder = Recorder::start(console, &folder, self.frames, schedule, &system, &state, &monitor)?;
@@ -181,10 +212,20 @@ impl Run {
         let solver = stepper.linear_solver();
         let factor = solver.and_then(LinearSolver::factor);
         let effort = CostModel::of(&system).cost(&stepper.statistics().work, factor.map(|factor| factor.size));
+        let status = match &choice {
+            Some(ChoiceReport { accuracy: Some(accuracy), estimated_error: Some(estimate), .. })
+                if outcome.status() == Status::Completed && accuracy < estimate =>
+            {
+                Status::Unconfirmed
+            }
+            _ => outcome.status(),
+        };
+        let figures = monitor.figures(&state);
+        let (doubt, warnings) = doubts(&plan, status, choice.as_ref(), &figures);
         let spent = choice.as_ref().and_then(|choice| choice.pilot_cost).unwrap_or(0.0);
         let summary = Summary {
             scene: name,
-            status: outcome.status(),
+            status,
             method: stepper.name(),
             stiffness: plan.configuration.stiffness(),
             solver: solver.map_or("none", LinearSolver::name),
@@ -200,8 +241,8 @@ impl Run {
             statistics: *stepper.statistics(),
             factor,
             energy: EnergyChange::between(&monitor.initial(), &monitor.energy(), monitor.balance()),
-            error: None,
-            warnings: Vec::new(),
+            error: doubt,
+            warnings,
             effort: Effort { run: effort, total: effort + spent },
             choice,
             reductions: reductions.iter().map(ToString::to_string).collect(),
@@ -215,12 +256,17 @@ impl Run {
             .and_then(|()| summary.write(folder.join("summary.json")));
         written.map_err(Stop::Broken)?;
         console.result(&summary, text(&summary, &folder, self.frames.is_some()))?;
+        summary.warnings.iter().for_each(warning);
+        if summary.status == Status::Unconfirmed {
+            error("the accuracy asked for could not be confirmed; the result is the best that was found");
+        }
         if let Some(FailureReport { step, time, message }) = &summary.failure {
             error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));
         }
         if summary.status == Status::Unstable {
             let kept = format_args!("step {}, t = {} s", summary.steps, summary.time);
-            error(format_args!("the state kept is from before that ({kept}); {}", advice(&plan)));
+            let advice = advice(&plan);
+            error(format_args!("the state kept is from before that ({kept}): {advice}; --allow-unstable goes on"));
         }
         if summary.status == Status::Indefinite {
             let step = schedule.step(summary.steps).unwrap_or(schedule.dt());
@@ -231,15 +277,6 @@ impl Run {
         }
         Ok(summary)
     }
-}
-
-/// What to do about a run that gained energy.
-fn advice(plan: &Plan) -> String {
-    let method = plan.configuration.method;
-    let shorter =
-        if plan.rtol.is_some() { "try a smaller --rtol" } else { "try a shorter --dt, or --rtol 1e-2 without one" };
-    let other = if method == Method::LinearBackwardEuler { "" } else { ", or another --method" };
-    format!("{shorter}{other}; --allow-unstable goes on regardless")
 }
 
 /// The summary for people.
@@ -283,6 +320,14 @@ fn text(summary: &Summary, folder: &Path, frames: bool) -> String {
         ));
     }
     lines.push(format!("  energy    {:.6e} J at the start, {:.6e} J at the end", energy.initial, energy.last));
+    if let Some(ErrorReport { estimate, kind }) = summary.error {
+        let how = if kind == ErrorKind::Confirmed {
+            "confirmed by another run"
+        } else {
+            "an indicator, right to about ten times"
+        };
+        lines.push(format!("  error     about {} of the extent ({how})", percent(estimate)));
+    }
     let Balance { work, dissipated, imbalance } = energy.balance;
     lines.push(format!(
         "  balance   {work:.3e} J of work by moving constraints, {dissipated:.3e} J dissipated, {imbalance:.3e} J unexplained"

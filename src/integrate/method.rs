@@ -56,6 +56,11 @@ impl Method {
         !matches!(self, Self::ForwardEuler | Self::SymplecticEuler)
     }
 
+    /// Whether there is an [`adaptive_stepper`](Self::adaptive_stepper): whether steps estimate their own error.
+    pub fn estimates_errors(self) -> bool {
+        matches!(self, Self::W2)
+    }
+
     /// The power of dt with which the error at a fixed time falls on smooth motions.
     pub fn order(self) -> u32 {
         match self {

@@ -31,7 +31,7 @@ pub use implicit_midpoint::ImplicitMidpoint;
 pub use linear_backward_euler::LinearBackwardEuler;
 pub use matrices::StepMatrices;
 pub use method::Method;
-pub use monitor::{Balance, Figures, Monitor, MonitorOptions};
+pub use monitor::{Balance, Figures, Monitor, MonitorOptions, Warning, percent};
 pub use newton::NewtonOptions;
 pub use run::{Outcome, RunFailure, run, run_monitored};
 pub use schedule::Schedule;

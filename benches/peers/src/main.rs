@@ -34,6 +34,7 @@ fn main() -> Result<(), Failure> {
     let verification = here.join("../../verification");
     let mut cloth = builtin(Kind::Cloth, 6)?;
     cloth.time.duration = Some(0.2);
+    cloth.time.dt = Some(0.01);
     let load = |name: &str| Scene::load(verification.join("scenes").join(name));
     let ours = |method| Configuration { method, options: ImplicitOptions::default() };
     let contenders = [

@@ -33,6 +33,8 @@ pub struct Figures {
     pub turning: f64,
     /// The most by which the ends of a spring passed each other in a step, in lengths of the spring.
     pub reach: f64,
+    /// Whether the scene has fewer springs than degrees of freedom: it can fold, turn or fall without stretching one.
+    pub can_fold: bool,
     /// Energy that the motion exchanged, in J: what it started with, released, and was given.
     pub exchanged: f64,
     /// The most that appeared from nowhere, in J, from the lowest imbalance before.

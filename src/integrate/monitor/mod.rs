@@ -7,11 +7,13 @@
 mod driven;
 mod figures;
 mod growth;
+mod indicator;
 mod ledger;
 mod particles;
 mod springs;
 
 pub use figures::Figures;
+pub use indicator::{Warning, percent};
 pub use ledger::Balance;
 
 use super::StepFailure;
@@ -170,6 +172,7 @@ impl<'s> Monitor<'s> {
             exchanged: self.growth.exchanged(),
             gained: self.growth.gained,
             lost: -self.ledger.balance().imbalance,
+            can_fold: self.system.dimension() > 1 && self.system.active_springs().len() < self.system.dofs().len(),
             ..self.trail.figures(self.extent(state))
         }
     }

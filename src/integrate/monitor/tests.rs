@@ -3,7 +3,8 @@
 use super::driven::Drive;
 use super::particles::Particles;
 use super::springs::{Springs, resolved_step};
-use super::{Monitor, MonitorOptions};
+use super::{Figures, Monitor, MonitorOptions, Warning, percent};
+use crate::integrate::Method;
 use crate::spring::Spring;
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
 use nalgebra::Vector3;
@@ -152,4 +153,78 @@ fn sums_do_not_depend_on_threads() {
         })
     };
     assert_eq!(figures(1), figures(3));
+}
+
+/// Figures of a run of ten steps in which nothing is wrong.
+fn harmless() -> Figures {
+    Figures { steps: 10, duration: 1.0, extent: 1.0, exchanged: 1.0, ..Figures::default() }
+}
+
+#[test]
+fn estimates_follow_the_truncation_errors_of_the_methods() {
+    let figures = Figures {
+        change: 0.1,
+        bend: 0.06,
+        third: 0.048,
+        slip: 0.001,
+        start: 0.5,
+        defect: 9.0,
+        embedded: 0.7,
+        ..harmless()
+    };
+    for (method, estimate) in [
+        (Method::ForwardEuler, 0.1),
+        (Method::BackwardEuler, 0.1),
+        (Method::LinearBackwardEuler, 0.3),
+        // ωh = 0.3, ωT = 3.
+        (Method::SymplecticEuler, 0.5 / 3.0 + 0.002),
+        (Method::W2, 0.0025),
+        (Method::Bdf2, 0.001),
+        (Method::ImplicitMidpoint, 0.0025),
+    ] {
+        approx::assert_relative_eq!(figures.estimate(method).unwrap(), estimate, max_relative = 1e-12);
+    }
+    // Linearising is no help, even where it leaves out next to nothing; steps that do not resolve what rings make it no worse.
+    assert_eq!(Figures { defect: 0.01, ..figures }.estimate(Method::LinearBackwardEuler), Some(0.1));
+    let ringing = Figures { bend: 0.4, ..figures };
+    approx::assert_relative_eq!(ringing.estimate(Method::ImplicitMidpoint).unwrap(), 0.4 / 24.0 / 4.0);
+    // A number that is none is no estimate.
+    assert_eq!(Figures { change: f64::INFINITY, ..figures }.estimate(Method::BackwardEuler), None);
+    assert_eq!(Figures { change: f64::NAN, ..figures }.estimate(Method::BackwardEuler), None);
+}
+
+#[test]
+fn warnings_name_the_cause() {
+    let warnings = |figures: Figures, method| figures.warnings(method, None);
+    assert_eq!(warnings(harmless(), Method::LinearBackwardEuler), []);
+    let wrong = Figures { change: 0.03, ..harmless() };
+    assert_eq!(warnings(wrong, Method::BackwardEuler), [Warning::Wrong(0.03)]);
+    assert_eq!(warnings(wrong, Method::ForwardEuler), []);
+    let turning = Figures { defect: 100.0, lost: 0.5, ..wrong };
+    assert_eq!(warnings(turning, Method::LinearBackwardEuler), [Warning::Wrong(0.3), Warning::Turning(100.0)]);
+    let damped = Warning::Damped { lost: 0.5, exchanged: 1.0 };
+    assert_eq!(warnings(turning, Method::BackwardEuler), [Warning::Wrong(0.03), damped]);
+    // What is damped away matters of itself only where it could have moved something.
+    let damped = Figures { change: 0.005, lost: 0.7, can_fold: true, ..harmless() };
+    assert_eq!(warnings(damped, Method::BackwardEuler), [Warning::Damped { lost: 0.7, exchanged: 1.0 }]);
+    assert_eq!(warnings(Figures { can_fold: false, ..damped }, Method::BackwardEuler), []);
+    assert_eq!(warnings(Figures { change: 0.004, ..damped }, Method::BackwardEuler), []);
+    assert_eq!(warnings(Figures { lost: 0.5, ..damped }, Method::BackwardEuler), []);
+    let gained = Warning::Gained { gained: 2.1, exchanged: 1.0 };
+    let gaining = Figures { gained: 2.1, reach: 1.5, ..harmless() };
+    assert_eq!(warnings(gaining, Method::SymplecticEuler), [gained, Warning::Long(1.5)]);
+    assert_eq!(warnings(Figures { gained: 1.9, ..gaining }, Method::SymplecticEuler), []);
+    // Steps that keep to a tolerance are held to it.
+    let slipping = Figures { slip: 0.03, lost: 0.7, can_fold: true, ..harmless() };
+    let doubts = |rtol| slipping.warnings(Method::W2, Some(rtol));
+    assert_eq!((doubts(1e-2), doubts(1e-3).first()), (Vec::new(), Some(&Warning::Wrong(0.03))));
+    // Of a run without numbers nothing good is said.
+    let undefined = Figures { change: f64::NAN, ..harmless() };
+    assert_eq!(warnings(undefined, Method::BackwardEuler), [Warning::Wrong(f64::INFINITY)]);
+}
+
+#[test]
+fn errors_are_told_to_people_in_percent() {
+    let texts = [1.9, 0.957, 0.123, 0.0345, 0.00072, 1.23e-7, 1e3].map(percent);
+    assert_eq!(texts, ["190 %", "100 %", "12 %", "3.5 %", "0.07 %", "1e-5 %", "more than 9999 %"]);
 }

@@ -1,10 +1,10 @@
-use super::{Kind, gravity, hold, links, time};
+use super::{Kind, gravity, hold, lasting, links};
 use crate::error::Result;
 use crate::scene::{Particles, Scene, Springs};
 
 /// A chain of `size` links of 5 cm and 10 g, held at one end and let go from the horizontal.
 ///
-/// k = 100 N, so that a link stretches by 0.1 % for each link below it; b = 0.02 N·s/m; dt = 5 ms for 2 s.
+/// k = 100 N, so that a link stretches by 0.1 % for each link below it; b = 0.02 N·s/m; for 2 s.
 ///
 /// # Errors
 /// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
@@ -25,7 +25,7 @@ pub fn chain(size: usize) -> Result<Scene> {
             ..Springs::default()
         },
         constraints: vec![hold([0])],
-        time: time(0.005, 2.0),
+        time: lasting(2.0),
         ..Scene::default()
     })
 }

@@ -1,12 +1,12 @@
-use super::{Kind, gravity, hold, time};
+use super::{Kind, gravity, hold, lasting};
 use crate::error::Result;
 use crate::scene::{Particles, Row, Scene, Springs};
 
 /// A square cloth of `size` × `size` particles, 5 cm apart, that swings down from two corners.
 ///
 /// Structural springs join neighbours, shear springs the diagonals, bend springs every second particle. All are of
-/// the same thread, k = 1250 N, with b = 0.05 N·s/m; 0.2 kg/m² make 0.5 g a particle. dt = 10 ms for 2 s, with which
-/// (k/l0)·dt²/m = 5000 for the structural springs. Particle (row, column) has number row·size + column.
+/// the same thread, k = 1250 N, with b = 0.05 N·s/m; 0.2 kg/m² make 0.5 g a particle. For 2 s; (k/l0)·dt²/m is
+/// 5000 for the structural springs and steps of 10 ms. Particle (row, column) has number row·size + column.
 ///
 /// # Errors
 /// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
@@ -34,7 +34,7 @@ pub fn cloth(size: usize) -> Result<Scene> {
         },
         springs: Springs { pairs, stiffness: Some(1250.0.into()), damping: Some(0.05.into()), ..Springs::default() },
         constraints: vec![hold(if size > 1 { vec![0, size - 1] } else { vec![0] })],
-        time: time(0.01, 2.0),
+        time: lasting(2.0),
         ..Scene::default()
     })
 }

@@ -1,4 +1,4 @@
-use super::{Kind, gravity, hold, links, time};
+use super::{Kind, gravity, hold, lasting, links};
 use crate::error::Result;
 use crate::scene::{Particles, Scene, Springs};
 
@@ -8,7 +8,7 @@ use crate::scene::{Particles, Scene, Springs};
 /// sideways: each joint is 0.1 mm off the axis, alternately in x and in −x, so that buckling does not wait for rounding.
 ///
 /// With c = k (1/l − 1/l0) = 526 N/m the matrix with the whole stiffness is definite up to about
-/// dt = sqrt(m/(c (2 + 2 cos(π/(size + 1))))) ≥ 6.9 ms and indefinite beyond; the scene's dt is 2 ms, for 0.5 s.
+/// dt = sqrt(m/(c (2 + 2 cos(π/(size + 1))))) ≥ 6.9 ms and indefinite beyond. For 0.5 s.
 ///
 /// # Errors
 /// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
@@ -36,7 +36,7 @@ pub fn column(size: usize) -> Result<Scene> {
             damping: Some(1.0.into()),
         },
         constraints: vec![hold([0, last])],
-        time: time(0.002, 0.5),
+        time: lasting(0.5),
         ..Scene::default()
     })
 }

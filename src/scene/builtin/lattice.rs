@@ -1,4 +1,4 @@
-use super::{Kind, gravity, hold, time};
+use super::{Kind, gravity, hold, lasting};
 use crate::error::Result;
 use crate::scene::{Particles, Row, Scene, Springs};
 
@@ -6,7 +6,7 @@ use crate::scene::{Particles, Row, Scene, Springs};
 /// bends under its weight.
 ///
 /// Structural springs join neighbours, others the diagonals of the faces of every cell. All have k = 4 N and
-/// b = 0.002 N·s/m; 1000 kg/m³ make 1 g a particle. dt = 10 ms for 1 s. Particle (i, j, l) has number (i·size + j)·size + l.
+/// b = 0.002 N·s/m; 1000 kg/m³ make 1 g a particle. For 1 s. Particle (i, j, l) has number (i·size + j)·size + l.
 ///
 /// # Errors
 /// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
@@ -36,7 +36,7 @@ pub fn lattice(size: usize) -> Result<Scene> {
         },
         springs: Springs { pairs, stiffness: Some(4.0.into()), damping: Some(0.002.into()), ..Springs::default() },
         constraints: vec![hold(0..size * size)],
-        time: time(0.01, 1.0),
+        time: lasting(1.0),
         ..Scene::default()
     })
 }

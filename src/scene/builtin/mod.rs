@@ -1,6 +1,6 @@
 //! Ready scenes of any size, made by formula.
 //!
-//! All use SI units and start at rest unless they say otherwise. The vertical axis is y.
+//! All use SI units and start at rest unless they say otherwise. None has a time step. The vertical axis is y.
 
 mod chain;
 mod cloth;
@@ -125,6 +125,7 @@ fn gravity() -> Option<Row> {
     Some(GRAVITY.into())
 }
 
-fn time(dt: f64, duration: f64) -> TimeSettings {
-    TimeSettings { dt: Some(dt), duration: Some(duration) }
+/// For a while, in s; a run chooses its steps.
+fn lasting(duration: f64) -> TimeSettings {
+    TimeSettings { dt: None, duration: Some(duration) }
 }

@@ -1,4 +1,4 @@
-use super::{Kind, gravity, hold, time};
+use super::{Kind, gravity, hold, lasting};
 use crate::error::Result;
 use crate::scene::{Particles, Scene, Springs, Values};
 use rand::{RngExt, SeedableRng};
@@ -14,7 +14,7 @@ const NEIGHBOURS: f64 = 10.0;
 ///
 /// A spring joins each two particles nearer than the radius within which 10 others are expected. Masses are 5 g to
 /// 15 g, stiffnesses 20 N to 60 N, dampings up to 0.05 N·s/m, and the springs are up to 10 % shorter or longer than at rest.
-/// Parts may be disconnected, and fall. The same seed gives the same scene. dt = 10 ms for 1 s.
+/// Parts may be disconnected, and fall. The same seed gives the same scene. For 1 s.
 ///
 /// # Errors
 /// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
@@ -64,7 +64,7 @@ pub fn network(size: usize, seed: u64) -> Result<Scene> {
             pairs,
         },
         constraints: vec![hold(highest)],
-        time: time(0.01, 1.0),
+        time: lasting(1.0),
         ..Scene::default()
     })
 }

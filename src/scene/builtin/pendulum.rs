@@ -1,11 +1,11 @@
-use super::{GRAVITY, Kind, hold, links, time};
+use super::{GRAVITY, Kind, hold, lasting, links};
 use crate::error::Result;
 use crate::scene::{Particles, Scene, Springs};
 
 /// A pendulum of `size` bobs in the plane, let go from the horizontal: one bob is the simple pendulum, two the double one.
 ///
 /// The rods are 1 m long with k = 10⁴ N and undamped, a bob has 1 kg: the axial mode of one bob, ω = sqrt(k/(l0 m)) =
-/// 100 rad/s, is 32 times as fast as the swing, sqrt(g/l) = 3.1 rad/s. dt = 10 ms for 4 s.
+/// 100 rad/s, is 32 times as fast as the swing, sqrt(g/l) = 3.1 rad/s. For 4 s.
 ///
 /// # Errors
 /// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
@@ -22,7 +22,7 @@ pub fn pendulum(size: usize) -> Result<Scene> {
         },
         springs: Springs { pairs: links(size), stiffness: Some(10_000.0.into()), ..Springs::default() },
         constraints: vec![hold([0])],
-        time: time(0.01, 4.0),
+        time: lasting(4.0),
         ..Scene::default()
     })
 }

@@ -1,4 +1,4 @@
-use super::{Kind, hold, links, time};
+use super::{Kind, hold, lasting, links};
 use crate::error::Result;
 use crate::scene::{Particles, Scene, Springs, Values};
 use std::f64::consts::PI;
@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 ///
 /// It is 1 m long with 10 g/m and k = 10 N, which makes a tension of 1 N and waves of 10 m/s: a period of 0.2 s. There
 /// is no gravity and no damping. The initial velocity is 0.5 m/s·sin(πs) across the string, which takes it
-/// 16 mm aside. dt = 2 ms for two periods.
+/// 16 mm aside. For two periods.
 ///
 /// # Errors
 /// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
@@ -34,7 +34,7 @@ pub fn string(size: usize) -> Result<Scene> {
             ..Springs::default()
         },
         constraints: vec![hold([0, last])],
-        time: time(0.002, 0.4),
+        time: lasting(0.4),
         ..Scene::default()
     })
 }

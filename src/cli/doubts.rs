@@ -1,0 +1,37 @@
+//! What a run says of its own error, and what to do about it.
+
+use super::method::Plan;
+use sprung::integrate::{Figures, Method, Status};
+use sprung::output::{ChoiceReport, ErrorKind, ErrorReport};
+
+/// How wrong a run is about, and what makes it doubtful, in words. A run that broke down says nothing of the motion.
+pub fn doubts(
+    plan: &Plan,
+    status: Status,
+    choice: Option<&ChoiceReport>,
+    figures: &Figures,
+) -> (Option<ErrorReport>, Vec<String>) {
+    let method = plan.configuration.method;
+    if let Some(estimate) = choice.and_then(|choice| choice.estimated_error) {
+        let kind = if status == Status::Completed { ErrorKind::Confirmed } else { ErrorKind::Indicator };
+        return (estimate.is_finite().then_some(ErrorReport { estimate, kind }), Vec::new());
+    }
+    if !matches!(status, Status::Completed | Status::Interrupted) {
+        return (None, Vec::new());
+    }
+    let mut warnings: Vec<String> = figures.warnings(method, plan.rtol).iter().map(ToString::to_string).collect();
+    if let Some(first) = warnings.first_mut() {
+        *first = format!("{first}: {}", advice(plan));
+    }
+    let report = |estimate| ErrorReport { estimate, kind: ErrorKind::Indicator };
+    (figures.estimate(method).map(report), warnings)
+}
+
+/// What to do about a run that is wrong.
+pub fn advice(plan: &Plan) -> &'static str {
+    match (plan.rtol, plan.configuration.method) {
+        (Some(_), _) => "try a smaller --rtol",
+        (None, Method::Bdf2) => "leave out --dt (and the scene's dt), or make it shorter",
+        (None, _) => "leave out --dt (and the scene's dt), or try --method bdf2",
+    }
+}
