@@ -107,6 +107,9 @@ fn work_counts_are_locked() {
     assert_eq!(counts(Method::LinearBackwardEuler, StiffnessPolicy::OnDemand), (100, 100, 100));
     assert_eq!(counts(Method::W2, StiffnessPolicy::Always(Stiffness::Axial)), (200, 100, 200));
     assert_eq!(counts(Method::SymplecticEuler, StiffnessPolicy::OnDemand), (100, 0, 0));
+    assert_eq!(counts(Method::Verlet, StiffnessPolicy::OnDemand), (101, 0, 0));
+    assert_eq!(counts(Method::Dop853, StiffnessPolicy::OnDemand), (1200, 0, 0));
+    assert_eq!(counts(Method::Rodas4, StiffnessPolicy::OnDemand), (600, 100, 1200));
 }
 
 #[test]
@@ -123,6 +126,9 @@ fn the_map_knows_the_three_deaths() {
     assert_eq!(axial[1], [Stable, EnergyGrowth]);
     assert_eq!(tile(Method::ForwardEuler, "none")[1], [EnergyGrowth, EnergyGrowth]);
     assert_eq!(tile(Method::SymplecticEuler, "none")[1], [Stable, EnergyGrowth]);
+    assert_eq!(tile(Method::Verlet, "none")[1], [Stable, EnergyGrowth]);
+    assert_eq!(tile(Method::Dop853, "none")[1], [Stable, Stable]);
+    assert_eq!(tile(Method::Rodas4, "full")[1], [Stable, Stable]);
 }
 
 #[test]

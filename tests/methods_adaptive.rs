@@ -4,16 +4,28 @@ mod motions;
 
 use motions::{after, build, case, distance, norm, policies, state_at, with};
 use nalgebra::Vector3;
+use sprung::chart::dop853;
 use sprung::integrate::{Adaptivity, Method, Sampling, Statistics, Status, run_adaptive};
 use sprung::integrate::{ImplicitOptions, Outcome};
 use sprung::linear::SolverChoice;
 use sprung::system::Axes;
 use sprung::{Constraint, Motion, Spring, State, Stiffness, System, SystemBuilder};
 use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
 
 fn run(system: &System, start: &State, options: &ImplicitOptions, how: &Adaptivity) -> (State, Outcome, Statistics) {
+    run_by(Method::W2, system, start, options, how)
+}
+
+fn run_by(
+    method: Method,
+    system: &System,
+    start: &State,
+    options: &ImplicitOptions,
+    how: &Adaptivity,
+) -> (State, Outcome, Statistics) {
     let mut state = start.clone();
-    let mut stepper = Method::W2.adaptive_stepper(system, &state, options).unwrap().unwrap();
+    let mut stepper = method.adaptive_stepper(system, &state, options).unwrap().unwrap();
     let outcome = run_adaptive(&mut *stepper, system, &mut state, how, |_, _| ControlFlow::Continue(()));
     assert_eq!(outcome.status(), Status::Completed, "{outcome:?}");
     (state, outcome, *stepper.statistics())
@@ -31,7 +43,7 @@ const SCENES: [&str; 8] = [
 ];
 
 fn adaptivity(duration: f64, rtol: f64) -> Adaptivity {
-    Adaptivity { duration, rtol, first_step: 0.01, sampling: Sampling::Steps }
+    Adaptivity { duration, rtol, first_step: Some(0.01), sampling: Sampling::Steps }
 }
 
 #[test]
@@ -41,20 +53,71 @@ fn the_error_at_the_end_follows_the_tolerance() {
         let (system, start) = build(&case);
         for (duration, tolerances) in [(0.5, &[1e-3, 1e-4, 1e-5, 1e-6, 1e-7][..]), (2.0, &[1e-3, 1e-4, 1e-5])] {
             let end = state_at(&case, duration);
-            for policy in policies() {
+            let ways = Method::ALL.into_iter().filter(|method| method.estimates_errors()).flat_map(|method| {
+                let policies =
+                    if method.takes_stiffness() { policies().to_vec() } else { vec![Stiffness::Full.into()] };
+                policies.into_iter().map(move |policy| (method, policy))
+            });
+            for (method, policy) in ways {
                 let ratio = |&rtol: &f64| {
-                    let (state, ..) = run(&system, &start, &with(policy), &adaptivity(duration, rtol));
+                    let how = Adaptivity { first_step: None, ..adaptivity(duration, rtol) };
+                    let (state, ..) = run_by(method, &system, &start, &with(policy), &how);
                     distance(&state.positions, &end.positions) / norm(&end.positions) / rtol
                 };
                 let ratios: Vec<f64> = tolerances.iter().map(ratio).collect();
-                println!("{name}, {}, {duration} s: {ratios:.3?}", policy.name());
-                assert!(ratios.iter().all(|&ratio| ratio <= 5.0), "{name}, {}: {ratios:?}", policy.name());
-                // Proportional: over four decades of rtol the ratio changes little.
+                let name = format!("{name}, {}, {}, {duration} s", method.name(), policy.name());
+                println!("{name}: {ratios:.3?}");
+                assert!(ratios.iter().all(|&ratio| ratio <= 5.0), "{name}: {ratios:?}");
+                // Proportional: over four decades of rtol the ratio changes little. Of few long steps it depends on chance.
                 let (least, most) = ratios.iter().fold((f64::MAX, 0.0f64), |(a, b), &r| (a.min(r), b.max(r)));
-                assert!(most < 5.0 * least, "{name}, {}: {ratios:?}", policy.name());
+                assert!(most < 5.0 * least || method.order() > 2, "{name}: {ratios:?}");
             }
         }
     }
+}
+
+/// A rod of 10⁴ N/m or more that swings down from the horizontal, and the same damped along the rod; at the end of a pendulum
+/// of two such rods. Its fast vibration along the rod displaces little, but it carries speed.
+fn stiff(stiffness: f64, damping: f64, links: usize) -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.gravity(0.0, -9.81, 0.0);
+    let particles: Vec<usize> = (0..=links).map(|p| builder.particle([p as f64, 0.0, 0.0], 1.0)).collect();
+    for pair in particles.windows(2) {
+        builder.spring(pair[0], pair[1], Spring { stiffness, rest_length: 1.0, damping });
+    }
+    builder.hold(particles[0]);
+    builder.build().unwrap()
+}
+
+#[test]
+fn stiff_rods_and_pendulums_keep_the_tolerance() {
+    let mut worst = Vec::new();
+    for (stiffness, damping, links) in
+        [(2e7, 0.0, 1), (2e7, 100.0, 1), (1e5, 0.0, 1), (1e4, 0.0, 1), (1e5, 30.0, 2), (1e5, 0.0, 2), (1e3, 0.0, 3)]
+    {
+        let (system, start) = stiff(stiffness, damping, links);
+        let deadline = Instant::now() + Duration::from_secs(600);
+        let end = dop853(&system, &start, 1.0, 1e-12, deadline).unwrap();
+        let centroid = end.positions.iter().sum::<Vector3<f64>>() / end.positions.len() as f64;
+        let spread = norm(&end.positions.iter().map(|x| x - centroid).collect::<Vec<_>>());
+        for method in Method::ALL.into_iter().filter(|method| method.estimates_errors()) {
+            for rtol in [1e-2, 1e-3, 1e-4] {
+                let how = Adaptivity { first_step: None, ..adaptivity(1.0, rtol) };
+                let (state, outcome, statistics) = run_by(method, &system, &start, &with(Stiffness::Full), &how);
+                let ratio = distance(&state.positions, &end.positions) / spread / rtol;
+                println!(
+                    "{}, k = {stiffness:e}, b = {damping}, {links} links, rtol {rtol:e}: {ratio:.3} rtol, {} steps, {} rejected, \
+                     {} forces",
+                    method.name(),
+                    outcome.steps,
+                    statistics.rejected_steps,
+                    statistics.work.force_evaluations
+                );
+                worst.push(ratio);
+            }
+        }
+    }
+    assert!(worst.iter().all(|&ratio| ratio <= 5.0), "{worst:.2?}");
 }
 
 /// A pendulum on a stiff damped link that hangs still but for a slow swing, until its anchor is flicked aside.
@@ -95,7 +158,7 @@ fn a_stiff_transient_costs_fewer_solves_than_any_fixed_step() {
         );
         assert!(best.is_none_or(|best| solves < best), "rtol {rtol:e}: {solves} solves, fixed {best:?}");
         assert!(statistics.rejected_steps > 0);
-        assert_eq!(statistics.work.force_evaluations, 3 * (outcome.steps + statistics.rejected_steps));
+        assert_eq!(statistics.work.force_evaluations, 1 + 3 * (outcome.steps + statistics.rejected_steps));
         assert!(statistics.work.factorizations < outcome.steps);
     }
 }
@@ -161,7 +224,7 @@ fn an_indefinite_first_step_is_tried_again_shorter() {
     let (system, start) = builder.build().unwrap();
     let mut options = with(Stiffness::Full);
     options.linear.solver = SolverChoice::Llt;
-    let how = Adaptivity { first_step: 1.0, ..adaptivity(1.0, 1e-3) };
+    let how = Adaptivity { first_step: Some(1.0), ..adaptivity(1.0, 1e-3) };
     let (_, _, statistics) = run(&system, &start, &options, &how);
     assert!(statistics.rejected_steps > 0);
 }

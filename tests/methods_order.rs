@@ -2,7 +2,7 @@
 
 mod motions;
 
-use motions::{after, build, case, cases, distance, option, policies, rows, state_at, with};
+use motions::{after, build, case, cases, distance, norm, option, policies, rows, state_at, with};
 use nalgebra::Vector3;
 use sprung::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
 use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy};
@@ -17,7 +17,7 @@ fn slope(dt: &[f64], errors: &[f64]) -> f64 {
     sum(&|d, e| d * e) / sum(&|d, _| d * d)
 }
 
-/// Orders in x and in v over three halvings of dt, the coarsest run taking `steps` steps.
+/// Orders in x and in v over runs with smaller and smaller dt, the coarsest run taking `steps` steps.
 fn orders(
     system: &System,
     start: &State,
@@ -27,7 +27,9 @@ fn orders(
     steps: u64,
 ) -> [f64; 2] {
     let duration = end.time - start.time;
-    let counts = [1, 2, 4, 8].map(|factor| steps * factor);
+    // Errors of eighth order are too soon below rounding for eight times the steps.
+    let counts =
+        if method.order() > 4 { [0, 2, 4, 6].map(|more| steps + more) } else { [1, 2, 4, 8].map(|f| f * steps) };
     let runs = counts.map(|steps| after(system, start, method, options, duration, steps));
     let dt = counts.map(|steps| duration / steps as f64);
     let x = runs.each_ref().map(|state| distance(&state.positions, &end.positions));
@@ -36,7 +38,28 @@ fn orders(
 }
 
 fn options_of(method: Method) -> Vec<StiffnessPolicy> {
-    if method.is_implicit() { policies().to_vec() } else { vec![Stiffness::Full.into()] }
+    if method.takes_stiffness() { policies().to_vec() } else { vec![Stiffness::Full.into()] }
+}
+
+/// Steps in half a second from which errors are asymptotic, and three halvings later above rounding.
+fn coarsest(method: Method) -> u64 {
+    match method.order() {
+        1 => 400,
+        2 => 40,
+        4 => 20,
+        _ => 6,
+    }
+}
+
+/// Orders one and two are met within 0.2, the fourth within 0.3, and eighth-order errors fall at least as h^7.5: faster on
+/// many motions, where leading terms are small.
+fn is_of_its_order(method: Method, order: f64) -> bool {
+    let expected = f64::from(method.order());
+    match method.order() {
+        1 | 2 => (order - expected).abs() <= 0.2,
+        4 => (order - expected).abs() <= 0.3,
+        _ => order >= expected - 0.5,
+    }
 }
 
 #[test]
@@ -48,11 +71,11 @@ fn every_method_has_its_order_under_every_option() {
         let end = state_at(&case, 0.5);
         for method in Method::ALL {
             for policy in options_of(method) {
-                let steps = if method.order() == 1 { 400 } else { 40 };
+                let steps = coarsest(method);
                 for (of, order) in ["x", "v"].iter().zip(orders(&system, &start, &end, method, &with(policy), steps)) {
                     let message = format!("{name}, {}, {}: order {order:.3} in {of}", method.name(), policy.name());
                     println!("{message}");
-                    assert!((order - f64::from(method.order())).abs() <= 0.2, "{message}");
+                    assert!(is_of_its_order(method, order), "{message}");
                 }
             }
         }
@@ -159,13 +182,21 @@ fn paths_of_kinematic_particles_keep_the_order() {
             runge_kutta(&system, &mut end, kink, 200);
         }
         runge_kutta(&system, &mut end, END, 400);
-        for method in Method::ALL {
+        // Steps that are cut at kinks and of a length that shows a high order do not become shorter in proportion.
+        for method in Method::ALL.into_iter().filter(|method| method.order() > 2) {
+            let state = after(&system, &start, method, &with(Stiffness::Full), END, 40);
+            let errors = [(&state.positions, &end.positions), (&state.velocities, &end.velocities)];
+            let [x, v] = errors.map(|(found, known)| distance(found, known) / norm(known));
+            let bound = if method.order() == 4 { 1e-6 } else { 1e-9 };
+            assert!(x < bound && v < bound, "{name}, {}: {x:e} {v:e}", method.name());
+        }
+        for method in Method::ALL.into_iter().filter(|method| method.order() <= 2) {
             for policy in options_of(method) {
                 let steps = if method.order() == 1 { 800 } else { 100 };
                 for (of, order) in ["x", "v"].iter().zip(orders(&system, &start, &end, method, &with(policy), steps)) {
                     let message = format!("{name}, {}, {}: order {order:.3} in {of}", method.name(), policy.name());
                     println!("{message}");
-                    assert!((order - f64::from(method.order())).abs() <= 0.2, "{message}");
+                    assert!(is_of_its_order(method, order), "{message}");
                 }
             }
         }

@@ -29,8 +29,10 @@ impl Kind {
 pub(super) fn kind(method: Method) -> Kind {
     match method {
         Method::LinearBackwardEuler | Method::BackwardEuler | Method::Bdf2 => Kind::Euler,
-        Method::W2 => Kind::Rosenbrock,
-        Method::ImplicitMidpoint | Method::SymplecticEuler | Method::ForwardEuler => Kind::Conservative,
+        Method::W2 | Method::Rodas4 => Kind::Rosenbrock,
+        Method::ImplicitMidpoint | Method::Verlet | Method::Dop853 | Method::SymplecticEuler | Method::ForwardEuler => {
+            Kind::Conservative
+        }
     }
 }
 
@@ -46,7 +48,7 @@ pub(super) fn candidates(system: &System, requirement: &Requirement) -> Vec<Ladd
     };
     let (on_demand, axial) = (StiffnessPolicy::OnDemand, StiffnessPolicy::Always(Stiffness::Axial));
     let pairs = [
-        (SymplecticEuler, on_demand),
+        (Verlet, on_demand),
         (LinearBackwardEuler, axial),
         (LinearBackwardEuler, on_demand),
         (W2, on_demand),

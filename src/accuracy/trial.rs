@@ -2,10 +2,11 @@
 
 use crate::error::Result;
 use crate::integrate::{
-    Adaptivity, ImplicitOptions, Method, RunFailure, Sampling, Schedule, Statistics, Status, TimeStepper, run,
-    run_adaptive,
+    Adaptivity, Equations, ImplicitOptions, Method, RunFailure, Sampling, Schedule, Statistics, Status, TimeStepper,
+    run, run_adaptive,
 };
 use crate::linear::FactorSize;
+use crate::spring::Stiffness;
 use crate::system::{State, System};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -21,9 +22,13 @@ pub struct Configuration {
 }
 
 impl Configuration {
-    /// Name of the stiffness policy; `none` for a method without matrices.
+    /// Name of the stiffness policy; `none` for a method without matrices, and `full` for one that needs the full stiffness.
     pub fn stiffness(&self) -> &'static str {
-        if self.method.is_implicit() { self.options.stiffness.name() } else { "none" }
+        match self.method.equations() {
+            Equations::Explicit => "none",
+            Equations::LinearExact => Stiffness::Full.name(),
+            Equations::Linear | Equations::Nonlinear => self.options.stiffness.name(),
+        }
     }
 }
 
@@ -90,7 +95,7 @@ pub fn trial(
             let mut stepper = method.adaptive_stepper(system, start, options)?.ok_or_else(|| {
                 crate::Error::Usage(format!("{} has no error estimate for adaptive steps", method.name()))
             })?;
-            let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Steps };
+            let how = Adaptivity { duration, rtol, first_step: Some(first_step), sampling: Sampling::Steps };
             (run_adaptive(stepper.as_mut(), system, &mut state, &how, observe), stepper)
         }
     };

@@ -124,9 +124,16 @@ pub fn configurations(par: Par) -> Vec<Configuration> {
         all.extend(policies.clone().map(|policy| with(method, policy, SolverChoice::Llt)));
         all.push(with(method, StiffnessPolicy::OnDemand, SolverChoice::Cg));
     }
-    for method in [Method::BackwardEuler, Method::ImplicitMidpoint, Method::SymplecticEuler, Method::ForwardEuler] {
-        all.push(with(method, StiffnessPolicy::OnDemand, SolverChoice::Llt));
-    }
+    let others = [
+        Method::BackwardEuler,
+        Method::Rodas4,
+        Method::ImplicitMidpoint,
+        Method::Verlet,
+        Method::Dop853,
+        Method::ForwardEuler,
+        Method::SymplecticEuler,
+    ];
+    all.extend(others.map(|method| with(method, StiffnessPolicy::OnDemand, SolverChoice::Llt)));
     all
 }
 
@@ -158,7 +165,7 @@ pub(super) fn sweep(
     let lane = |configuration, pace| Lane { configuration, pace, last: None, open: true };
     let all = configurations(par);
     let on_demand = |c: &&Configuration| {
-        c.method == Method::W2
+        c.method.estimates_errors()
             && c.options.stiffness == StiffnessPolicy::OnDemand
             && c.options.linear.solver == SolverChoice::Llt
     };

@@ -25,9 +25,11 @@ pub struct MethodArguments {
     #[arg(long, value_name = "R", value_parser = fraction, conflicts_with_all = ["rtol", "steps"])]
     accuracy: Option<f64>,
 
-    /// Adaptive steps, short enough for a relative error of positions of about R at the end. --dt is then the first step to try
-    /// and the interval of records, which --frames counts. For methods with an error estimate: w2 [default: 1e-2 where no
-    /// dt is given, neither here nor in the scene, with records every 1/60 s, or every hundredth of shorter runs]
+    /// Adaptive steps that keep local errors of positions and velocities so small that positions at the end are wrong by about R
+    /// times their distance from their centroid, unless the motion itself magnifies differences, as folding and toppling do.
+    /// --dt is then the first step to try and the interval of records, which --frames counts. For methods with an error estimate:
+    /// w2, rodas4, dop853 [default: 1e-2 where no dt is given, neither here nor in the scene, with records every
+    /// 1/60 s, or every hundredth of shorter runs]
     #[arg(long, value_name = "R", value_parser = fraction)]
     rtol: Option<f64>,
 
@@ -91,6 +93,9 @@ fn describe_method(method: Method) -> &'static str {
         }
         Method::Bdf2 => "BDF2, forces linearised where the step ends: one linear solve a step as a rule; second order",
         Method::W2 => "two linear solves a step with one matrix, as stable as backward Euler; second order",
+        Method::Rodas4 => "six or more linear solves a step with one matrix of the full stiffness; fourth order",
+        Method::Verlet => "explicit, one force evaluation a step: needs small steps; second order",
+        Method::Dop853 => "explicit, twelve force evaluations a step, for high accuracy; eighth order",
         Method::ImplicitMidpoint => "keeps momenta and, nearly, energy; Newton's method as above; second order",
         Method::ForwardEuler => "explicit, for comparison: needs very small steps; first order",
         Method::SymplecticEuler => "explicit, for comparison: needs small steps; first order",
@@ -176,6 +181,12 @@ pub fn parallelism(system: &System) -> Par {
     if system.dofs().len() < LARGE { Par::Seq } else { Par::rayon(2) }
 }
 
+/// The names of the methods with an error estimate.
+fn adaptive() -> String {
+    let methods = Method::ALL.into_iter().filter(|method| method.estimates_errors());
+    methods.map(Method::name).collect::<Vec<_>>().join(", ")
+}
+
 /// A stepper with steps as scheduled, or with steps that keep an error within a tolerance.
 pub enum Stepper<'s> {
     Scheduled(Box<dyn TimeStepper + 's>),
@@ -196,7 +207,7 @@ impl Stepper<'_> {
             Self::Scheduled(stepper) => run_monitored(&mut **stepper, state, schedule, monitor, observe),
             Self::Adaptive { stepper, rtol } => {
                 let (duration, dt) = (schedule.elapsed(schedule.len()), schedule.dt());
-                let how = Adaptivity { duration, rtol: *rtol, first_step: dt, sampling: Sampling::Every(dt) };
+                let how = Adaptivity { duration, rtol: *rtol, first_step: Some(dt), sampling: Sampling::Every(dt) };
                 run_adaptive_monitored(&mut **stepper, system, state, &how, monitor, observe)
             }
         }
@@ -230,8 +241,9 @@ impl Plan {
         let Some(rtol) = self.rtol else {
             return method.stepper(system, state, options).map(Stepper::Scheduled);
         };
-        let without =
-            || Error::Usage(format!("--rtol needs an error estimate, and {} has none: use w2", method.name()));
+        let without = || {
+            Error::Usage(format!("--rtol needs an error estimate, and {} has none: use {}", method.name(), adaptive()))
+        };
         let stepper = method.adaptive_stepper(system, state, options)?.ok_or_else(without)?;
         Ok(Stepper::Adaptive { stepper, rtol })
     }
@@ -353,6 +365,11 @@ impl MethodArguments {
             ("preconditioner", self.preconditioner.is_some()),
             ("tolerance", self.tolerance.is_some()),
         ];
+        if self.stiffness.is_some()
+            && let Some(method) = self.method().filter(|method| method.is_implicit() && !method.takes_stiffness())
+        {
+            console.note(format_args!("--stiffness has no effect with {}", method.name()));
+        }
         let explicit = self.method().filter(|method| !method.is_implicit());
         let (with, unused) = match self.solver {
             _ if explicit.is_some() => (explicit.map_or("", Method::name), &given[..]),

@@ -6,10 +6,12 @@
 mod energy;
 mod extensions;
 mod pairs;
+mod total;
 
 pub use crate::error::DegenerateSpring;
 pub use energy::{Energy, angular_momentum, linear_momentum};
 pub use extensions::Extensions;
+pub use total::TotalForce;
 
 use crate::spring::{Extension, Spring};
 use crate::system::System;

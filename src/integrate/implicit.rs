@@ -236,7 +236,8 @@ impl<'s> LinearSystem<'s> {
             outcome = self.take_over(softer).and_then(|()| self.attempt(force, displacement));
         }
         let solution = outcome?;
-        if self.prepared.policy == StiffnessPolicy::OnDemand && self.prepared.terms != Terms::Of(Stiffness::Full) {
+        let is_whole = matches!(self.prepared.terms, Terms::Of(Stiffness::Full) | Terms::Whole);
+        if self.prepared.policy == StiffnessPolicy::OnDemand && !is_whole {
             self.statistics.softened_solves += 1;
             self.statistics.dropped_terms += self.prepared.dropped as u64;
         }

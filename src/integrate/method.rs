@@ -1,8 +1,8 @@
-//! The methods by name.
+//! The methods by name, and what callers need to know of them.
 
 use super::{
-    AdaptiveStepper, BackwardEuler, Bdf2, ForwardEuler, ImplicitMidpoint, ImplicitOptions, LinearBackwardEuler,
-    NewtonOptions, SymplecticEuler, TimeStepper, WMethod,
+    AdaptiveStepper, BackwardEuler, Bdf2, Dop853, ForwardEuler, ImplicitMidpoint, ImplicitOptions, LinearBackwardEuler,
+    NewtonOptions, Rodas4, SymplecticEuler, TimeStepper, Verlet, WMethod,
 };
 use crate::error::Result;
 use crate::system::{State, System};
@@ -18,66 +18,136 @@ pub enum Method {
     Bdf2,
     /// [`WMethod`].
     W2,
+    /// [`Rodas4`].
+    Rodas4,
     /// [`ImplicitMidpoint`].
     ImplicitMidpoint,
+    /// [`Verlet`].
+    Verlet,
+    /// [`Dop853`].
+    Dop853,
     /// [`ForwardEuler`].
     ForwardEuler,
     /// [`SymplecticEuler`].
     SymplecticEuler,
 }
 
+/// What the equations of a step are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Equations {
+    /// None: forces at known states only.
+    Explicit,
+    /// Linear ones with a matrix `A = M/dt² − G/dt − K`, whose stiffness option is in the result.
+    Linear,
+    /// Linear ones with the full stiffness, whatever the option.
+    LinearExact,
+    /// Nonlinear ones, up to the tolerance of Newton's method; the option decides about the way to their solution only.
+    Nonlinear,
+}
+
+/// The velocity by which a step moves positions, `x' = x + dt v`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MovesBy {
+    /// That at its beginning.
+    Old,
+    /// That at its end.
+    New,
+    /// The mean of both.
+    Mean,
+    /// None of these: there are several stages, or older states have a part.
+    Other,
+}
+
+/// All that is known of a method but how it steps.
+struct Facts {
+    name: &'static str,
+    order: u32,
+    equations: Equations,
+    moves_by: MovesBy,
+    estimates_errors: bool,
+    /// The dt of the first matrix of a step, in steps.
+    matrix_part: f64,
+}
+
 impl Method {
     /// Every method.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 10] = [
         Self::LinearBackwardEuler,
         Self::BackwardEuler,
         Self::Bdf2,
         Self::W2,
+        Self::Rodas4,
         Self::ImplicitMidpoint,
+        Self::Verlet,
+        Self::Dop853,
         Self::ForwardEuler,
         Self::SymplecticEuler,
     ];
 
-    /// The name used on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::LinearBackwardEuler => "linear-backward-euler",
-            Self::BackwardEuler => "backward-euler",
-            Self::Bdf2 => "bdf2",
-            Self::W2 => "w2",
-            Self::ImplicitMidpoint => "implicit-midpoint",
-            Self::ForwardEuler => "forward-euler",
-            Self::SymplecticEuler => "symplectic-euler",
-        }
+    const fn facts(self) -> Facts {
+        use Equations::{Explicit, Linear, LinearExact, Nonlinear};
+        use MovesBy::{Mean, New, Old, Other};
+        let (name, order, equations, moves_by, estimates_errors) = match self {
+            Self::LinearBackwardEuler => ("linear-backward-euler", 1, Linear, New, false),
+            Self::BackwardEuler => ("backward-euler", 1, Nonlinear, New, false),
+            Self::Bdf2 => ("bdf2", 2, Linear, Other, false),
+            Self::W2 => ("w2", 2, Linear, Other, true),
+            Self::Rodas4 => ("rodas4", 4, LinearExact, Other, true),
+            Self::ImplicitMidpoint => ("implicit-midpoint", 2, Nonlinear, Mean, false),
+            Self::Verlet => ("verlet", 2, Explicit, Other, false),
+            Self::Dop853 => ("dop853", 8, Explicit, Other, true),
+            Self::ForwardEuler => ("forward-euler", 1, Explicit, Old, false),
+            Self::SymplecticEuler => ("symplectic-euler", 1, Explicit, New, false),
+        };
+        let matrix_part = match self {
+            Self::Bdf2 => 2.0 / 3.0,
+            Self::W2 => WMethod::GAMMA,
+            Self::Rodas4 => Rodas4::GAMMA,
+            Self::ImplicitMidpoint => 0.5,
+            _ => 1.0,
+        };
+        Facts { name, order, equations, moves_by, estimates_errors, matrix_part }
     }
 
-    /// Whether steps solve linear systems, so that [`ImplicitOptions`] matter.
-    pub fn is_implicit(self) -> bool {
-        !matches!(self, Self::ForwardEuler | Self::SymplecticEuler)
+    /// The name used on the command line and in files.
+    pub const fn name(self) -> &'static str {
+        self.facts().name
     }
 
     /// Whether there is an [`adaptive_stepper`](Self::adaptive_stepper): whether steps estimate their own error.
-    pub fn estimates_errors(self) -> bool {
-        matches!(self, Self::W2)
+    pub const fn estimates_errors(self) -> bool {
+        self.facts().estimates_errors
     }
 
     /// The power of dt with which the error at a fixed time falls on smooth motions.
-    pub fn order(self) -> u32 {
-        match self {
-            Self::Bdf2 | Self::W2 | Self::ImplicitMidpoint => 2,
-            Self::LinearBackwardEuler | Self::BackwardEuler | Self::ForwardEuler | Self::SymplecticEuler => 1,
-        }
+    pub const fn order(self) -> u32 {
+        self.facts().order
+    }
+
+    /// What the equations of a step are.
+    pub const fn equations(self) -> Equations {
+        self.facts().equations
+    }
+
+    /// Whether steps solve linear systems, so that the solver of [`ImplicitOptions`] matters.
+    pub fn is_implicit(self) -> bool {
+        self.equations() != Equations::Explicit
+    }
+
+    /// Whether the stiffness option of [`ImplicitOptions`] matters.
+    pub fn takes_stiffness(self) -> bool {
+        matches!(self.equations(), Equations::Linear | Equations::Nonlinear)
+    }
+
+    /// The velocity by which a step moves positions.
+    pub const fn moves_by(self) -> MovesBy {
+        self.facts().moves_by
     }
 
     /// The dt of the matrix `A = M/dt² − G/dt − K` with which a step of length `step` begins, both in s; of several
     /// equal steps the last.
-    pub fn matrix_dt(self, step: f64) -> f64 {
-        match self {
-            Self::Bdf2 => 2.0 / 3.0 * step,
-            Self::W2 => WMethod::GAMMA * step,
-            Self::ImplicitMidpoint => 0.5 * step,
-            Self::LinearBackwardEuler | Self::BackwardEuler | Self::ForwardEuler | Self::SymplecticEuler => step,
-        }
+    pub const fn matrix_dt(self, step: f64) -> f64 {
+        self.facts().matrix_part * step
     }
 
     /// A stepper for runs with error control; `None` for a method without an error estimate.
@@ -92,6 +162,8 @@ impl Method {
     ) -> Result<Option<Box<dyn AdaptiveStepper + 's>>> {
         Ok(match self {
             Self::W2 => Some(Box::new(WMethod::new(system, state, options)?)),
+            Self::Rodas4 => Some(Box::new(Rodas4::new(system, state, options)?)),
+            Self::Dop853 => Some(Box::new(Dop853::new(system, state)?)),
             _ => None,
         })
     }
@@ -114,6 +186,9 @@ impl Method {
             Self::ImplicitMidpoint => {
                 Box::new(ImplicitMidpoint::new(system, state, options, NewtonOptions::default())?)
             }
+            Self::Rodas4 => Box::new(Rodas4::new(system, state, options)?),
+            Self::Verlet => Box::new(Verlet::new(system, state)?),
+            Self::Dop853 => Box::new(Dop853::new(system, state)?),
             Self::ForwardEuler => Box::new(ForwardEuler::new(system, state)?),
             Self::SymplecticEuler => Box::new(SymplecticEuler::new(system, state)?),
         })
@@ -134,6 +209,7 @@ mod tests {
             let part = match method {
                 Method::Bdf2 => 2.0 / 3.0,
                 Method::W2 => 1.0 - 0.5f64.sqrt(),
+                Method::Rodas4 => 0.25,
                 Method::ImplicitMidpoint => 0.5,
                 _ => 1.0,
             };
@@ -164,6 +240,8 @@ mod tests {
             assert_eq!(stepper.name(), method.name());
             assert_eq!(stepper.linear_solver().is_some(), method.is_implicit());
             assert_eq!(stepper.statistics().work.force_evaluations, 0);
+            let adaptive = method.adaptive_stepper(&system, &start, &ImplicitOptions::default()).unwrap();
+            assert_eq!(adaptive.map(|stepper| stepper.name()), method.estimates_errors().then_some(method.name()));
             let mut state = start.clone();
             stepper.step(&mut state, 0.25).unwrap();
             assert!(stepper.statistics().work.force_evaluations > 0, "{}", method.name());

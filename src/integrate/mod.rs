@@ -3,6 +3,7 @@
 mod adaptive;
 mod backward_euler;
 mod bdf2;
+mod dop853;
 mod explicit;
 mod failure;
 mod filter;
@@ -15,29 +16,35 @@ mod merit;
 mod method;
 mod monitor;
 mod newton;
+mod pieces;
+mod rodas4;
 mod run;
 mod schedule;
 mod softening;
 mod statistics;
+mod verlet;
 mod w_method;
 
-pub use adaptive::{AdaptiveStepper, Adaptivity, Sampling, run_adaptive, run_adaptive_monitored};
+pub use adaptive::{AdaptiveStepper, Adaptivity, ErrorEstimate, Sampling, run_adaptive, run_adaptive_monitored};
 pub use backward_euler::BackwardEuler;
 pub use bdf2::Bdf2;
+pub use dop853::Dop853;
 pub use explicit::{ForwardEuler, SymplecticEuler};
 pub use failure::{NotSolved, Status, StepFailure};
 pub use implicit::{ImplicitOptions, StiffnessPolicy};
 pub use implicit_midpoint::ImplicitMidpoint;
 pub use linear_backward_euler::LinearBackwardEuler;
 pub use matrices::StepMatrices;
-pub use method::Method;
+pub use method::{Equations, Method, MovesBy};
 pub use monitor::{Balance, Figures, Monitor, MonitorOptions, Warning, percent};
 pub use newton::NewtonOptions;
+pub use rodas4::Rodas4;
 pub use run::{Outcome, RunFailure, run, run_monitored};
 pub use schedule::Schedule;
 pub use softening::Softening;
 pub use statistics::Statistics;
-pub use w_method::{ErrorEstimate, WMethod};
+pub use verlet::Verlet;
+pub use w_method::WMethod;
 
 use crate::linear::LinearSolver;
 use crate::system::State;
@@ -57,6 +64,10 @@ pub trait TimeStepper {
     /// # Errors
     /// Why the step could not be done; the state is then as it was.
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure>;
+
+    /// Forgets what was kept of the steps before. To be called where the state or its rate has been changed otherwise than by
+    /// steps: by hand, or by a kink of a prescribed path.
+    fn restart(&mut self) {}
 
     /// What has been done since the stepper was made.
     fn statistics(&self) -> &Statistics;

@@ -40,7 +40,7 @@
 //! is exact.
 
 use super::implicit::{ImplicitOptions, LinearSystem};
-use super::{AdaptiveStepper, Statistics, StepFailure, TimeStepper};
+use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
 use crate::linear::LinearSolver;
@@ -82,15 +82,6 @@ struct Held {
 /// How many steps with error control use one matrix. Its age costs no order, but in time damping and stability: directions
 /// of springs go stale.
 const USES: u32 = 5;
-
-/// An estimate of the local error of a step, full-length.
-#[derive(Debug, Clone, Copy)]
-pub struct ErrorEstimate<'a> {
-    /// Of the positions, in m.
-    pub positions: &'a [Vector3<f64>],
-    /// Of the velocities, in m/s.
-    pub velocities: &'a [Vector3<f64>],
-}
 
 impl WMethod<'_> {
     /// γ = 1 − 1/√2: the matrix of a step of length h is that of backward Euler for γ h.
@@ -283,7 +274,18 @@ impl AdaptiveStepper for WMethod<'_> {
 
     fn reject(&mut self) {
         self.held = None;
-        self.linear.statistics.rejected_steps += 1;
+    }
+
+    fn order(&self) -> u32 {
+        2
+    }
+
+    fn gains_by_equal_steps(&self) -> bool {
+        true
+    }
+
+    fn statistics_mut(&mut self) -> &mut Statistics {
+        &mut self.linear.statistics
     }
 }
 

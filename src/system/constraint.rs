@@ -178,6 +178,15 @@ impl Prescribed {
         &self.motions
     }
 
+    /// The first time after t at which a path has a kink, in s; there prescribed velocities jump.
+    pub fn next_kink(&self, t: f64) -> Option<f64> {
+        let first = |motion: &Motion| match motion {
+            Motion::Path { times, .. } => times.get(times.partition_point(|&time| time <= t)).copied(),
+            Motion::Held | Motion::Velocity(_) => None,
+        };
+        self.motions.iter().filter_map(first).min_by(f64::total_cmp)
+    }
+
     /// Every prescribed coordinate by particle, then axis: with its start, in m, and the index of its motion.
     pub fn iter(&self) -> impl Iterator<Item = (Dof, f64, usize)> + '_ {
         self.coordinates.iter().map(|c| {

@@ -4,7 +4,8 @@
 //! `p' = p + dt Σ m g` exactly: the rows of `A δx = b` that belong to the axis add up to it, because the columns of K and G
 //! add up to zero. About any point, symplectic Euler and linearised backward Euler under `axial` give a free part
 //! `L' = L + dt Σ m x × g`: their forces on the two ends of a spring, at x, lie on the line between them, and
-//! `x' × v' = x × v'`. The transverse terms of the other options turn the parts about.
+//! `x' × v' = x × v'`. Verlet does it in two halves, with the forces at x and at x', and implicit midpoint with those in the
+//! middle: the weight then acts at the mean of x and x'. The transverse terms of the other options turn the parts about.
 
 use super::measured::Measured;
 use super::runs::{Way, direct};
@@ -82,14 +83,15 @@ pub(super) fn angular(subject: &Subject) -> Measured {
         part.particles.iter().map(of).sum()
     };
     let turning = |way: &Way| {
-        matches!(way.method, Method::SymplecticEuler | Method::ImplicitMidpoint) || *way == Way::notes(Stiffness::Axial)
+        matches!(way.method, Method::SymplecticEuler | Method::Verlet | Method::ImplicitMidpoint)
+            || *way == Way::notes(Stiffness::Axial)
     };
     let extent = subject.extent();
     measure(subject, "angular momentum", Way::of(subject).filter(turning), |method, dt, before, after| {
         let change = |part: &Part| {
             // The weight acts where the method takes the forces.
             let arm = |p: usize| match method {
-                Method::ImplicitMidpoint => (before.positions[p] + after.positions[p]) * 0.5 - centre,
+                Method::ImplicitMidpoint | Method::Verlet => (before.positions[p] + after.positions[p]) * 0.5 - centre,
                 _ => before.positions[p] - centre,
             };
             let torque: Vector3<f64> = part.particles.iter().map(|&p| arm(p).cross(&gravity) * masses[p]).sum();

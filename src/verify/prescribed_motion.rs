@@ -6,7 +6,7 @@
 use super::measured::Measured;
 use super::runs::{Way, direct};
 use super::{Check, Claim, Subject, U, worst};
-use crate::integrate::Method;
+use crate::integrate::MovesBy;
 use crate::system::{Dof, Motion, State};
 
 const STEPS: usize = 10;
@@ -70,7 +70,7 @@ fn speed_error(subject: &Subject, way: Way, dt: f64, before: &State, after: &Sta
     worst(coordinates(subject).map(|(dof, start, motion)| {
         let velocity = after.velocities[dof.particle][dof.axis];
         let (x, y) = (before.positions[dof.particle][dof.axis], after.positions[dof.particle][dof.axis]);
-        let (expected, unit) = if way.method != Method::LinearBackwardEuler && way.method != Method::BackwardEuler {
+        let (expected, unit) = if !(way.method.is_implicit() && way.method.moves_by() == MovesBy::New) {
             let expected = velocity_after(motion, after.time, dof.axis);
             (expected, U * expected.abs())
         } else {

@@ -1,7 +1,7 @@
 //! Running a subject by each of the methods.
 
 use super::{Subject, Unfinished};
-use crate::integrate::{ImplicitOptions, Method, Status, StepFailure, StiffnessPolicy};
+use crate::integrate::{Equations, ImplicitOptions, Method, Status, StepFailure, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions};
 use crate::spring::Stiffness;
 use crate::system::State;
@@ -28,9 +28,7 @@ impl Way {
             let always = options.iter().map(move |&option| Self { method, stiffness: StiffnessPolicy::Always(option) });
             always.chain([Self { method, stiffness: StiffnessPolicy::OnDemand }])
         });
-        all.filter(move |way| {
-            affordable || *way == Self::notes(Stiffness::Tension) || way.method == Method::SymplecticEuler
-        })
+        all.filter(move |way| affordable || *way == Self::notes(Stiffness::Tension) || way.method == Method::Verlet)
     }
 
     pub fn name(self) -> String {
@@ -43,7 +41,7 @@ impl Way {
 
     /// Whether nonlinear equations are solved, up to the tolerance of Newton's method.
     pub fn is_nonlinear(self) -> bool {
-        matches!(self.method, Method::BackwardEuler | Method::ImplicitMidpoint)
+        self.method.equations() == Equations::Nonlinear
     }
 
     /// The subject's step, or one that resolves all motion where only such a step makes sense.
@@ -53,7 +51,7 @@ impl Way {
 
     /// Whether theory allows that a step is refused: A may be indefinite under the full stiffness.
     fn may_be_refused(self) -> bool {
-        self.stiffness == StiffnessPolicy::Always(Stiffness::Full)
+        self.stiffness == StiffnessPolicy::Always(Stiffness::Full) || self.method.equations() == Equations::LinearExact
     }
 
     /// The states of a run, the initial one first; `None` where theory allows that a step is refused, and one was.
@@ -84,7 +82,7 @@ const AFFORDABLE: usize = 10_000;
 
 /// Whether the stiffness option is in the result, not only on the way to it.
 fn has_option(method: Method) -> bool {
-    matches!(method, Method::LinearBackwardEuler | Method::Bdf2 | Method::W2)
+    method.equations() == Equations::Linear
 }
 
 fn is_refusal(failure: &StepFailure) -> bool {

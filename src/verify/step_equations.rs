@@ -6,16 +6,17 @@
 //! ```text
 //! linear backward Euler   M (v' − v)/dt − f_el(x) − K δx − G v' − g
 //! backward Euler          M (v' − v)/dt − f_el(x') − f_d(x', v') − g
-//! explicit methods        M (v' − v)/dt − f_el(x) − f_d(x, v) − g
+//! explicit Euler methods  M (v' − v)/dt − f_el(x) − f_d(x, v) − g
+//! Verlet                  M (v' − v)/dt − ½ (f + f'),  f' = f_el(x') + f_d(x', v + dt M⁻¹f) + g,  f that of the step before
 //! ```
 //!
-//! Those of bdf2 are in [`formula_steps`].
+//! Those of bdf2 are in [`formula_steps`]. Methods of several stages are held to known answers instead.
 
 use super::measured::Measured;
 use super::reference::{self, Link, damping_product, free, links, stiffness_product};
 use super::runs::{Way, direct};
 use super::{Check, Claim, Subject, U, formula_steps, worst};
-use crate::integrate::Method;
+use crate::integrate::{Method, MovesBy};
 use crate::linear::{SolverChoice, SolverOptions, norm};
 use crate::spring::Stiffness;
 use crate::system::State;
@@ -85,20 +86,23 @@ pub(super) fn others(subject: &Subject) -> Measured {
         }
         let dt = way.step(subject);
         let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
-        let moved = states.windows(2).map(|pair| displacement_error(subject, way.method, dt, &pair[0], &pair[1]));
-        if way.method != Method::W2 {
+        if way.method.moves_by() != MovesBy::Other {
+            let moved = states.windows(2).map(|pair| displacement_error(subject, way.method, dt, &pair[0], &pair[1]));
             let why = "in units of rounding of the position: v is the old, the new or the mean velocity, as the method has it";
             let name = format!("x' = x + dt v, {}", way.name());
             checks.push(Check::new(Claim::Solvers, name, &subject.name, worst(moved), 4.0, why));
         }
-        let residual: fn(&Subject, f64, &State, &State) -> f64 = match way.method {
-            // These have checks of their own; the W-method is held to known answers.
-            Method::LinearBackwardEuler | Method::W2 | Method::Bdf2 => continue,
-            Method::BackwardEuler => newton_share,
-            Method::ImplicitMidpoint => midpoint_share,
-            Method::SymplecticEuler | Method::ForwardEuler => explicit_share,
+        let each = |share: fn(&Subject, f64, &State, &State) -> f64| {
+            worst(states.windows(2).map(|pair| share(subject, dt, &pair[0], &pair[1])))
         };
-        let value = worst(states.windows(2).map(|pair| residual(subject, dt, &pair[0], &pair[1])));
+        let value = match way.method {
+            Method::BackwardEuler => each(newton_share),
+            Method::ImplicitMidpoint => each(midpoint_share),
+            Method::SymplecticEuler | Method::ForwardEuler => each(explicit_share),
+            Method::Verlet => verlet_share(subject, dt, &states),
+            // Linear backward Euler has its own checks.
+            _ => continue,
+        };
         let why = match way.is_nonlinear() {
             true => "over the 1e-10 of the balancing forces at which Newton's method stops, with rounding",
             false => "over 30 units of rounding of the forces that are added up",
@@ -154,10 +158,10 @@ fn displacement_error(subject: &Subject, method: Method, dt: f64, before: &State
         let of = |vectors: &[Vector3<f64>]| vectors[dof.particle][dof.axis];
         let (x, y, v, w) = (of(&before.positions), of(&after.positions), of(&before.velocities), of(&after.velocities));
         let d = dt
-            * match method {
-                Method::ForwardEuler => v,
-                Method::ImplicitMidpoint => 0.5 * (v + w),
-                _ => w,
+            * match method.moves_by() {
+                MovesBy::Old => v,
+                MovesBy::Mean => 0.5 * (v + w),
+                MovesBy::New | MovesBy::Other => w,
             };
         let unit = U * (x.abs() + y.abs() + dt * (v.abs() + w.abs()));
         if y == x + d { 0.0 } else { (y - (x + d)).abs() / unit }
@@ -193,6 +197,45 @@ fn explicit_share(subject: &Subject, dt: f64, before: &State, after: &State) -> 
     let forces = Forces::at(subject, before, &before.velocities);
     let (rows, magnitudes) = forces.residual(subject, dt, before, after);
     norm(&rows) / (UNITS * U * norm(&magnitudes))
+}
+
+/// The residuals of positions, `M (x' − x − dt v)/dt² − ½ f`, and of velocities over what rounding leaves. Steps over a kink of a
+/// path are passed over, being several, and with them those after, which begin with a force inside one.
+fn verlet_share(subject: &Subject, dt: f64, states: &[State]) -> f64 {
+    let system = &subject.system;
+    let mut kept: Option<Forces> = None;
+    let mut is_known = true;
+    worst(states.windows(2).map(|pair| {
+        let [before, after] = pair else { return 0.0 };
+        let force = kept.take().unwrap_or_else(|| Forces::at(subject, before, &before.velocities));
+        let slack = 1e-9 * dt;
+        is_known &= system.prescribed().next_kink(before.time + slack).is_none_or(|kink| kink >= after.time + slack);
+        if !is_known {
+            return 0.0;
+        }
+        let mut predicted = before.velocities.clone();
+        for dof in system.dofs().iter() {
+            let p = dof.particle;
+            predicted[p][dof.axis] += dt * force.total[p][dof.axis] / system.masses()[p];
+        }
+        let last = Forces::at(subject, after, &predicted);
+        let zeros = || vec![Vector3::zeros(); system.particles()];
+        let (mut places, mut speeds, mut place_sizes, mut speed_sizes) = (zeros(), zeros(), zeros(), zeros());
+        for (p, &m) in system.masses().iter().enumerate() {
+            let (x, y, v, w) = (before.positions[p], after.positions[p], before.velocities[p], after.velocities[p]);
+            places[p] = (y - x - v * dt) * (m / dt / dt) - force.total[p] * 0.5;
+            speeds[p] = (w - v) * (m / dt) - (force.total[p] + last.total[p]) * 0.5;
+            let size = force.magnitudes[p] + last.magnitudes[p] + (v.norm() + w.norm()) * (m / dt);
+            speed_sizes[p] = Vector3::repeat(size);
+            place_sizes[p] = Vector3::repeat(size + (x.norm() + y.norm()) * (m / dt / dt));
+        }
+        let share = |rows: &[Vector3<f64>], sizes: &[Vector3<f64>]| {
+            norm(&free(system, rows)) / (UNITS * U * norm(&free(system, sizes)))
+        };
+        let shares = [share(&places, &place_sizes), share(&speeds, &speed_sizes)];
+        kept = Some(last);
+        worst(shares)
+    }))
 }
 
 /// `f_el + f_d + g` at a state, and the sums of the magnitudes in them.

@@ -44,7 +44,9 @@ fn main() -> Result<(), Failure> {
         Contender::Adaptive(ours(Method::W2)),
         Contender::Steps(ours(Method::ImplicitMidpoint)),
         Contender::Steps(ours(Method::LinearBackwardEuler)),
-        Contender::Steps(ours(Method::SymplecticEuler)),
+        Contender::Steps(ours(Method::Verlet)),
+        Contender::Adaptive(ours(Method::Dop853)),
+        Contender::Adaptive(ours(Method::Rodas4)),
     ];
     let mut results = String::from(RESULTS);
     for scene in [load("stiff_pendulum.toml")?, load("tetrahedron.toml")?, cloth] {

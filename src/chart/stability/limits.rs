@@ -10,6 +10,9 @@
 //! | linearised backward Euler, `full` | | A definite for `z < 1/√(1/λ − 1)` |
 //! | W-method, `full` | | A definite for `z < 1/(γ √(1/λ − 1))` |
 //! | symplectic Euler, damping explicit | `z ≤ 2 (√(1 + ζ²) − ζ)` along, `z ≤ 2/√(1 − 1/λ)` across | |
+//! | Verlet, damping by predicted velocities | `z ≤ 2 (√(1 + 4ζ²) − 2ζ)` along, `z ≤ 2/√(1 − 1/λ)` across | |
+//! | RODAS4 | stable for all z | steps with an indefinite A are cut |
+//! | DOP853 | `|R(z(−ζ ± i√(1 − ζ²)))| ≤ 1` along, `z ≤ 5.96/√(1 − 1/λ)` across | |
 //! | forward Euler | unstable for all z: nothing damps the motion across | |
 //!
 //! *Dropped term.* Without stiffness in the matrix linearised backward Euler is `v' = v − dt ω_t² x`, `x' = x + dt v'`, which has
@@ -17,10 +20,13 @@
 //! stages, put together, have determinant 1 too and the trace `2 − z_t² + ½γ² z_t⁴`. Both roots lie on the unit circle while its
 //! magnitude is at most 2: up to `z_t² = (1 − √(1 − 8γ²))/γ²`, and again on a narrow island from `(1 + √(1 − 8γ²))/γ²` to
 //! `2/γ²`, z_t = 4.265 … 4.828.
-//! *Explicit damping.* `g² − (2 − z² − 2ζz) g + 1 − 2ζz`: the Jury condition at g = −1 is `z² + 4ζz ≤ 4`.
+//! *Explicit damping.* `g² − (2 − z² − 2ζz) g + 1 − 2ζz`: the Jury condition at g = −1 is `z² + 4ζz ≤ 4`. With Verlet's
+//! predicted velocities it is `z² + 8ζz ≤ 4`.
+//! *DOP853.* R is a polynomial of degree twelve, up to z⁸ that of the exponential, and 5.96 where |R| = 1 on the imaginary axis.
 
 use crate::integrate::{Method, StiffnessPolicy};
 use crate::spring::Stiffness;
+use nalgebra::Complex;
 use serde::Serialize;
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -57,6 +63,29 @@ pub fn dropped_term_limits() -> [f64; 3] {
     [(1.0 - root) / g, (1.0 + root) / g, 2.0 / g].map(f64::sqrt)
 }
 
+/// The z at which DOP853 becomes unstable on a mode. Of an overdamped one the faster decay decides.
+fn dop853_limit(damping_ratio: f64) -> f64 {
+    const HIGHEST: [f64; 4] =
+        [2.6916922001690827e-6, 2.3413451082097813e-7, 1.494736485459155e-8, 3.613324578128244e-10];
+    if damping_ratio > 1.0 {
+        return dop853_limit(1.0) / (damping_ratio + (damping_ratio * damping_ratio - 1.0).sqrt());
+    }
+    let ratio = damping_ratio;
+    let ray = Complex::new(-ratio, (1.0 - ratio * ratio).sqrt());
+    let grows = |z: f64| {
+        let (mut power, mut sum, mut factor) = (Complex::new(1.0, 0.0), Complex::new(0.0, 0.0), 1.0);
+        for k in 0..=12 {
+            let coefficient = if k <= 8 { factor } else { HIGHEST.get(k - 9).copied().unwrap_or(0.0) };
+            sum += power * coefficient;
+            power *= ray * z;
+            factor /= (k + 1) as f64;
+        }
+        sum.norm() > 1.0 + 1e-9
+    };
+    // From the first grid point that grows the limit is less than one spacing away.
+    (1..2000).map(|i| 0.005 * f64::from(i)).find(|&z| grows(z)).unwrap_or(f64::INFINITY)
+}
+
 fn keeps_transverse(policy: StiffnessPolicy) -> bool {
     policy != StiffnessPolicy::Always(Stiffness::Axial)
 }
@@ -82,6 +111,17 @@ pub fn limits(method: Method, policy: StiffnessPolicy, stretch: f64, damping_rat
         }
         Method::LinearBackwardEuler if full => push("1/√(1/λ − 1)", 1.0 / buckling),
         Method::W2 if full => push("1/(γ√(1/λ − 1))", 1.0 / (GAMMA * buckling)),
+        Method::Verlet if stretch >= 1.0 => {
+            push(
+                "2(√(1 + 4ζ²) − 2ζ)",
+                2.0 * ((1.0 + 4.0 * damping_ratio * damping_ratio).sqrt() - 2.0 * damping_ratio),
+            );
+            push("2/√(1 − 1/λ)", 2.0 / across);
+        }
+        Method::Dop853 if stretch >= 1.0 => {
+            push("|R(z)| = 1", dop853_limit(damping_ratio));
+            push("5.96/√(1 − 1/λ)", dop853_limit(0.0) / across);
+        }
         Method::SymplecticEuler if stretch >= 1.0 => {
             push("2(√(1 + ζ²) − ζ)", 2.0 * ((1.0 + damping_ratio * damping_ratio).sqrt() - damping_ratio));
             push("2/√(1 − 1/λ)", 2.0 / across);
@@ -112,8 +152,11 @@ pub fn prediction(
     let crossed = limits.iter().filter(|limit| z > limit.z).count();
     let inside = if method == Method::W2 { crossed % 2 == 0 } else { crossed == 0 };
     match method {
-        Method::SymplecticEuler | Method::ForwardEuler if stretch < 1.0 => Prediction::Silent,
+        // An explicit method refuses nothing, and RODAS4 cuts its steps.
+        _ if stretch < 1.0 && !method.takes_stiffness() => Prediction::Silent,
         Method::ForwardEuler => Prediction::Unstable,
+        // Its matrix is the one at the predicted state, and how often it iterates decides too.
+        Method::Bdf2 => Prediction::Silent,
         _ if stretch < 1.0 && inside => Prediction::Definite,
         _ if stretch < 1.0 => Prediction::Refused,
         _ if inside => Prediction::Stable,
@@ -133,6 +176,14 @@ mod tests {
         let w_v = force(x + 0.5 * k_x) - k_v;
         let w_x = v + 0.5 * k_v - k_x + GAMMA * w_v;
         [x + k_x + w_x, v + k_v + w_v]
+    }
+
+    /// Limits of DOP853: on the imaginary axis, on the real one, and in between.
+    #[test]
+    fn dop853_is_stable_far_out() {
+        for (ratio, limit) in [(0.0, 5.96), (0.1, 6.285), (0.5, 6.765), (1.0, 6.39), (1.25, 3.195)] {
+            assert!((dop853_limit(ratio) - limit).abs() < 0.011, "{ratio}: {}", dop853_limit(ratio));
+        }
     }
 
     #[test]

@@ -120,7 +120,8 @@ impl Figures {
             Method::Bdf2 => slip,
             _ if method.order() <= 2 => bend / 24.0 / (pace * pace).max(1.0),
             _ if embedded > 0.0 => embedded,
-            _ => return None,
+            // Each further order takes a factor of ωh.
+            _ => bend / 24.0 * pace.powi(method.order() as i32 - 2),
         };
         estimate.is_finite().then_some(estimate)
     }

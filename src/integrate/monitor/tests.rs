@@ -184,6 +184,12 @@ fn estimates_follow_the_truncation_errors_of_the_methods() {
     ] {
         approx::assert_relative_eq!(figures.estimate(method).unwrap(), estimate, max_relative = 1e-12);
     }
+    // Orders above two: the sum of the method's own estimates, or without them factors of ωh = 0.3.
+    for (method, estimate) in [(Method::Rodas4, 0.0025 * 0.09), (Method::Dop853, 0.0025 * 0.3f64.powi(6))] {
+        assert_eq!(figures.estimate(method), Some(0.7));
+        let without = Figures { embedded: 0.0, ..figures };
+        approx::assert_relative_eq!(without.estimate(method).unwrap(), estimate, max_relative = 1e-12);
+    }
     // Linearising is no help, even where it leaves out next to nothing; steps that do not resolve what rings make it no worse.
     assert_eq!(Figures { defect: 0.01, ..figures }.estimate(Method::LinearBackwardEuler), Some(0.1));
     let ringing = Figures { bend: 0.4, ..figures };

@@ -1,0 +1,164 @@
+//! All forces at once, in one pass over the springs that keeps nothing: what explicit methods need.
+
+use super::DegenerateSpring;
+use crate::spring::Extension;
+use crate::system::{Share, System, shares};
+use nalgebra::Vector3;
+
+/// Computes `f_el + f_d + g`.
+#[derive(Debug, Clone)]
+pub struct TotalForce {
+    /// How the sum over springs is shared out.
+    shares: Vec<Share>,
+}
+
+/// Full-length positions in m and velocities in m/s.
+#[derive(Clone, Copy)]
+struct Motion<'a> {
+    positions: &'a [Vector3<f64>],
+    velocities: &'a [Vector3<f64>],
+}
+
+impl TotalForce {
+    /// For a system, and as many threads as there are now.
+    pub fn new(system: &System) -> Self {
+        Self { shares: shares(system) }
+    }
+
+    /// Sets `force`, in N, to the sum of all forces on every particle at full-length positions and velocities.
+    ///
+    /// # Errors
+    /// A spring whose ends coincide; `force` is then incomplete.
+    pub fn set(
+        &self,
+        system: &System,
+        positions: &[Vector3<f64>],
+        velocities: &[Vector3<f64>],
+        force: &mut [Vector3<f64>],
+    ) -> Result<(), DegenerateSpring> {
+        let gravity = system.gravity();
+        for (f, mass) in force.iter_mut().zip(system.masses()) {
+            *f = gravity * *mass;
+        }
+        let at = Motion { positions, velocities };
+        if self.shares.len() > 1 {
+            return add_shares(system, at, &self.shares, force);
+        }
+        for (spring, [i, j], _) in system.active() {
+            let f = on_first_end(system, at, spring, [i, j])?;
+            force[i] += f;
+            force[j] -= f;
+        }
+        Ok(())
+    }
+}
+
+/// The force on end i of a spring.
+#[inline(always)]
+fn on_first_end(
+    system: &System,
+    at: Motion<'_>,
+    spring: usize,
+    pair: [usize; 2],
+) -> Result<Vector3<f64>, DegenerateSpring> {
+    let [i, j] = pair;
+    let extension = Extension::between(&at.positions[i], &at.positions[j]).ok_or(DegenerateSpring { spring, pair })?;
+    let parameters = &system.springs()[spring];
+    let mut tension = parameters.stiffness * parameters.strain(&extension);
+    // Without damping velocities may be anything, infinite too.
+    if parameters.damping > 0.0 {
+        tension += parameters.damping * extension.direction.dot(&(at.velocities[i] - at.velocities[j]));
+    }
+    Ok(extension.direction * -tension)
+}
+
+/// `total` holds the particles of these shares.
+fn add_shares(
+    system: &System,
+    at: Motion<'_>,
+    shares: &[Share],
+    total: &mut [Vector3<f64>],
+) -> Result<(), DegenerateSpring> {
+    match shares {
+        [] => Ok(()),
+        [Share { particles, springs }] => {
+            for &position in &**springs {
+                let spring = system.active_springs()[position as usize] as usize;
+                let [i, j] = system.pair(spring);
+                let f = on_first_end(system, at, spring, [i, j])?;
+                if let Some(total) = total.get_mut(i.wrapping_sub(particles.start)) {
+                    *total += f;
+                }
+                if let Some(total) = total.get_mut(j.wrapping_sub(particles.start)) {
+                    *total -= f;
+                }
+            }
+            Ok(())
+        }
+        [first, ..] => {
+            let (left, right) = shares.split_at(shares.len() / 2);
+            let boundary = right.first().map_or(0, |share| share.particles.start - first.particles.start);
+            let (low, high) = total.split_at_mut(boundary);
+            let (low, high) = rayon::join(|| add_shares(system, at, left, low), || add_shares(system, at, right, high));
+            low.and(high)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::TotalForce;
+    use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+    use crate::scene::builtin::{Kind, builtin};
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+    use nalgebra::Vector3;
+
+    /// The sum of the three forces, to rounding, on one thread and on several; a lattice of 14³ has enough springs for these.
+    #[test]
+    fn all_forces_are_the_sum_of_each() {
+        let (system, mut state) = builtin(Kind::Lattice, 14).unwrap().build().unwrap();
+        for (p, (x, v)) in state.positions.iter_mut().zip(&mut state.velocities).enumerate() {
+            *x *= 1.0 + 0.01 * (p % 5) as f64;
+            *v = Vector3::new((p % 3) as f64, (p % 7) as f64, -1.0);
+        }
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let mut expected = vec![Vector3::zeros(); system.particles()];
+        add_elastic_force(&system, &extensions, &mut expected);
+        add_damping_force(&system, &extensions, &state.velocities, &mut expected);
+        add_weight(&system, &mut expected);
+        let largest = expected.iter().map(Vector3::amax).fold(0.0, f64::max);
+        let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut all = Vec::new();
+        for threads in [1, 2, 3] {
+            let mut force = vec![Vector3::repeat(7.0); system.particles()];
+            pool(threads).install(|| {
+                let total = TotalForce::new(&system);
+                assert_eq!(total.shares.len() > 1, threads > 1);
+                total.set(&system, &state.positions, &state.velocities, &mut force).unwrap();
+            });
+            for (f, expected) in force.iter().zip(&expected) {
+                assert!((f - expected).amax() <= 1e-14 * largest, "{f} {expected}");
+            }
+            all.push(force);
+        }
+        assert!(all.iter().all(|force| *force == all[0]), "the number of threads is in the result");
+    }
+
+    #[test]
+    fn coincident_ends_are_named() {
+        let mut builder = SystemBuilder::new();
+        for x in [0.0, 1.0, 3.0] {
+            builder.particle([x, 0.0, 0.0], 1.0);
+        }
+        for pair in [[0, 1], [1, 2]] {
+            builder.spring(pair[0], pair[1], Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        let (system, mut state) = builder.build().unwrap();
+        state.positions[2] = state.positions[1];
+        let mut force = [Vector3::zeros(); 3];
+        let failure = TotalForce::new(&system).set(&system, &state.positions, &state.velocities, &mut force);
+        let failure = failure.unwrap_err();
+        assert_eq!((failure.spring, failure.pair), (1, [1, 2]));
+    }
+}

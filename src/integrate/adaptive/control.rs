@@ -1,0 +1,76 @@
+//! The step size controller.
+
+use super::AdaptiveStepper;
+
+/// Proposals within these factors of h keep it, where that saves work.
+const DEAD_BAND: std::ops::RangeInclusive<f64> = 0.9..=1.3;
+
+/// The most by which one step may be shorter than the last.
+const SHRINKAGE: f64 = 0.2;
+
+/// After a step that could not be done others stay below this part of it, and come nearer by the second factor a step: where
+/// matrices are indefinite, errors alone would propose again and again what cannot be done.
+const BELOW_FAILURE: f64 = 0.8;
+const APPROACH: f64 = 1.05;
+
+/// Proposes steps from the errors of those before.
+pub(super) struct Control {
+    /// The step to try next, but for landing on a stop.
+    pub h: f64,
+    last_error: f64,
+    /// Whether the step before this one was rejected: it is not to grow at once.
+    was_rejected: bool,
+    /// No step longer than this.
+    ceiling: f64,
+}
+
+impl Control {
+    pub fn new(first: f64, duration: f64) -> Self {
+        Self { h: first.min(duration), last_error: 1.0, was_rejected: false, ceiling: duration }
+    }
+
+    /// The step to take when a stop is `distance` ahead, and whether it lands there. The last two steps share what is
+    /// left, so that none is tiny.
+    pub fn step_towards(&self, distance: f64) -> (f64, bool) {
+        if distance <= self.h * 1.01 {
+            (distance, true)
+        } else if distance < 2.0 * self.h {
+            (0.5 * distance, false)
+        } else {
+            (self.h, false)
+        }
+    }
+
+    /// After a step of h seconds with an error of at most one.
+    pub fn accepted(&mut self, error: f64, h: f64, stepper: &dyn AdaptiveStepper) {
+        let power = f64::from(stepper.estimate_order() + 1);
+        let error = error.max(1e-6);
+        let factor = (0.9 / error).powf(0.7 / power) * (self.last_error / error).powf(0.4 / power);
+        self.last_error = error;
+        // A step shortened to land on a stop says nothing against the longer one.
+        let is_full = h >= 0.9 * self.h;
+        let keeps = stepper.gains_by_equal_steps() && DEAD_BAND.contains(&factor);
+        if !keeps && (is_full || factor < 1.0) {
+            let growth = if self.was_rejected { 1.0 } else { stepper.largest_growth() };
+            self.h = (h * factor.clamp(SHRINKAGE, growth)).min(self.ceiling);
+        }
+        self.ceiling *= APPROACH;
+        self.was_rejected = false;
+    }
+
+    /// After a step of h seconds with too large an error, estimates falling as h^(p + 1).
+    pub fn rejected(&mut self, error: f64, h: f64, p: u32) {
+        self.was_rejected = true;
+        self.h = h * (0.8 / error.powf(1.0 / f64::from(p + 1))).clamp(SHRINKAGE, 0.8);
+    }
+
+    /// After a step of h seconds that could not be done.
+    pub fn failed(&mut self, h: f64) {
+        self.was_rejected = true;
+        self.ceiling = BELOW_FAILURE * h;
+        self.h = 0.5 * h;
+    }
+}
+
+#[cfg(test)]
+mod tests;

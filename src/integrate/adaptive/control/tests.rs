@@ -1,0 +1,97 @@
+use super::super::tests::Still;
+use super::{APPROACH, BELOW_FAILURE, Control, SHRINKAGE};
+
+fn control(h: f64) -> Control {
+    Control { h, last_error: 1.0, was_rejected: false, ceiling: f64::MAX }
+}
+
+fn close(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-12 * b.abs()
+}
+
+#[test]
+fn the_last_two_steps_before_a_stop_share_what_is_left() {
+    let control = control(0.1);
+    assert_eq!(control.step_towards(0.1009), (0.1009, true));
+    assert_eq!(control.step_towards(0.1011), (0.05055, false));
+    assert_eq!(control.step_towards(0.1999), (0.09995, false));
+    assert_eq!(control.step_towards(0.21), (0.1, false));
+}
+
+#[test]
+fn first_steps_are_no_longer_than_the_run() {
+    assert_eq!(Control::new(3.0, 2.0).h, 2.0);
+    assert_eq!(Control::new(0.3, 2.0).h, 0.3);
+}
+
+#[test]
+fn the_next_step_follows_the_error_and_its_change() {
+    let next = |mut control: Control, error: f64, h: f64, stepper: Still| {
+        control.accepted(error, h, &stepper);
+        assert_eq!((control.last_error, control.was_rejected), (error, false));
+        control.h
+    };
+    for p in [1, 2, 4, 8] {
+        let power = f64::from(p + 1);
+        for gains in [false, true] {
+            // h (0.9/e)^(0.7/(p + 1)) (e_last/e)^(0.4/(p + 1)) with e_last = 1.
+            let expected = 0.1 * 9.0f64.powf(0.7 / power) * 10.0f64.powf(0.4 / power);
+            let largest = 0.1 * Still::GROWTH;
+            assert!(close(next(control(0.1), 0.1, 0.1, Still::of(p, gains)), expected.min(largest)), "{p}");
+            let falling = Control { last_error: 0.1, ..control(0.1) };
+            let expected = 0.1 * 0.9f64.powf(0.7 / power) * 0.1f64.powf(0.4 / power);
+            let kept = gains && expected > 0.09;
+            assert!(close(next(falling, 1.0, 0.1, Still::of(p, gains)), if kept { 0.1 } else { expected }), "{p}");
+        }
+    }
+    // Within the dead band nothing changes, where that saves work; growth and shrinkage are bounded.
+    assert_eq!(next(control(0.1), 0.8, 0.1, Still::of(2, true)), 0.1);
+    assert!(next(control(0.1), 0.8, 0.1, Still::of(2, false)) > 0.1);
+    assert_eq!(next(control(0.1), 1e-5, 0.1, Still::of(2, true)), 0.1 * Still::GROWTH);
+    let rejected = Control { was_rejected: true, ..control(0.1) };
+    assert_eq!(next(rejected, 1e-5, 0.1, Still::of(2, true)), 0.1);
+    assert_eq!(next(Control { last_error: 1e-6, ..control(0.1) }, 1.0, 0.1, Still::of(1, true)), 0.1 * SHRINKAGE);
+    // A step shortened to land on a stop makes no later one longer, but it may make them shorter.
+    assert_eq!(next(control(0.1), 0.5, 0.05, Still::of(2, true)), 0.1);
+    let expected = 0.095 * 4.5f64.powf(0.7 / 3.0) * 5.0f64.powf(0.4 / 3.0);
+    assert!(close(next(control(0.1), 0.2, 0.095, Still::of(2, true)), expected));
+    let falling = Control { last_error: 0.1, ..control(0.1) };
+    let expected = 0.05 * 0.9f64.powf(0.7 / 3.0) * 0.1f64.powf(0.4 / 3.0);
+    assert!(close(next(falling, 1.0, 0.05, Still::of(2, true)), expected));
+}
+
+#[test]
+fn steps_shrink_after_rejections_and_failures() {
+    let after = |error: Option<f64>, p: u32| {
+        let mut control = control(0.1);
+        match error {
+            Some(error) => control.rejected(error, 0.1, p),
+            None => control.failed(0.1),
+        }
+        assert!(control.was_rejected);
+        control.h
+    };
+    assert!(close(after(Some(8.0), 2), 0.04));
+    assert!(close(after(Some(4.0), 1), 0.04));
+    assert!(close(after(Some(512.0), 8), 0.04));
+    assert!(close(after(Some(1.0), 2), 0.08));
+    assert!(close(after(Some(1e6), 2), 0.02));
+    assert!(close(after(Some(f64::INFINITY), 2), 0.02));
+    assert!(close(after(None, 2), 0.05));
+}
+
+/// What could not be done is not proposed again at once, but in time.
+#[test]
+fn steps_come_back_slowly_to_one_that_failed() {
+    let mut control = control(0.1);
+    control.failed(0.1);
+    let mut steps = 0;
+    while control.h < 0.1 {
+        let (h, stepper) = (control.h, Still::of(2, false));
+        control.accepted(1e-6, h, &stepper);
+        let expected = 0.1 * BELOW_FAILURE * APPROACH.powi(steps);
+        assert!(control.h <= 0.05 || close(control.h, expected), "{} {expected}", control.h);
+        steps += 1;
+    }
+    assert_eq!(steps, 6);
+}

@@ -1,0 +1,65 @@
+//! What the observer of a run with error control sees.
+
+use super::{AdaptiveStepper, SHORTEST, Sampling};
+use crate::system::{State, System};
+use std::ops::ControlFlow;
+
+/// Hands out states as often as is asked.
+pub(super) struct Samples {
+    sampling: Sampling,
+    start: f64,
+    count: u64,
+    sample: State,
+}
+
+impl Samples {
+    pub fn new(sampling: Sampling, state: &State) -> Self {
+        Self { sampling, start: state.time, count: 0, sample: state.clone() }
+    }
+
+    /// After a step of `stepper` from `before` to `after`.
+    pub fn observe(
+        &mut self,
+        system: &System,
+        stepper: &mut dyn AdaptiveStepper,
+        before: &State,
+        after: &State,
+        is_last: bool,
+        observe: &mut impl FnMut(u64, &State) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        if let Sampling::Every(interval) = self.sampling {
+            loop {
+                let time = self.start + (self.count + 1) as f64 * interval;
+                // A sample within rounding of the end is the end.
+                let reach = if is_last { after.time - SHORTEST * interval } else { after.time };
+                if time >= reach {
+                    break;
+                }
+                self.count += 1;
+                stepper.interpolate(before, after, time, &mut self.sample);
+                self.sample.time = time;
+                self.sample.prescribe(system);
+                observe(self.count, &self.sample)?;
+            }
+            if !is_last {
+                return ControlFlow::Continue(());
+            }
+        }
+        self.count += 1;
+        observe(self.count, after)
+    }
+}
+
+/// The cubic Hermite polynomial through the ends of a step, and its derivative.
+pub(in crate::integrate) fn hermite(before: &State, after: &State, time: f64, sample: &mut State) {
+    let h = after.time - before.time;
+    let s = (time - before.time) / h;
+    for (p, x0) in before.positions.iter().enumerate() {
+        let chord = (after.positions[p] - x0) / h;
+        let (v0, v1) = (before.velocities[p], after.velocities[p]);
+        // x0 + h (s v0 + s² (3c − 2v0 − v1) + s³ (v0 + v1 − 2c)), c the chord's slope.
+        let (second, third) = (chord * 3.0 - v0 * 2.0 - v1, v0 + v1 - chord * 2.0);
+        sample.positions[p] = x0 + (v0 + (second + third * s) * s) * (s * h);
+        sample.velocities[p] = v0 + (second * 2.0 + third * (3.0 * s)) * s;
+    }
+}

@@ -1,0 +1,135 @@
+//! What errors are relative to, and how long a first step is.
+
+use super::{Adaptivity, ErrorEstimate};
+use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+use crate::system::{State, System};
+use nalgebra::Vector3;
+
+/// The tolerance at which every step may make an error of it.
+const COARSE: f64 = 0.5;
+
+/// How far particles may travel in a run, relative to X, before every step is to do less.
+const FAR: f64 = 10.0;
+
+/// A run in which nothing moves yet nor is pulled has at least this part of X/T for a speed.
+const LEAST_SPEED: f64 = 1e-3;
+
+/// X, V and the length of the run.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Scales {
+    /// r.
+    tolerance: f64,
+    duration: f64,
+    /// V.
+    speed: f64,
+}
+
+impl Scales {
+    /// At the start of a run by a method of order q whose estimate falls as h^(p + 1), and the number of force evaluations that took. Where forces are undefined the first step fails
+    /// and says so; here they count as none.
+    pub fn at_start(system: &System, state: &State, how: &Adaptivity, [q, p]: [u32; 2]) -> (Self, u64) {
+        let Adaptivity { duration, rtol, .. } = *how;
+        let tolerance = rtol * (rtol / COARSE).min(1.0).powf(f64::from(p + 1) / f64::from(q) - 1.0);
+        let a0 = accelerations(system, state).map_or(0.0, |a| norm(&a));
+        let spread = spread(&state.positions);
+        let speed = norm(&state.velocities).max(0.3 * (a0 * duration).min((a0 * spread).sqrt()));
+        (Self { tolerance, duration, speed: speed.max(LEAST_SPEED * spread / duration) }, 1)
+    }
+
+    /// After an accepted step.
+    pub fn see(&mut self, state: &State) {
+        self.speed = self.speed.max(norm(&state.velocities));
+    }
+
+    /// e of a step.
+    pub fn error(&self, estimate: &ErrorEstimate, state: &State) -> f64 {
+        let error = self.norm(estimate.positions, estimate.velocities, state);
+        if error.is_nan() { f64::INFINITY } else { error }
+    }
+
+    /// `√(‖e_x‖² + (X/V)² ‖e_v‖²)/(r X) · max(1, TV/(10 X))`; nothing out of nothing is nothing.
+    fn norm(&self, positions: &[Vector3<f64>], velocities: &[Vector3<f64>], state: &State) -> f64 {
+        let length = self.length(state);
+        let part = |error: f64, whole: f64| if error == 0.0 { 0.0 } else { error / whole };
+        part(norm(positions), length).hypot(part(norm(velocities), self.speed)) / self.tolerance
+            * (self.speed * self.duration / (FAR * length)).max(1.0)
+    }
+
+    /// X.
+    fn length(&self, state: &State) -> f64 {
+        let spread = spread(&state.positions);
+        if spread > 0.0 { spread } else { self.speed * self.duration }
+    }
+
+    /// A first step for a method whose estimate falls as h^(p + 1), after Hairer, Nørsett and Wanner (Solving Ordinary Differential Equations I,
+    /// II.4), and the number of force evaluations that took.
+    ///
+    /// With `‖·‖` the norm of e and `y' = F(y)`: an Euler step of `h₀ = 0.01/(r ‖F‖)` seconds probes how fast F changes,
+    /// `F' = ‖F(y + h₀ F) − F(y)‖/h₀`, and `h₁ = (0.01/max(‖F‖, F'))^{1/(p + 1)}` would leave an error of about a hundredth. The step
+    /// is `min(100 h₀, h₁)`.
+    pub fn first_step(&self, system: &System, state: &State, how: &Adaptivity, p: u32) -> (f64, u64) {
+        let Some(a) = accelerations(system, state) else { return (how.duration, 1) };
+        let rate = self.norm(&state.velocities, &a, state);
+        if rate == 0.0 || !rate.is_finite() {
+            return (how.duration, 1);
+        }
+        let h0 = (0.01 / (self.tolerance * rate)).min(how.duration);
+        let mut probe = state.clone();
+        for ((x, v), a) in probe.positions.iter_mut().zip(&mut probe.velocities).zip(&a) {
+            *x += *v * h0;
+            *v += a * h0;
+        }
+        probe.time += h0;
+        probe.prescribe(system);
+        let Some(b) = accelerations(system, &probe) else { return (h0, 2) };
+        let changes = |after: &[Vector3<f64>], before: &[Vector3<f64>]| -> Vec<Vector3<f64>> {
+            after.iter().zip(before).map(|(b, a)| (b - a) / h0).collect()
+        };
+        let change = self.norm(&changes(&probe.velocities, &state.velocities), &changes(&b, &a), state);
+        let h1 = (0.01 / rate.max(change)).powf(1.0 / f64::from(p + 1));
+        // NaN where the probe has left all numbers.
+        let step = if h1 > 0.0 { h1.min(100.0 * h0) } else { h0 };
+        (step.min(how.duration), 2)
+    }
+}
+
+/// What a fine and a coarse estimate are together.
+pub(super) fn joint(fine: f64, coarse: f64) -> f64 {
+    let both = fine.hypot(0.1 * coarse);
+    if fine == 0.0 || !both.is_finite() { fine } else { fine * (fine / both) }
+}
+
+/// `M⁻¹ (f_el + f_d + g)` of the free coordinates, zero of the others; `None` where the ends of a spring coincide.
+fn accelerations(system: &System, state: &State) -> Option<Vec<Vector3<f64>>> {
+    let extensions = Extensions::at(system, &state.positions).ok()?;
+    let mut force = vec![Vector3::zeros(); system.particles()];
+    add_elastic_force(system, &extensions, &mut force);
+    add_damping_force(system, &extensions, &state.velocities, &mut force);
+    add_weight(system, &mut force);
+    for (f, mass) in force.iter_mut().zip(system.masses()) {
+        *f /= *mass;
+    }
+    for (dof, ..) in system.prescribed().iter() {
+        if let Some(a) = force.get_mut(dof.particle) {
+            a[dof.axis] = 0.0;
+        }
+    }
+    Some(force)
+}
+
+/// `‖x − centroid‖`, zero where it is within rounding of the coordinates.
+fn spread(positions: &[Vector3<f64>]) -> f64 {
+    let centroid = positions.iter().sum::<Vector3<f64>>() / positions.len().max(1) as f64;
+    let (spread, reach) = positions
+        .iter()
+        .fold((0.0, 0.0f64), |(sum, reach), x| (sum + (x - centroid).norm_squared(), reach.max(x.norm_squared())));
+    if spread > 1e-24 * reach { spread.sqrt() } else { 0.0 }
+}
+
+/// Euclidean, over all components.
+pub(super) fn norm(vectors: &[Vector3<f64>]) -> f64 {
+    vectors.iter().map(|v| v.norm_squared()).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,143 @@
+use super::{Scales, joint};
+use crate::integrate::{Adaptivity, ErrorEstimate, Sampling};
+use crate::spring::Spring;
+use crate::system::{State, System, SystemBuilder};
+use nalgebra::Vector3;
+
+/// Particles of 1 kg at these places on the first axis, under a gravity along it.
+fn particles(places: &[f64], gravity: f64) -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.gravity(gravity, 0.0, 0.0);
+    for &x in places {
+        builder.particle([x, 0.0, 0.0], 1.0);
+    }
+    builder.build().unwrap()
+}
+
+fn how(duration: f64) -> Adaptivity {
+    Adaptivity { duration, rtol: 1e-3, first_step: None, sampling: Sampling::Steps }
+}
+
+fn close(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-12 * b.abs()
+}
+
+/// X² = 9 + 9 m², V = 5 m/s.
+#[test]
+fn errors_of_positions_and_velocities_are_relative_to_spread_and_speed() {
+    let (system, mut state) = particles(&[1.0, 7.0], 0.0);
+    state.velocities[1] = Vector3::new(3.0, 0.0, 4.0);
+    let (scales, forces) = Scales::at_start(&system, &state, &how(3.0), [1, 0]);
+    assert_eq!(forces, 1);
+    let (positions, velocities) = ([Vector3::new(3e-4, 0.0, 0.0), Vector3::zeros()], [Vector3::repeat(1e-4); 2]);
+    let error =
+        |x: &[Vector3<f64>], v: &[Vector3<f64>]| scales.error(&ErrorEstimate { positions: x, velocities: v }, &state);
+    let none = [Vector3::zeros(); 2];
+    assert!(close(error(&positions, &none), 3e-4 / (18f64.sqrt() * 1e-3)));
+    assert!(close(error(&none, &velocities), 6f64.sqrt() * 1e-4 / (5.0 * 1e-3)));
+    let both = error(&positions, &velocities);
+    assert!(close(both, error(&positions, &none).hypot(error(&none, &velocities))));
+    assert_eq!(error(&[Vector3::repeat(f64::NAN); 2], &none), f64::INFINITY);
+    assert_eq!(error(&none, &[Vector3::repeat(f64::NAN); 2]), f64::INFINITY);
+    assert_eq!(error(&none, &none), 0.0);
+}
+
+/// Orders decide how much less than rtol = 1e-3 every step may do, and so does a way of more than ten times X: here 5 m/s over
+/// 3√2 m for 8.5 or 85 s.
+#[test]
+fn steps_may_do_less_where_errors_add_up() {
+    let (system, mut state) = particles(&[1.0, 7.0], 0.0);
+    state.velocities[1] = Vector3::new(3.0, 0.0, 4.0);
+    let error = |duration: f64, orders: [u32; 2]| {
+        let (scales, _) = Scales::at_start(&system, &state, &how(duration), orders);
+        let positions = [Vector3::new(3e-4, 0.0, 0.0), Vector3::zeros()];
+        scales.error(&ErrorEstimate { positions: &positions, velocities: &[] }, &state)
+    };
+    let plain = 3e-4 / (18f64.sqrt() * 1e-3);
+    for (orders, factor) in [([2, 2], 500f64.sqrt()), ([1, 1], 500.0), ([4, 3], 1.0), ([8, 7], 1.0)] {
+        assert!(close(error(18f64.sqrt() * 2.0, orders), factor * plain), "{orders:?}");
+        assert!(close(error(18f64.sqrt() * 20.0, orders), 10.0 * factor * plain), "{orders:?}");
+    }
+    let coarse = Adaptivity { rtol: 0.5, ..how(1.0) };
+    assert!(close(Scales::at_start(&system, &state, &coarse, [2, 2]).0.tolerance, 0.5));
+}
+
+/// Speeds: of the particles, of what they are about to get from their accelerations of 2 m/s² each within the run or within
+/// their spread of √2 m, whichever is less, and a least one.
+#[test]
+fn the_speed_is_the_largest_so_far_or_to_come() {
+    let speed = |velocity: f64, gravity: f64, duration: f64| {
+        let (system, mut state) = particles(&[0.0, 2.0], gravity);
+        state.velocities[0].y = velocity;
+        Scales::at_start(&system, &state, &how(duration), [1, 0]).0.speed
+    };
+    assert!(close(speed(7.0, 2.0, 5.0), 7.0));
+    assert!(close(speed(0.0, 2.0, 0.1), 0.3 * 8f64.sqrt() * 0.1));
+    assert!(close(speed(0.0, 2.0, 5.0), 0.6));
+    assert!(close(speed(0.0, 0.0, 5.0), 1e-3 * 2f64.sqrt() / 5.0));
+    let (system, mut state) = particles(&[0.0, 2.0], 0.0);
+    let (mut scales, _) = Scales::at_start(&system, &state, &how(1.0), [1, 0]);
+    for (speed, largest) in [(3.0, 3.0), (2.0, 3.0), (5.0, 5.0)] {
+        state.velocities[1] = Vector3::new(0.0, speed, 0.0);
+        scales.see(&state);
+        assert_eq!(scales.speed, largest);
+    }
+}
+
+/// A single particle has no spread: its way counts.
+#[test]
+fn the_error_of_one_particle_is_relative_to_its_way() {
+    let (system, mut state) = particles(&[1e6], 0.0);
+    state.velocities[0].y = 4.0;
+    let (scales, _) = Scales::at_start(&system, &state, &how(2.0), [1, 0]);
+    let positions = [Vector3::new(3e-3, 0.0, 4e-3)];
+    let error = scales.error(&ErrorEstimate { positions: &positions, velocities: &[Vector3::zeros()] }, &state);
+    assert!(close(error, 5e-3 / (8.0 * 1e-3)), "{error}");
+}
+
+/// One particle of 1 kg on a spring of 400 N/m, displaced by 0.1 m: ω = 20/s and `x'' = −40 m/s²`. By hand: X of the two ends
+/// `1.1/√2`, V = 0.3 √(40 X) since that is less than 0.3·40·T, and the Euler probe of h₀ seconds moves the particle by nothing
+/// and changes its velocity, so that only `v` changes: `F' = a/(rtol X)`; the weighted a itself is the larger of both.
+#[test]
+fn the_first_step_is_hairers() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([1.1, 0.0, 0.0], 1.0);
+    builder.hold(0);
+    builder.spring(0, 1, Spring { stiffness: 400.0, rest_length: 1.0, damping: 0.0 });
+    let (system, state) = builder.build().unwrap();
+    let how = how(2.0);
+    let (scales, _) = Scales::at_start(&system, &state, &how, [1, 0]);
+    let (x, a) = (1.1 / 2f64.sqrt(), 40.0);
+    let v = 0.3 * (a * x).sqrt();
+    assert!(close(scales.speed, v));
+    let rate = a / v / 1e-3;
+    let change = a / x / 1e-3;
+    for p in [1, 2, 8] {
+        let (step, forces) = scales.first_step(&system, &state, &how, p);
+        let expected = (0.01 / rate.max(change)).powf(1.0 / f64::from(p + 1)).min(100.0 * 0.01 / (1e-3 * rate));
+        assert!((step / expected - 1.0).abs() < 1e-9, "{p}: {step} {expected}");
+        assert_eq!(forces, 2);
+    }
+}
+
+/// Where nothing moves or pulls the whole run is tried; where forces are undefined too, and the step says why.
+#[test]
+fn first_steps_exist_everywhere() {
+    let (system, state) = particles(&[0.0, 1.0], 0.0);
+    let (scales, _) = Scales::at_start(&system, &state, &how(7.0), [1, 0]);
+    assert_eq!(scales.first_step(&system, &state, &how(7.0), 2), (7.0, 1));
+    let (system, state) = particles(&[0.0, 1.0], 1e300);
+    let (scales, _) = Scales::at_start(&system, &state, &how(7.0), [1, 0]);
+    let (step, _) = scales.first_step(&system, &state, &how(7.0), 2);
+    assert!(step > 0.0 && step <= 7.0, "{step}");
+}
+
+#[test]
+fn two_estimates_make_one() {
+    assert!(close(joint(3.0, 40.0), 9.0 / 5.0));
+    assert!(close(joint(2.0, 0.0), 2.0));
+    assert_eq!((joint(0.0, 1.0), joint(0.0, 0.0)), (0.0, 0.0));
+    assert_eq!(joint(f64::INFINITY, 1.0), f64::INFINITY);
+    assert_eq!(joint(f64::INFINITY, f64::INFINITY), f64::INFINITY);
+}

@@ -1,0 +1,301 @@
+//! DOP853, the explicit Runge–Kutta method of eighth order by Dormand and Prince, with step control and an interpolant by Hairer
+//! and Wanner.
+//!
+//! **The method** has twelve stages. On positions and velocities, `x' = v`, `v' = a(x, v)`, with
+//! accelerations a_j of the stages,
+//!
+//! ```text
+//! V_i = v + h Σ A_ij a_j,      X_i = x + h Σ A_ij V_j = x + c_i h v + h² Σ (A²)_ij a_j,
+//! ```
+//!
+//! so that only accelerations are stored and every stage reads them once. (A and A² have the same zeros: the method's
+//! simplifying conditions `Σ A_ij A_jk = 0`.) Row 12 of A is the formula itself: `x' = X_12`, `v' = V_12`.
+//!
+//! **Error estimate.** Two embedded differences E5 and E3, of fifth and third order, both of the same stages; the run takes
+//! `‖e5‖²/√(‖e5‖² + 0.01 ‖e3‖²)`, which falls as h⁸, for the error, see [`AdaptiveStepper::coarser_estimate`].
+//!
+//! **Between the ends of a step** the motion is a polynomial of degree seven, `v + h Σ w_j(s) a_j` at the share s of the step and
+//! x as above, right to O(h⁸). It takes three more evaluations, made when one is asked for.
+//!
+//! **Prescribed coordinates** have no acceleration between the kinks of their paths, so that stages move them as the path does.
+//! Steps are cut at kinks.
+//!
+//! Sources: Dormand and Prince (1980), Prince and Dormand (1981); Hairer, Nørsett and Wanner, Solving Ordinary Differential
+//! Equations I, II.5, II.10, and their code dop853.f.
+
+mod coefficients;
+mod tables;
+
+use super::adaptive::hermite;
+use super::pieces::Piece;
+use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper};
+use crate::error::Result;
+use crate::force::{Extensions, TotalForce};
+use crate::system::{State, System};
+use coefficients::{A, C, E3, E5, Row, STAGES};
+use nalgebra::Vector3;
+use tables::{SQUARE, chain, sum, weights};
+
+/// Eighth order, twelve force evaluations a step; explicit.
+#[doc(alias = "Runge-Kutta")]
+pub struct Dop853<'s> {
+    system: &'s System,
+    total: TotalForce,
+    stages: Stages,
+    /// Where the step begins, where a stage is, and where the step ends.
+    base: State,
+    stage: State,
+    next: State,
+    /// The length of the step tried last, and a time at which prescribed velocities are those of the step.
+    h: f64,
+    middle: f64,
+    /// Whether the first stage's acceleration is that at the state to come.
+    knows_first: bool,
+    /// Whether the stages of the interpolant of the step accepted last are known.
+    knows_last: bool,
+    /// Of positions and velocities, by E5 and by E3.
+    estimates: [[Vec<Vector3<f64>>; 2]; 2],
+    statistics: Statistics,
+}
+
+/// The accelerations of the stages, zero where coordinates are prescribed.
+struct Stages(Vec<Vec<Vector3<f64>>>);
+
+/// The stage that is the end of the step, and the formula's row.
+const END: usize = 12;
+
+/// Particles whose sums over the stages are formed at a stretch: few enough for the fastest cache.
+const BLOCK: usize = 64;
+
+impl Stages {
+    /// Adds `Σ along_j a_j` to x and `Σ across_j a_j` to v, over the stages with a coefficient.
+    fn add(&self, along: &Row, across: &Row, x: &mut [Vector3<f64>], v: &mut [Vector3<f64>]) {
+        let blocks = x.chunks_mut(BLOCK).zip(v.chunks_mut(BLOCK)).enumerate();
+        for (block, (x, v)) in blocks {
+            for ((stage, &p), &q) in self.0.iter().zip(along).zip(across) {
+                if p == 0.0 && q == 0.0 {
+                    continue;
+                }
+                let own = stage.get(block * BLOCK..).unwrap_or_default();
+                for ((x, v), a) in x.iter_mut().zip(&mut *v).zip(own) {
+                    *x += a * p;
+                    *v += a * q;
+                }
+            }
+        }
+    }
+}
+
+impl<'s> Dop853<'s> {
+    /// For a system.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `state`.
+    pub fn new(system: &'s System, state: &State) -> Result<Self> {
+        Extensions::at(system, &state.positions)?;
+        let zeros = || vec![Vector3::zeros(); system.particles()];
+        Ok(Self {
+            system,
+            total: TotalForce::new(system),
+            stages: Stages((0..STAGES).map(|_| zeros()).collect()),
+            base: state.clone(),
+            stage: state.clone(),
+            next: state.clone(),
+            h: 0.0,
+            middle: state.time,
+            knows_first: false,
+            knows_last: false,
+            estimates: [[zeros(), zeros()], [zeros(), zeros()]],
+            statistics: Statistics::default(),
+        })
+    }
+
+    /// Computes the acceleration of a stage at `self.stage`.
+    fn set_acceleration(&mut self, stage: usize) -> Result<(), StepFailure> {
+        let Self { system, total, stages, stage: at, statistics, .. } = self;
+        let Some(a) = stages.0.get_mut(stage) else { return Ok(()) };
+        statistics.work.force_evaluations += 1;
+        total.set(system, &at.positions, &at.velocities, a)?;
+        for (a, mass) in a.iter_mut().zip(system.masses()) {
+            *a /= *mass;
+        }
+        for (dof, ..) in system.prescribed().iter() {
+            if let Some(a) = a.get_mut(dof.particle) {
+                a[dof.axis] = 0.0;
+            }
+        }
+        Ok(())
+    }
+
+    /// Sets `to` to the point of a stage, `V_i` and `X_i`.
+    fn set_point(&mut self, stage: usize, to: Point) {
+        let (h, c) = (self.h, C[stage]);
+        let to = match to {
+            Point::Stage => &mut self.stage,
+            Point::End => &mut self.next,
+        };
+        let from = self.base.positions.iter().zip(&self.base.velocities);
+        for ((x, v), (x0, v0)) in to.positions.iter_mut().zip(&mut to.velocities).zip(from) {
+            *x = x0 + v0 * (c * h);
+            *v = *v0;
+        }
+        let (along, across) = (SQUARE[stage].map(|a| a * h * h), A[stage].map(|a| a * h));
+        self.stages.add(&along, &across, &mut to.positions, &mut to.velocities);
+        to.time = self.base.time + c * h;
+    }
+
+    /// Computes `next`, h seconds after `base`. No kink may be in between.
+    fn advance(&mut self, h: f64) -> Result<(), StepFailure> {
+        self.h = h;
+        self.middle = self.base.time + 0.5 * h;
+        self.knows_last = false;
+        self.system.prescribed().set_velocities(self.middle, &mut self.base.velocities);
+        if !self.knows_first {
+            self.stage.copy_from(&self.base);
+            self.set_acceleration(0)?;
+            self.knows_first = true;
+        }
+        for stage in 1..END {
+            self.set_point(stage, Point::Stage);
+            self.set_acceleration(stage)?;
+        }
+        self.set_point(END, Point::End);
+        if self.next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) }
+    }
+
+    /// `h Σ E_j V_j` and `h Σ E_j a_j` for both embedded differences.
+    fn set_estimates(&mut self) {
+        let Self { system, stages, base, h, estimates, .. } = self;
+        for ([x, v], row) in estimates.iter_mut().zip([&E5, &E3]) {
+            let share = sum(row) * *h;
+            for (x, v0) in x.iter_mut().zip(&base.velocities) {
+                *x = v0 * share;
+            }
+            v.fill(Vector3::zeros());
+            stages.add(&chain(row, &A).map(|e| e * *h * *h), &row.map(|e| e * *h), x, v);
+            for (dof, ..) in system.prescribed().iter() {
+                for e in [&mut *x, &mut *v].into_iter().filter_map(|list| list.get_mut(dof.particle)) {
+                    e[dof.axis] = 0.0;
+                }
+            }
+        }
+    }
+
+    /// Computes the accelerations that only the interpolant of the step accepted last, to `after`, needs.
+    fn set_last(&mut self, after: &State) -> Result<(), StepFailure> {
+        if self.knows_last {
+            return Ok(());
+        }
+        self.stage.copy_from(after);
+        self.system.prescribed().set_velocities(self.middle, &mut self.stage.velocities);
+        self.set_acceleration(END)?;
+        for stage in END + 1..STAGES {
+            self.set_point(stage, Point::Stage);
+            self.set_acceleration(stage)?;
+        }
+        self.knows_last = true;
+        Ok(())
+    }
+}
+
+/// Where the point of a stage is written.
+#[derive(Clone, Copy)]
+enum Point {
+    Stage,
+    End,
+}
+
+impl TimeStepper for Dop853<'_> {
+    fn name(&self) -> &'static str {
+        "dop853"
+    }
+
+    fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        let (mut time, end) = (state.time, state.time + dt);
+        self.next.copy_from(state);
+        while let Some(piece) = Piece::next(self.system.prescribed(), time, end, dt) {
+            std::mem::swap(&mut self.base, &mut self.next);
+            self.knows_first = false;
+            self.advance(piece.length())?;
+            self.next.time = piece.end;
+            self.next.prescribe(self.system);
+            time = piece.end;
+        }
+        state.copy_from(&self.next);
+        self.knows_first = false;
+        Ok(())
+    }
+
+    fn restart(&mut self) {
+        self.knows_first = false;
+        self.knows_last = false;
+    }
+
+    fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+}
+
+impl AdaptiveStepper for Dop853<'_> {
+    fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
+        // What the interpolant knows of the end of the last step is the beginning of this one.
+        if self.knows_last {
+            self.stages.0.swap(0, END);
+            self.knows_first = true;
+        }
+        self.base.copy_from(state);
+        self.advance(dt)?;
+        self.set_estimates();
+        let [[positions, velocities], _] = &self.estimates;
+        Ok(ErrorEstimate { positions, velocities })
+    }
+
+    fn coarser_estimate(&self) -> Option<ErrorEstimate<'_>> {
+        let [_, [positions, velocities]] = &self.estimates;
+        Some(ErrorEstimate { positions, velocities })
+    }
+
+    fn accept(&mut self, state: &mut State) {
+        self.next.prescribe(self.system);
+        state.copy_from(&self.next);
+        self.knows_first = false;
+    }
+
+    fn reject(&mut self) {}
+
+    fn order(&self) -> u32 {
+        8
+    }
+
+    fn estimate_order(&self) -> u32 {
+        7
+    }
+
+    fn interpolate(&mut self, before: &State, after: &State, time: f64, sample: &mut State) {
+        if self.set_last(after).is_err() {
+            return hermite(before, after, time, sample);
+        }
+        let h = self.h;
+        let weights = weights((time - before.time) / h);
+        let share = sum(&weights) * h;
+        let from = before.positions.iter().zip(&before.velocities);
+        for ((x, v), (x0, v0)) in sample.positions.iter_mut().zip(&mut sample.velocities).zip(from) {
+            *x = x0 + v0 * share;
+            *v = *v0;
+        }
+        let (along, across) = (chain(&weights, &A).map(|w| w * h * h), weights.map(|w| w * h));
+        self.stages.add(&along, &across, &mut sample.positions, &mut sample.velocities);
+    }
+
+    /// Where stability bounds the step errors of fast vibrations are of the size of the tolerance all the time.
+    fn caution(&self) -> f64 {
+        3.0
+    }
+
+    fn statistics_mut(&mut self) -> &mut Statistics {
+        &mut self.statistics
+    }
+}
+
+#[cfg(test)]
+mod tests;

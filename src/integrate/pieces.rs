@@ -1,0 +1,75 @@
+//! Steps of a fixed length, cut where prescribed paths have kinks: between kinks motions are smooth, and prescribed velocities
+//! constant.
+
+use crate::system::Prescribed;
+
+/// Kinks within this part of a step of one of its ends are at that end.
+const SLACK: f64 = 1e-12;
+
+/// A part of a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Piece {
+    /// When it begins, in s.
+    pub start: f64,
+    /// When it ends, in s.
+    pub end: f64,
+    /// Whether prescribed velocities jump there.
+    pub ends_at_kink: bool,
+}
+
+impl Piece {
+    /// The first piece of what is left, from `start`, of a step of `step` seconds that ends at `end`; `None` where nothing is.
+    pub fn next(prescribed: &Prescribed, start: f64, end: f64, step: f64) -> Option<Self> {
+        if start >= end {
+            return None;
+        }
+        let slack = SLACK * step;
+        let kink = prescribed.next_kink(start + slack).filter(|&kink| kink <= end + slack);
+        let at = kink.filter(|&kink| kink < end - slack).unwrap_or(end);
+        Some(Self { start, end: at, ends_at_kink: kink.is_some() })
+    }
+
+    pub fn length(&self) -> f64 {
+        self.end - self.start
+    }
+
+    /// A time at which prescribed velocities are those of the piece.
+    pub fn middle(&self) -> f64 {
+        0.5 * (self.start + self.end)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Piece;
+    use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+    use nalgebra::Vector3;
+
+    #[test]
+    fn steps_are_cut_at_kinks() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        let times = vec![0.5, 1.0, 1.25];
+        let motion = Motion::Path { offsets: vec![Vector3::zeros(); times.len()], times };
+        builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+        let (system, _) = builder.build().unwrap();
+        let pieces = |start: f64, step: f64| {
+            let (mut at, mut pieces) = (start, Vec::new());
+            while let Some(piece) = Piece::next(system.prescribed(), at, start + step, step) {
+                assert_eq!(piece.start, at);
+                at = piece.end;
+                pieces.push((piece.length(), piece.ends_at_kink));
+            }
+            pieces
+        };
+        assert_eq!(pieces(0.0, 0.25), [(0.25, false)]);
+        assert_eq!(pieces(0.25, 0.25), [(0.25, true)]);
+        assert_eq!(pieces(0.25, 1.75), [(0.25, true), (0.5, true), (0.25, true), (0.75, false)]);
+        assert_eq!(pieces(0.25, 0.0), []);
+        // Rounding puts no sliver between a step and a kink.
+        assert_eq!(pieces(0.5 - 1e-14, 0.25).len(), 1);
+        assert_eq!(pieces(0.25, 0.25 - 1e-14), [(0.5 - 1e-14 - 0.25, true)]);
+        assert_eq!(pieces(0.25, 0.25 + 1e-14).len(), 1);
+        assert_eq!(pieces(0.25, 0.25 + 1e-9).len(), 2);
+    }
+}

@@ -1,0 +1,115 @@
+use super::Rodas4;
+use super::coefficients::{A, B, C, GAMMA, Row, STAGES};
+use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
+use crate::linear::{SolverChoice, SolverOptions};
+use crate::spring::{Spring, Stiffness};
+use crate::system::SystemBuilder;
+use nalgebra::{Complex, SMatrix, SVector};
+
+type Matrix = SMatrix<f64, STAGES, STAGES>;
+type Vector = SVector<f64, STAGES>;
+
+/// The coefficients of the method as it is usually written: α, Γ and the weights of the formula and of the embedded one.
+fn standard() -> (Matrix, Matrix, Vector, Vector) {
+    let rows = |rows: &[Row; STAGES]| Matrix::from_fn(|i, j| rows[i][j]);
+    let gamma = (Matrix::identity() / GAMMA - rows(&C)).try_inverse().unwrap();
+    let weights = |row: &Row| (Vector::from_row_slice(row).transpose() * gamma).transpose();
+    let mut embedded = B;
+    embedded[STAGES - 1] -= 1.0;
+    (rows(&A) * gamma, gamma, weights(&B), weights(&embedded))
+}
+
+/// What is left of the order conditions of Rosenbrock methods with the exact Jacobian, by order (Hairer and Wanner, IV.7).
+fn conditions(b: &Vector) -> [Vec<f64>; 4] {
+    let (alpha, gamma, ..) = standard();
+    let beta = alpha + gamma;
+    let (a, s) = (alpha.column_sum(), beta.column_sum());
+    let power = |exponent: i32| a.map(|a| a.powi(exponent));
+    [
+        vec![b.sum() - 1.0],
+        vec![b.dot(&s) - 1.0 / 2.0],
+        vec![b.dot(&power(2)) - 1.0 / 3.0, b.dot(&(beta * s)) - 1.0 / 6.0],
+        vec![
+            b.dot(&power(3)) - 1.0 / 4.0,
+            b.component_mul(&a).dot(&(alpha * s)) - 1.0 / 8.0,
+            b.dot(&(beta * power(2))) - 1.0 / 12.0,
+            b.dot(&(beta * beta * s)) - 1.0 / 24.0,
+        ],
+    ]
+}
+
+#[test]
+fn coefficients_meet_the_order_conditions() {
+    let (alpha, gamma, b, embedded) = standard();
+    let largest = |errors: &[f64]| errors.iter().fold(0.0f64, |largest, error| largest.max(error.abs()));
+    for (order, errors) in conditions(&b).iter().enumerate() {
+        assert!(largest(errors) < 1e-14, "order {}: {errors:?}", order + 1);
+    }
+    let [one, two, three, four] = conditions(&embedded);
+    assert!([one, two, three].iter().all(|errors| largest(errors) < 1e-14));
+    assert!(largest(&four) > 1e-3, "{four:?}");
+    // The nodes and their counterparts for the time derivative, as Hairer and Wanner give them.
+    let nodes = [0.0, 0.386, 0.21, 0.63, 1.0, 1.0];
+    let shares = [0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0];
+    assert!((alpha.column_sum() - Vector::from(nodes)).amax() < 1e-14);
+    assert!((gamma.column_sum() - Vector::from(shares)).amax() < 1e-14);
+}
+
+/// `|1 + z bᵀ(I − z(α + Γ))⁻¹ 1| ≤ 1` for imaginary z, and zero in the limit.
+#[test]
+fn it_is_a_stable_and_l_stable() {
+    let (alpha, gamma, b, _) = standard();
+    let size = |z: Complex<f64>| {
+        let beta = (alpha + gamma).map(Complex::from);
+        let system = SMatrix::<Complex<f64>, STAGES, STAGES>::identity() - beta * z;
+        let stages = system.lu().solve(&SVector::<Complex<f64>, STAGES>::from_element(Complex::from(1.0))).unwrap();
+        (Complex::from(1.0) + z * b.map(Complex::from).dot(&stages)).norm()
+    };
+    for exponent in -30..=40 {
+        let y = 10f64.powf(0.1 * f64::from(exponent));
+        assert!(size(Complex::new(0.0, y)) <= 1.0 + 1e-13, "{y}");
+    }
+    assert!(size(Complex::new(0.0, 1e7)) < 1e-5 && size(Complex::new(-1e7, 0.0)) < 1e-5);
+}
+
+/// A particle of 1 kg between two compressed springs across which nothing holds it: A(γh) is indefinite beyond
+/// `γ²h² 2c = m` with c = k (1/l − 1/l0) = 10 N/m.
+fn compressed() -> (crate::System, crate::State) {
+    let mut builder = SystemBuilder::new();
+    for x in [-1.0, 0.0, 1.0] {
+        builder.particle([x, 0.0, 0.0], 1.0);
+    }
+    builder.hold(0);
+    builder.hold(2);
+    for pair in [[0, 1], [1, 2]] {
+        builder.spring(pair[0], pair[1], Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+    }
+    let (system, mut state) = builder.build().unwrap();
+    state.velocities[1].y = 1e-3;
+    (system, state)
+}
+
+/// Whatever the option and the solver: tried steps beyond the limit are refused as indefinite, fixed ones cut.
+#[test]
+fn matrices_are_never_softened() {
+    let (system, start) = compressed();
+    let limit = (1.0 / 20.0f64).sqrt() / GAMMA;
+    for stiffness in [Stiffness::Full, Stiffness::Tension, Stiffness::Axial] {
+        for solver in [SolverChoice::Llt, SolverChoice::Ldlt, SolverChoice::Cg] {
+            let linear = SolverOptions { solver, ..SolverOptions::default() };
+            let options = ImplicitOptions { stiffness: stiffness.into(), linear };
+            let mut stepper = Rodas4::new(&system, &start, &options).unwrap();
+            let refused = stepper.try_step(&start, 1.01 * limit).unwrap_err();
+            assert_eq!(refused.status(), Status::Indefinite, "{stiffness:?} {solver:?}");
+            assert!(stepper.try_step(&start, 0.99 * limit).is_ok());
+            let mut state = start.clone();
+            stepper.step(&mut state, 1.1 * limit).unwrap();
+            let statistics = stepper.statistics();
+            assert_eq!((statistics.softened_solves, statistics.indefinite_solves), (0, 0));
+            assert_eq!((statistics.rejected_steps, statistics.work.force_evaluations % 6), (1, 0));
+            assert_eq!(state.time, 1.1 * limit);
+            let grown = 1e-3 / 20f64.sqrt() * (20f64.sqrt() * state.time).sinh();
+            assert!((state.positions[1].y / grown - 1.0).abs() < 0.01, "{} {grown}", state.positions[1].y);
+        }
+    }
+}

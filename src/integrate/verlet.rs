@@ -1,0 +1,151 @@
+//! Velocity Verlet with predicted velocities: second order, damped or not, for one force evaluation a step.
+//!
+//! ```text
+//! v½ = v + ½h a,   x' = x + h v½,   v* = v + h a,   a' = M⁻¹ f(x', v*),   v' = v½ + ½h a'.
+//! ```
+//!
+//! a' serves the next step. Without damping f does not depend on v*, and this is the method of Verlet (1967) in the form with
+//! velocities: symplectic, time-reversible, stable for `h ≤ 2/ω_max`. With damping the force at the end would depend on the
+//! velocity sought. Its prediction v* is right to O(h²), so is a', and v' to O(h³): second order still, at the price of some
+//! stability: a mode of frequency ω and damping ratio ζ is stable for `hω ≤ 2(√(1 + 4ζ²) − 2ζ)`, at ζ of 0, 0.1, 0.5 and 1 for
+//! 2, 1.64, 0.83 and 0.47.
+//!
+//! Forces at the end of a step are kept for the next. They are computed anew where the state is not the one that the last step
+//! left, or where prescribed velocities, and with them damping forces, have jumped: steps are cut at the kinks of paths, which
+//! keeps the order.
+
+use super::pieces::Piece;
+use super::{Statistics, StepFailure, TimeStepper};
+use crate::error::Result;
+use crate::force::{Extensions, TotalForce};
+use crate::system::{State, System};
+use nalgebra::Vector3;
+
+/// Second order, one force evaluation a step; stable without damping for `dt ≤ 2/ω_max`.
+#[doc(alias = "leapfrog")]
+pub struct Verlet<'s> {
+    system: &'s System,
+    total: TotalForce,
+    is_damped: bool,
+    /// The state at which the last step ended, and where this one is.
+    next: State,
+    /// Whether `force` is the one there.
+    knows_force: bool,
+    force: Vec<Vector3<f64>>,
+    /// v*; only where there is damping.
+    predicted: Vec<Vector3<f64>>,
+    statistics: Statistics,
+}
+
+impl<'s> Verlet<'s> {
+    /// For a system.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `state`.
+    pub fn new(system: &'s System, state: &State) -> Result<Self> {
+        Extensions::at(system, &state.positions)?;
+        Ok(Self {
+            system,
+            total: TotalForce::new(system),
+            is_damped: system.is_damped(),
+            next: state.clone(),
+            knows_force: false,
+            force: vec![Vector3::zeros(); system.particles()],
+            predicted: vec![Vector3::zeros(); system.particles()],
+            statistics: Statistics::default(),
+        })
+    }
+
+    /// Sets the force at `next`, with the velocities given or predicted.
+    fn set_force(&mut self, at: Velocities) -> Result<(), StepFailure> {
+        let Self { system, total, next, force, predicted, .. } = self;
+        self.statistics.work.force_evaluations += 1;
+        let velocities = match at {
+            Velocities::Predicted if self.is_damped => predicted,
+            _ => &next.velocities,
+        };
+        total.set(system, &next.positions, velocities, force)?;
+        Ok(())
+    }
+
+    /// Advances `next` over a piece of a step.
+    fn advance(&mut self, piece: &Piece) -> Result<(), StepFailure> {
+        let prescribed = self.system.prescribed();
+        let h = piece.length();
+        if !self.knows_force {
+            prescribed.set_velocities(piece.middle(), &mut self.next.velocities);
+            self.set_force(Velocities::Given)?;
+        }
+        let State { positions, velocities, .. } = &mut self.next;
+        for (((x, v), f), mass) in positions.iter_mut().zip(&mut *velocities).zip(&self.force).zip(self.system.masses())
+        {
+            *v += f * (0.5 * h / mass);
+            *x += *v * h;
+        }
+        prescribed.set_positions(piece.end, positions);
+        if self.is_damped {
+            for (((p, v), f), mass) in
+                self.predicted.iter_mut().zip(&*velocities).zip(&self.force).zip(self.system.masses())
+            {
+                *p = v + f * (0.5 * h / mass);
+            }
+            prescribed.set_velocities(piece.middle(), &mut self.predicted);
+        }
+        self.set_force(Velocities::Predicted)?;
+        for ((v, f), mass) in self.next.velocities.iter_mut().zip(&self.force).zip(self.system.masses()) {
+            *v += f * (0.5 * h / mass);
+        }
+        self.next.time = piece.end;
+        self.knows_force = !piece.ends_at_kink;
+        Ok(())
+    }
+
+    /// Advances `next` over a whole step.
+    fn complete(&mut self, dt: f64) -> Result<(), StepFailure> {
+        let (mut time, end) = (self.next.time, self.next.time + dt);
+        while let Some(piece) = Piece::next(self.system.prescribed(), time, end, dt) {
+            self.advance(&piece)?;
+            time = piece.end;
+        }
+        self.next.prescribe(self.system);
+        if self.next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) }
+    }
+}
+
+/// Which velocities a force is computed with.
+#[derive(Clone, Copy)]
+enum Velocities {
+    Given,
+    Predicted,
+}
+
+impl TimeStepper for Verlet<'_> {
+    fn name(&self) -> &'static str {
+        "verlet"
+    }
+
+    fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        if self.next.positions != state.positions || self.next.velocities != state.velocities {
+            self.knows_force = false;
+            self.next.copy_from(state);
+        }
+        self.next.time = state.time;
+        let outcome = self.complete(dt);
+        match outcome {
+            Ok(()) => state.copy_from(&self.next),
+            Err(_) => self.knows_force = false,
+        }
+        outcome
+    }
+
+    fn restart(&mut self) {
+        self.knows_force = false;
+    }
+
+    fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+}
+
+#[cfg(test)]
+mod tests;
