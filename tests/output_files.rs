@@ -173,7 +173,7 @@ fn frames_hold_points_lines_velocities_and_strains() {
     for dimension in 1..=3 {
         let (system, state) = triangle(dimension);
         let target = folder.path().join("frame.vtp");
-        write_frame(&target, &system, &state).unwrap();
+        write_frame(&target, &system, &state, &[]).unwrap();
 
         let frame = read_frame(&target);
         let components = |rows: &[Vector3<f64>]| rows.iter().flat_map(|row| [row.x, row.y, row.z]).collect::<Vec<_>>();
@@ -190,6 +190,29 @@ fn frames_hold_points_lines_velocities_and_strains() {
 }
 
 #[test]
+fn frames_keep_triangles_and_name_units() {
+    let folder = tempfile::tempdir().unwrap();
+    let (system, state) = triangle(3);
+    let target = folder.path().join("frame.vtp");
+    write_frame(&target, &system, &state, &[[0, 1, 2]]).unwrap();
+    let frame = read_frame(&target);
+    match frame.polys {
+        Some(VertexNumbers::XML { connectivity, offsets }) => {
+            assert_eq!((connectivity, offsets), (vec![0, 1, 2], vec![3]));
+        }
+        other => panic!("{other:?}"),
+    }
+    // Of the sides only (0, 1) is found as a spring: pairs of a mesh go upwards, (2, 1) does not.
+    let springs = strains(&system, &state);
+    assert_eq!(numbers(&frame.data.cell[0], "strain"), [springs[0], springs[1], springs[0]]);
+    let text = fs::read_to_string(&target).unwrap();
+    for unit in ["m", "m/s", "1"] {
+        let label = format!("<InformationKey name=\"UNITS_LABEL\" location=\"vtkDataArray\">{unit}</InformationKey>");
+        assert!(text.contains(&label), "{unit}");
+    }
+}
+
+#[test]
 fn frames_without_springs_or_particles_are_frames_too() {
     let folder = tempfile::tempdir().unwrap();
     let target = folder.path().join("frame.vtp");
@@ -197,7 +220,7 @@ fn frames_without_springs_or_particles_are_frames_too() {
     lone.particle([1.0, 2.0, 3.0], 1.0);
     for (builder, points) in [(SystemBuilder::new(), 0), (lone, 1)] {
         let (system, state) = builder.build().unwrap();
-        write_frame(&target, &system, &state).unwrap();
+        write_frame(&target, &system, &state, &[]).unwrap();
         assert_eq!(read_frame(&target).num_points(), points);
     }
 }
@@ -208,7 +231,7 @@ fn coincident_ends_have_strain_minus_one() {
     let target = folder.path().join("frame.vtp");
     let (system, mut state) = triangle(3);
     state.positions[0] = state.positions[1];
-    write_frame(&target, &system, &state).unwrap();
+    write_frame(&target, &system, &state, &[]).unwrap();
     assert_eq!(numbers(&read_frame(&target).data.cell[0], "strain")[0], -1.0);
 }
 
@@ -238,7 +261,7 @@ fn every_nth_step_is_in_the_series_and_the_series_is_valid_at_any_moment() {
     let folder = tempfile::tempdir().unwrap();
     let pvd = folder.path().join("frames.pvd");
     let (system, mut state) = triangle(2);
-    let mut frames = Frames::new(folder.path(), NonZeroU64::new(10).unwrap());
+    let mut frames = Frames::create(folder.path(), NonZeroU64::new(10).unwrap()).unwrap();
     for step in 0..=1005 {
         state.time = step as f64 * 0.1;
         frames.record(&system, &state, step).unwrap();
@@ -247,7 +270,7 @@ fn every_nth_step_is_in_the_series_and_the_series_is_valid_at_any_moment() {
         assert!((listed.len()..=listed.len() + listed.len() / 8).contains(&written), "{} of {written}", listed.len());
         assert!(listed.iter().all(|(_, file)| folder.path().join(file).is_file()));
     }
-    frames.finish().unwrap();
+    frames.finish(&system).unwrap();
 
     let expected: Vec<_> =
         (0..=100).map(|n| ((10 * n) as f64 * 0.1, format!("frames/frame_{:06}.vtp", 10 * n))).collect();

@@ -70,6 +70,16 @@ fn bytes_that_are_not_utf8_may_stand_in_comments() {
 }
 
 #[test]
+fn faces_become_triangles_and_polygons_fans_of_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("faces.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 2 0\nf 2 3 5\nf 1 2 3 4\nf 1 5\n").unwrap();
+    let mesh = MeshGeometry::load(&path).unwrap();
+    assert_eq!(mesh.triangles, [[1, 2, 4], [0, 1, 2], [0, 2, 3]]);
+    assert_eq!(mesh.edges, [[0, 1], [0, 3], [0, 4], [1, 2], [1, 4], [2, 3], [2, 4]]);
+}
+
+#[test]
 fn scale_multiplies_the_vertices() {
     assert_eq!(build("v 1 2 3\n", ", scale = 0.5").unwrap().0, [[0.5, 1.0, 1.5]]);
 }

@@ -22,16 +22,22 @@ pub struct LoadedScene {
     pub time: TimeSettings,
     pub system: System,
     pub state: State,
+    /// Of its mesh, to be shown.
+    pub triangles: Vec<[u32; 3]>,
 }
 
 /// The step where one is needed and none was given, in s.
 pub const DEFAULT_STEP: f64 = 0.01;
 
 impl SceneFile {
+    pub fn at(path: &Path) -> Self {
+        Self { path: path.into() }
+    }
+
     pub fn load(&self) -> Result<LoadedScene> {
         let scene = Scene::load(&self.path)?;
-        let (system, state) = scene.build()?;
-        Ok(LoadedScene { file: self.path.clone(), name: scene.name, time: scene.time, system, state })
+        let (system, state, triangles) = scene.build_with_triangles()?;
+        Ok(LoadedScene { file: self.path.clone(), name: scene.name, time: scene.time, system, state, triangles })
     }
 }
 

@@ -14,6 +14,7 @@ mod recorder;
 mod run;
 mod values;
 mod verify;
+mod view;
 
 use clap::{Parser, Subcommand};
 use console::Console;
@@ -42,6 +43,7 @@ enum Command {
     Inspect(inspect::Inspect),
     Chart(chart::Chart),
     Verify(verify::Verify),
+    View(view::View),
     New(new::New),
 }
 
@@ -80,6 +82,7 @@ pub fn main() -> ExitCode {
         Command::Inspect(inspect) => inspect.execute(&console),
         Command::Chart(chart) => chart.execute(&console),
         Command::Verify(verify) => verify.execute(&console),
+        Command::View(view) => view.execute(&console),
         Command::New(new) => new.execute(&console),
     };
     match outcome {

@@ -6,7 +6,6 @@ use sprung::force::Energy;
 use sprung::integrate::{Monitor, Schedule};
 use sprung::output::{EnergyLog, Frames};
 use sprung::{Result, State, System};
-use std::num::NonZeroU64;
 use std::path::Path;
 
 /// Energies, frames and the progress bar.
@@ -24,7 +23,7 @@ impl Recorder {
     pub fn start(
         console: &Console,
         folder: &Path,
-        frames: Option<NonZeroU64>,
+        frames: Option<Frames>,
         schedule: &Schedule,
         system: &System,
         state: &State,
@@ -32,7 +31,7 @@ impl Recorder {
     ) -> Result<Self> {
         let mut recorder = Self {
             energies: EnergyLog::create(folder.join("energy.csv"))?,
-            frames: frames.map(|every| Frames::new(folder, every)),
+            frames,
             progress: progress_bar(console, schedule.len()),
         };
         recorder.record(system, state, 0, monitor)?;
@@ -62,10 +61,10 @@ impl Recorder {
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn finish(self) -> Result<()> {
+    pub fn finish(self, system: &System) -> Result<()> {
         self.progress.finish_and_clear();
         self.energies.finish()?;
-        self.frames.map_or(Ok(()), Frames::finish)
+        self.frames.map_or(Ok(()), |frames| frames.finish(system))
     }
 }
 

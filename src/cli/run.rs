@@ -7,12 +7,14 @@ use super::failure::Failed;
 use super::method::{MethodArguments, Plan};
 use super::recorder::Recorder;
 use super::values::{count, positive, positive_count};
+use super::view::{self, PAGE};
 use super::{Outcome, Stop, interrupt};
 use sprung::accuracy::{Pace, Reduction, choose, reduce};
 use sprung::integrate::{Balance, Method, Monitor, MonitorOptions, Schedule, Status, percent};
 use sprung::linear::{CostModel, LinearSolver};
 use sprung::output::{
-    ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, Summary, write_final_state,
+    ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, Summary, TRAJECTORY, playback,
+    write_final_state,
 };
 use sprung::{Error, Result};
 use std::num::NonZeroU64;
@@ -50,9 +52,14 @@ pub struct Run {
     #[command(flatten)]
     method: MethodArguments,
 
-    /// Write every Nth step as a VTK file, from the initial state on, and frames.pvd, which opens them as a time series
+    /// Write every Nth step as a VTK file, from the initial state on, frames.pvd, which opens them as a time series, and
+    /// trajectory.npz, all of them in one file for Python
     #[arg(long, value_name = "N", value_parser = positive_count)]
     frames: Option<NonZeroU64>,
+
+    /// Write view.html, a page that plays the motion in any browser; without --frames, of about 300 frames
+    #[arg(long)]
+    view: bool,
 
     /// Go on when energy appears from nowhere: to see it blow up
     #[arg(long)]
@@ -184,7 +191,7 @@ impl Run {
         let folder = scene.folder(&self.out);
         let Prepared { schedule, plan, choice } = prepared;
         let schedule = &schedule;
-        let LoadedScene { file, name, system, mut state, .. } = scene;
+        let LoadedScene { file, name, system, mut state, triangles, .. } = scene;
         let start = Instant::now();
         let mut stepper = plan.stepper(&system, &state).map_err(|error| error.in_file(&file))?;
         check_writable(&folder, &FILES)?;
@@ -194,7 +201,9 @@ impl Run {
         let options = MonitorOptions { stops_unstable: !self.allow_unstable, forces };
         let mut monitor =
             Monitor::new(&system, &state, options).map_err(|spring| Error::from(spring).in_file(&file))?;
-        let mut recorder = Recorder::start(console, &folder, self.frames, schedule, &system, &state, &monitor)?;
+        let kept = view::frames(&folder, self.frames, self.view, schedule, &system)?;
+        let kept = kept.map(|frames| frames.with_triangles(triangles));
+        let mut recorder = Recorder::start(console, &folder, kept, schedule, &system, &state, &monitor)?;
 
         let mut unwritten = None;
         let outcome = stepper.run(&system, &mut state, schedule, &mut monitor, |number, state, monitor| {
@@ -249,13 +258,24 @@ impl Run {
             failure: outcome.end.as_ref().err().map(FailureReport::from),
         };
         let written = recorder
-            .finish()
+            .finish(&system)
             .and_then(|()| {
                 write_final_state(folder.join("final.json"), &summary.scene, system.dimension(), summary.steps, &state)
             })
             .and_then(|()| summary.write(folder.join("summary.json")));
         written.map_err(Stop::Broken)?;
-        console.result(&summary, text(&summary, &folder, self.frames.is_some()))?;
+        let mut names = FILES.to_vec();
+        if self.frames.is_some() {
+            names.push("frames.pvd");
+        }
+        if self.frames.is_some() || self.view {
+            names.push(TRAJECTORY);
+        }
+        if self.view {
+            playback(&folder).and_then(|motion| view::write(&folder.join(PAGE), &motion)).map_err(Stop::Broken)?;
+            names.push(PAGE);
+        }
+        console.result(&summary, text(&summary, &folder, &names))?;
         summary.warnings.iter().for_each(warning);
         if summary.status == Status::Unconfirmed {
             error("the accuracy asked for could not be confirmed; the result is the best that was found");
@@ -280,7 +300,7 @@ impl Run {
 }
 
 /// The summary for people.
-fn text(summary: &Summary, folder: &Path, frames: bool) -> String {
+fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
     let Summary { scene, method, stiffness, solver, steps, time, wall_seconds, energy, statistics, .. } = summary;
     let Summary { particles, springs, dofs, .. } = summary;
     let work = &statistics.work;
@@ -332,7 +352,6 @@ fn text(summary: &Summary, folder: &Path, frames: bool) -> String {
     lines.push(format!(
         "  balance   {work:.3e} J of work by moving constraints, {dissipated:.3e} J dissipated, {imbalance:.3e} J unexplained"
     ));
-    let names = if frames { [&FILES[..], &["frames.pvd"]].concat() } else { FILES.to_vec() };
-    lines.push(format!("  files     {} in {}", names.join(", "), folder.display()));
+    lines.push(format!("  files     {} in {}", files.join(", "), folder.display()));
     lines.join("\n")
 }

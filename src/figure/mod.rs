@@ -2,12 +2,16 @@
 //!
 //! Checks, inspections and charts describe their pictures with these types; [`report`](crate::report) draws them.
 
+mod animation;
 mod drawing;
 mod plot;
 mod spy;
+mod thinning;
 mod tiles;
 
+pub use animation::{Animation, Binding, Cast, Track};
 pub use drawing::{Arrow, Drawing, Segment};
 pub use plot::{Axis, Guide, Mark, Plot, Scale, Series};
 pub use spy::Spy;
+pub use thinning::Thinning;
 pub use tiles::Tiles;

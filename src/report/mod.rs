@@ -23,6 +23,7 @@ mod shares;
 pub mod spy;
 mod text;
 pub mod tiles;
+pub mod view;
 
 pub use chart_html::chart_html;
 pub use html::html;

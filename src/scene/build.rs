@@ -15,8 +15,19 @@ impl Scene {
     /// [`Error::Invalid`](crate::Error::Invalid) for the first value that breaks a rule, with file, key, index and
     /// value; [`Error::Io`](crate::Error::Io) and [`Error::Format`](crate::Error::Format) for a mesh that cannot be read.
     pub fn build(&self) -> Result<(System, State)> {
-        let built = self.builder().and_then(SystemBuilder::build);
-        built.map_err(|error| match &self.file {
+        self.build_with_triangles().map(|(system, state, _)| (system, state))
+    }
+
+    /// As [`build`](Self::build), with the triangles of the mesh, none where there is no mesh: they move nothing, but show a surface.
+    ///
+    /// # Errors
+    /// As for [`build`](Self::build).
+    pub fn build_with_triangles(&self) -> Result<(System, State, Vec<[u32; 3]>)> {
+        let parts = self.parts().and_then(|(builder, triangles)| {
+            let (system, state) = builder.build()?;
+            Ok((system, state, triangles))
+        });
+        parts.map_err(|error| match &self.file {
             Some(file) => error.in_file(file),
             None => error,
         })
@@ -27,7 +38,11 @@ impl Scene {
     /// # Errors
     /// As for [`build`](Self::build), without the checks that the builder makes.
     pub fn builder(&self) -> Result<SystemBuilder> {
-        let (dimension, MeshGeometry { vertices: positions, edges: pairs }) = self.geometry()?;
+        self.parts().map(|(builder, _)| builder)
+    }
+
+    fn parts(&self) -> Result<(SystemBuilder, Vec<[u32; 3]>)> {
+        let (dimension, MeshGeometry { vertices: positions, edges: pairs, triangles }) = self.geometry()?;
         let n = positions.len();
         let velocities = match &self.particles.velocities {
             Some(rows) => vectors("particles.velocities", rows, dimension)?,
@@ -39,7 +54,7 @@ impl Scene {
         let springs = self.springs(&positions, &pairs)?;
         let constraints = self.constraints.iter().enumerate();
         let constraints = constraints.map(|(index, entry)| constraint(index, entry, dimension));
-        Ok(SystemBuilder {
+        let builder = SystemBuilder {
             dimension,
             gravity: gravity.unwrap_or_default(),
             velocities,
@@ -48,7 +63,8 @@ impl Scene {
             positions,
             pairs,
             springs,
-        })
+        };
+        Ok((builder, triangles))
     }
 
     /// Dimension, and positions and pairs from the lists or from the mesh.
@@ -57,7 +73,7 @@ impl Scene {
         let Some(mesh) = &self.mesh else {
             let dimension = positions.first().or(self.gravity.as_ref()).map_or(3, Row::dimension);
             let vertices = vectors("particles.positions", positions, dimension)?;
-            return Ok((dimension, MeshGeometry { vertices, edges: pairs.clone() }));
+            return Ok((dimension, MeshGeometry { vertices, edges: pairs.clone(), triangles: Vec::new() }));
         };
         for (key, length) in [("particles.positions", positions.len()), ("springs.pairs", pairs.len())] {
             if length > 0 {

@@ -12,6 +12,8 @@ pub struct MeshGeometry {
     pub vertices: Vec<Vector3<f64>>,
     /// Every edge of every face once, as (i, j) with i ≤ j, ascending. A polygon has its sides only, no diagonals.
     pub edges: Vec<[u32; 2]>,
+    /// The faces, a polygon as a fan of triangles around its first corner.
+    pub triangles: Vec<[u32; 3]>,
 }
 
 impl MeshGeometry {
@@ -48,24 +50,28 @@ impl MeshGeometry {
 
         let faces = mesh.indices.get(vertices..).unwrap_or_default();
         let mut edges = Vec::with_capacity(faces.len());
-        let mut add_sides = |face: &[u32]| {
+        let mut triangles = Vec::with_capacity(faces.len() / 3);
+        let mut add_face = |face: &[u32]| {
             let next = face.iter().cycle().skip(1);
             edges.extend(face.iter().zip(next).map(|(&a, &b)| [a.min(b), a.max(b)]));
+            if let [first, rest @ ..] = face {
+                triangles.extend(rest.windows(2).filter_map(|side| Some([*first, *side.first()?, *side.last()?])));
+            }
         };
         if mesh.face_arities.is_empty() {
-            faces.chunks(3).for_each(add_sides);
+            faces.chunks(3).for_each(add_face);
         } else {
             let mut rest = faces;
             for &arity in mesh.face_arities.iter().skip(1) {
                 let (face, others) = rest.split_at_checked(arity as usize).unwrap_or((rest, &[]));
-                add_sides(face);
+                add_face(face);
                 rest = others;
             }
         }
         edges.sort_unstable();
         edges.dedup();
         let vertices = mesh.positions.chunks_exact(3).map(Vector3::from_column_slice).collect();
-        Ok(Self { vertices, edges })
+        Ok(Self { vertices, edges, triangles })
     }
 }
 

@@ -1,0 +1,109 @@
+//! `sprung view`: the motion of a run as a page that plays it.
+
+use super::common::SceneFile;
+use super::console::Console;
+use super::{Outcome, Stop};
+use serde::Serialize;
+use sprung::figure::{Animation, Cast};
+use sprung::integrate::Schedule;
+use sprung::output::{AtomicFile, Frames, TRAJECTORY, playback};
+use sprung::report::view::html;
+use sprung::{Error, Result, System};
+use std::io::Write;
+use std::num::NonZeroU64;
+use std::path::{Path, PathBuf};
+
+/// Show a run's motion, or a scene at rest, in a browser
+///
+/// Writes one page that loads nothing and plays in any browser, on a phone too: springs coloured by strain, the mesh as a surface,
+/// energies below in step with the picture. A run must have kept its motion: `sprung run SCENE --view` or `--frames N`. Scenes beyond
+/// 20 000 particles are thinned, and the page says so.
+#[derive(Debug, clap::Args)]
+pub struct View {
+    /// The output folder of a run, or a scene file
+    #[arg(value_name = "RUN|SCENE")]
+    subject: PathBuf,
+
+    /// The page [default: view.html in the run's folder, or in out/<scene name>]
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// The name of the page in an output folder.
+pub const PAGE: &str = "view.html";
+
+/// The result as JSON.
+#[derive(Serialize)]
+struct Written<'a> {
+    page: &'a Path,
+    frames: usize,
+    bytes: usize,
+}
+
+impl View {
+    pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
+        let (animation, folder) = if self.subject.is_dir() {
+            (motion(&self.subject)?, self.subject.clone())
+        } else {
+            let scene = SceneFile::at(&self.subject).load()?;
+            let cast = Cast::of(&scene.system, &scene.triangles);
+            (Animation::still(&scene.name, cast, &scene.state), scene.folder(&None))
+        };
+        let page = self.output.clone().unwrap_or_else(|| folder.join(PAGE));
+        let bytes = write(&page, &animation).map_err(Stop::Broken)?;
+        let frames = animation.times.len();
+        let of_what = if frames == 1 { "the scene".to_owned() } else { format!("{frames} frames") };
+        let text = format!("{}: {of_what} in {} ({:.1} MB)", animation.title, page.display(), bytes as f64 / 1e6);
+        console.result(&Written { page: &page, frames, bytes }, text)?;
+        Ok(Outcome::Done)
+    }
+}
+
+/// The motion in a folder, or which option keeps one.
+fn motion(folder: &Path) -> Result<Animation> {
+    if folder.join(TRAJECTORY).is_file() {
+        return playback(folder);
+    }
+    Err(Error::Usage(format!(
+        "{}: no {TRAJECTORY} there: a run keeps its motion with --view or --frames N",
+        folder.display()
+    )))
+}
+
+/// Frames of a page where nothing else is asked for, bytes that they may take while they wait, and the fewest there are then.
+const SMOOTH: usize = 300;
+const SPACE: usize = 1_000_000_000;
+const FEWEST: usize = 30;
+
+/// Where the frames of a run go, if any are wanted: every Nth, or as many as make a smooth motion within a gigabyte.
+///
+/// # Errors
+/// A folder that cannot be written.
+pub fn frames(
+    folder: &Path,
+    every: Option<NonZeroU64>,
+    view: bool,
+    schedule: &Schedule,
+    system: &System,
+) -> Result<Option<Frames>> {
+    if let Some(every) = every {
+        return Frames::create(folder, every).map(Some);
+    }
+    if !view {
+        return Ok(None);
+    }
+    let frame = 6 * size_of::<f64>() * system.particles().max(1);
+    let wanted = (SPACE / frame).clamp(FEWEST, SMOOTH) as u64;
+    let every = NonZeroU64::new(schedule.len().div_ceil(wanted)).unwrap_or(NonZeroU64::MIN);
+    Ok(Some(Frames::create(folder, every)?.without_vtk()))
+}
+
+/// Writes the page; returns its size.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn write(page: &Path, animation: &Animation) -> Result<usize> {
+    let text = html(animation).map_err(|source| Error::io(page, source))?;
+    AtomicFile::write(page, |file| file.write_all(text.as_bytes()))?;
+    Ok(text.len())
+}

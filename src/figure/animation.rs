@@ -1,0 +1,211 @@
+//! A motion to be played: what stays the same, and the frames.
+
+use super::thinning::Thinning;
+use crate::system::{Motion, State, System};
+use nalgebra::Vector3;
+use std::borrow::Cow;
+
+/// How a particle is bound.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Binding {
+    /// No coordinate is prescribed.
+    Free,
+    /// Some coordinate is held where it is.
+    Held,
+    /// Some coordinate is moved.
+    Moved,
+}
+
+impl Binding {
+    /// Of every particle of a system.
+    pub fn of(system: &System) -> Vec<Self> {
+        let mut bindings = vec![Self::Free; system.particles()];
+        let motions = system.prescribed().motions();
+        for (dof, _, motion) in system.prescribed().iter() {
+            let moves = motions.get(motion).is_some_and(|motion| *motion != Motion::Held);
+            let binding = if moves { Self::Moved } else { Self::Held };
+            if let Some(known) = bindings.get_mut(dof.particle) {
+                *known = binding.max(*known);
+            }
+        }
+        bindings
+    }
+}
+
+/// What stays the same while a scene moves. Lists of one length belong together: bindings to particles, rest lengths and
+/// stiffnesses to pairs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cast {
+    /// Number of modelled axes: 1, 2 or 3.
+    pub dimension: usize,
+    /// Gravitational acceleration, in m/s²; upwards is where it comes from.
+    pub gravity: Vector3<f64>,
+    /// How every particle is bound.
+    pub bindings: Vec<Binding>,
+    /// End points of every spring.
+    pub pairs: Vec<[u32; 2]>,
+    /// l0 of every spring, in m.
+    pub rest_lengths: Vec<f64>,
+    /// k of every spring, in N.
+    pub stiffnesses: Vec<f64>,
+    /// Corners of every triangle of a mesh.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Cast {
+    /// Of a system, and the triangles of the mesh that it was made from.
+    pub fn of(system: &System, triangles: &[[u32; 3]]) -> Self {
+        Self {
+            dimension: system.dimension(),
+            gravity: system.gravity(),
+            bindings: Binding::of(system),
+            pairs: system.pairs().to_vec(),
+            rest_lengths: system.springs().iter().map(|spring| spring.rest_length).collect(),
+            stiffnesses: system.springs().iter().map(|spring| spring.stiffness).collect(),
+            triangles: triangles.to_vec(),
+        }
+    }
+
+    /// The strain `l/l0 − 1` of every spring.
+    fn strains<'a>(&'a self, positions: &'a [Vector3<f64>]) -> impl Iterator<Item = f64> + 'a {
+        let at = |p: u32| positions.get(p as usize).copied().unwrap_or_else(Vector3::zeros);
+        let ends = self.pairs.iter().zip(&self.rest_lengths);
+        ends.map(move |(&[i, j], rest)| ((at(i) - at(j)).norm() - rest) / rest)
+    }
+}
+
+/// Curves over time that belong to a motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    /// What the curves are.
+    pub title: String,
+    /// Their unit, empty for plain numbers.
+    pub unit: String,
+    /// In s, ascending.
+    pub times: Vec<f64>,
+    /// Name and values, one for each time.
+    pub curves: Vec<(String, Vec<f64>)>,
+}
+
+/// A motion, thinned where there is more than can be played.
+///
+/// Particles that are shown stand for their neighbourhoods where a scene is large, see [`Thinning`].
+#[derive(Debug, Clone)]
+pub struct Animation {
+    /// The scene's name.
+    pub title: String,
+    /// What else is to be said: the method, how the run ended.
+    pub remarks: Vec<String>,
+    /// Everything that moves, as it was before thinning.
+    whole: Cast,
+    thinning: Option<Thinning>,
+    shown: Option<Cast>,
+    /// Time of every frame, in s.
+    pub times: Vec<f64>,
+    /// Positions of the shown particles, frame after frame, in m.
+    pub positions: Vec<Vector3<f64>>,
+    /// Strains of the shown springs, frame after frame.
+    pub strains: Vec<f32>,
+    /// The largest and the smallest strain of all springs in every frame.
+    extremes: Vec<[f64; 2]>,
+    /// Springs shorter than at rest, in every frame.
+    compressed: Vec<f64>,
+    /// Curves over time.
+    pub tracks: Vec<Track>,
+}
+
+/// The most particles and springs that are shown: more do not play smoothly where no graphics hardware helps.
+const PARTICLES: usize = 20_000;
+const SPRINGS: usize = 160_000;
+
+impl Animation {
+    /// An animation without frames yet.
+    pub fn new(title: impl Into<String>, cast: Cast) -> Self {
+        Self::with_limits(title, cast, PARTICLES, SPRINGS)
+    }
+
+    /// As [`new`](Self::new), showing no more than so many particles and springs.
+    pub fn with_limits(title: impl Into<String>, cast: Cast, particles: usize, springs: usize) -> Self {
+        let thinning = Thinning::of(&cast, particles, springs);
+        let shown = thinning.as_ref().map(|thinning| thinning.cast(&cast));
+        Self {
+            title: title.into(),
+            remarks: Vec::new(),
+            whole: cast,
+            thinning,
+            shown,
+            times: Vec::new(),
+            positions: Vec::new(),
+            strains: Vec::new(),
+            extremes: Vec::new(),
+            compressed: Vec::new(),
+            tracks: Vec::new(),
+        }
+    }
+
+    /// A scene at one state.
+    pub fn still(title: impl Into<String>, cast: Cast, state: &State) -> Self {
+        let mut animation = Self::new(title, cast);
+        animation.push(state.time, &state.positions);
+        animation
+    }
+
+    /// Adds a frame: the time, in s, and the positions of all particles, in m.
+    pub fn push(&mut self, time: f64, positions: &[Vector3<f64>]) {
+        self.times.push(time);
+        let strains: Vec<f64> = self.whole.strains(positions).collect();
+        let [mut most, mut least] = [f64::NEG_INFINITY, f64::INFINITY];
+        for &strain in &strains {
+            (most, least) = (most.max(strain), least.min(strain));
+        }
+        self.extremes.push([most, least]);
+        self.compressed.push(strains.iter().filter(|&&strain| strain < 0.0).count() as f64);
+        match &self.thinning {
+            Some(thinning) => {
+                self.positions.extend(thinning.positions(positions));
+                self.strains.extend(thinning.mean_of_springs(&strains));
+            }
+            None => {
+                self.positions.extend(positions);
+                self.strains.extend(strains.iter().map(|&strain| strain as f32));
+            }
+        }
+    }
+
+    /// What is shown.
+    pub fn cast(&self) -> &Cast {
+        self.shown.as_ref().unwrap_or(&self.whole)
+    }
+
+    /// Particles and springs of the scene, whether shown or not.
+    pub fn whole(&self) -> [usize; 2] {
+        [self.whole.bindings.len(), self.whole.pairs.len()]
+    }
+
+    /// How the scene was thinned, if it was.
+    pub fn thinning(&self) -> Option<&Thinning> {
+        self.thinning.as_ref()
+    }
+
+    /// All curves: those added, and the range of strains over the frames where there is more than one.
+    pub fn all_tracks(&self) -> Vec<Cow<'_, Track>> {
+        let mut all: Vec<Cow<'_, Track>> = self.tracks.iter().map(Cow::Borrowed).collect();
+        if self.times.len() > 1 && !self.whole.pairs.is_empty() {
+            let percent = |end: usize| self.extremes.iter().map(|ends| 100.0 * ends[end]).collect();
+            let strain = Track {
+                title: "strain of all springs".into(),
+                unit: "%".into(),
+                times: self.times.clone(),
+                curves: vec![("most stretched".into(), percent(0)), ("most compressed".into(), percent(1))],
+            };
+            let compressed = Track {
+                title: "compressed springs".into(),
+                unit: String::new(),
+                times: self.times.clone(),
+                curves: vec![("compressed".into(), self.compressed.clone())],
+            };
+            all.extend([strain, compressed].map(Cow::Owned));
+        }
+        all
+    }
+}

@@ -1,0 +1,193 @@
+//! Showing a scene of a million particles by twenty thousand.
+//!
+//! Particles are gathered into groups of neighbours, greedily: the first one that belongs to no group yet founds one and takes
+//! neighbours that are free still, as many as the wanted size of a group allows; then the groups are the particles of a smaller
+//! scene, and it begins again. The founder stands for its group and moves as it does. All springs from one group to another become
+//! one line, whose strain is their mean; springs within a group are not shown.
+
+use super::{Binding, Cast};
+use nalgebra::Vector3;
+
+/// Which particles stand for which.
+#[derive(Debug, Clone)]
+pub struct Thinning {
+    /// The particles that are shown, by their numbers in the scene.
+    pub founders: Vec<u32>,
+    /// The group of every particle.
+    group: Vec<u32>,
+    /// Groups that springs join, each pair once.
+    lines: Vec<[u32; 2]>,
+    /// The line of every spring, `NONE` within a group.
+    line: Vec<u32>,
+    /// One over the number of springs of every line.
+    share: Vec<f64>,
+}
+
+const NONE: u32 = u32::MAX;
+
+impl Thinning {
+    /// Of a scene with more particles or springs than wanted; `None` for another.
+    pub(super) fn of(cast: &Cast, particles: usize, springs: usize) -> Option<Self> {
+        let count = cast.bindings.len();
+        if count <= particles && cast.pairs.len() <= springs {
+            return None;
+        }
+        let mut wanted = particles.min(count).max(1);
+        loop {
+            let thinning = Self::with(cast, wanted);
+            if thinning.lines.len() <= springs || wanted <= 1 {
+                return Some(thinning);
+            }
+            // Groups have more neighbours than particles: fewer of them until their lines are few enough.
+            let most = (wanted as f64 * springs as f64 / thinning.lines.len() as f64) as usize;
+            wanted = most.min(wanted - 1).max(1);
+        }
+    }
+
+    fn with(cast: &Cast, wanted: usize) -> Self {
+        let count = cast.bindings.len();
+        let mut founders: Vec<u32> = (0..count as u32).collect();
+        let mut group = founders.clone();
+        let mut pairs = cast.pairs.clone();
+        while founders.len() > wanted {
+            let before = founders.len();
+            let bound = |g: usize| founders.get(g).and_then(|&p| cast.bindings.get(p as usize)) != Some(&Binding::Free);
+            let (coarser, chosen) = gather(before, &pairs, before.div_ceil(wanted), bound);
+            founders = chosen.iter().filter_map(|&g| founders.get(g as usize).copied()).collect();
+            group.iter_mut().for_each(|g| *g = at(&coarser, *g));
+            pairs = joined(&pairs, &coarser);
+            if founders.len() * 20 > before * 19 {
+                // Hardly any neighbours are left to take: every so-manieth group, and the others with the one before it.
+                let every = founders.len().div_ceil(wanted).max(1) as u32;
+                group.iter_mut().for_each(|g| *g /= every);
+                founders = founders.into_iter().step_by(every as usize).collect();
+                break;
+            }
+        }
+        let lines = joined(&cast.pairs, &group);
+        let line_of = |&[i, j]: &[u32; 2]| {
+            let pair = ordered([at(&group, i), at(&group, j)]);
+            lines.binary_search(&pair).map_or(NONE, |line| line as u32)
+        };
+        let line: Vec<u32> = cast.pairs.iter().map(line_of).collect();
+        let mut share = vec![0.0; lines.len()];
+        line.iter().filter_map(|&l| share.get_mut(l as usize).map(|n| *n += 1.0)).for_each(drop);
+        share.iter_mut().for_each(|n: &mut f64| *n = 1.0 / n.max(1.0));
+        Self { founders, group, lines, line, share }
+    }
+
+    /// What is shown of a scene.
+    pub(super) fn cast(&self, whole: &Cast) -> Cast {
+        let bindings = self.founders.iter().filter_map(|&p| whole.bindings.get(p as usize).copied()).collect();
+        let mut triangles: Vec<[u32; 3]> =
+            whole.triangles.iter().map(|corners| corners.map(|p| at(&self.group, p))).collect();
+        triangles.retain(|[a, b, c]| a != b && b != c && c != a);
+        triangles.sort_unstable();
+        triangles.dedup();
+        let mean = |values: &[f64]| -> Vec<f64> { self.mean_of_springs(values).map(f64::from).collect() };
+        Cast {
+            dimension: whole.dimension,
+            gravity: whole.gravity,
+            bindings,
+            pairs: self.lines.clone(),
+            rest_lengths: mean(&whole.rest_lengths),
+            stiffnesses: mean(&whole.stiffnesses),
+            triangles,
+        }
+    }
+
+    /// The positions of the founders.
+    pub(super) fn positions<'a>(&'a self, positions: &'a [Vector3<f64>]) -> impl Iterator<Item = Vector3<f64>> + 'a {
+        self.founders.iter().map(|&p| positions.get(p as usize).copied().unwrap_or_else(Vector3::zeros))
+    }
+
+    /// For every line the mean of a value of its springs.
+    pub(super) fn mean_of_springs(&self, values: &[f64]) -> impl Iterator<Item = f32> {
+        let mut sums = vec![0.0; self.lines.len()];
+        for (&line, value) in self.line.iter().zip(values) {
+            if let Some(sum) = sums.get_mut(line as usize) {
+                *sum += value;
+            }
+        }
+        sums.into_iter().zip(self.share.clone()).map(|(sum, share)| (sum * share) as f32)
+    }
+}
+
+/// Gathers particles into groups of at most `size`: the group of every particle, and the founder of every group. Bound
+/// particles found first, so that they stay to be seen.
+fn gather(count: usize, pairs: &[[u32; 2]], size: usize, bound: impl Fn(usize) -> bool) -> (Vec<u32>, Vec<u32>) {
+    let neighbours = Neighbours::of(count, pairs);
+    let mut group = vec![NONE; count];
+    let mut founders = Vec::new();
+    let order = (0..count).filter(|&p| bound(p)).chain(0..count);
+    for p in order {
+        if at(&group, p as u32) != NONE {
+            continue;
+        }
+        let number = founders.len() as u32;
+        founders.push(p as u32);
+        let free = neighbours.get(p).iter().filter(|&&n| at(&group, n) == NONE && !bound(n as usize));
+        let taken: Vec<u32> = free.copied().take(size.saturating_sub(1)).collect();
+        for q in taken.into_iter().chain([p as u32]) {
+            if let Some(g) = group.get_mut(q as usize) {
+                *g = number;
+            }
+        }
+    }
+    (group, founders)
+}
+
+/// Pairs of groups that are joined, each once, ascending.
+fn joined(pairs: &[[u32; 2]], group: &[u32]) -> Vec<[u32; 2]> {
+    let groups = pairs.iter().map(|&[i, j]| ordered([at(group, i), at(group, j)]));
+    let mut joined: Vec<[u32; 2]> = groups.filter(|[a, b]| a != b && *b != NONE).collect();
+    joined.sort_unstable();
+    joined.dedup();
+    joined
+}
+
+fn ordered([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+fn at(list: &[u32], index: u32) -> u32 {
+    list.get(index as usize).copied().unwrap_or(NONE)
+}
+
+/// The neighbours of every particle, one list after the other.
+struct Neighbours {
+    starts: Vec<usize>,
+    all: Vec<u32>,
+}
+
+impl Neighbours {
+    fn of(count: usize, pairs: &[[u32; 2]]) -> Self {
+        let mut starts = vec![0; count + 1];
+        for &p in pairs.iter().flatten() {
+            if let Some(start) = starts.get_mut(p as usize + 1) {
+                *start += 1;
+            }
+        }
+        for p in 0..count {
+            starts[p + 1] += starts[p];
+        }
+        let mut next = starts.clone();
+        let mut all = vec![NONE; starts[count]];
+        for &[i, j] in pairs {
+            for (from, to) in [(i, j), (j, i)] {
+                if let Some(next) = next.get_mut(from as usize) {
+                    if let Some(slot) = all.get_mut(*next) {
+                        *slot = to;
+                    }
+                    *next += 1;
+                }
+            }
+        }
+        Self { starts, all }
+    }
+
+    fn get(&self, particle: usize) -> &[u32] {
+        let range = self.starts.get(particle).zip(self.starts.get(particle + 1));
+        range.and_then(|(&from, &to)| self.all.get(from..to)).unwrap_or_default()
+    }
+}

@@ -1,0 +1,155 @@
+//! From an output folder back to a motion that can be played.
+
+use super::trajectory::TRAJECTORY;
+use crate::error::{Error, Result};
+use crate::figure::{Animation, Binding, Cast, Track};
+use nalgebra::Vector3;
+use npyz::{Deserialize, NpyFile};
+use serde_json::Value;
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::Path;
+use zip::ZipArchive;
+use zip::read::ZipFile;
+
+/// The motion that a run left in its output folder: the frames of `trajectory.npz`, the curves of `energy.csv`, and what
+/// `summary.json` says of the run, where they are there.
+///
+/// # Errors
+/// [`Error::Io`] without a readable `trajectory.npz`, [`Error::Format`] for one that does not hold a motion.
+pub fn playback(folder: &Path) -> Result<Animation> {
+    let path = folder.join(TRAJECTORY);
+    let file = File::open(&path).map_err(|source| Error::io(&path, source))?;
+    let mut animation = read(folder, file).map_err(|error| Error::Format { file: path, message: error.to_string() })?;
+    if let Some(Value::Object(summary)) = json(&folder.join("summary.json")) {
+        describe(&mut animation, &summary);
+    }
+    animation.tracks = energies(&folder.join("energy.csv")).unwrap_or_default();
+    Ok(animation)
+}
+
+fn read(folder: &Path, file: File) -> io::Result<Animation> {
+    let mut archive = ZipArchive::new(BufReader::new(file)).map_err(io::Error::from)?;
+    let times: Vec<f64> = list(&mut archive, "times")?;
+    let bindings: Vec<u8> = list(&mut archive, "bindings")?;
+    let gravity: Vec<f64> = list(&mut archive, "gravity")?;
+    let cast = Cast {
+        dimension: gravity.len(),
+        gravity: vector(&gravity),
+        bindings: bindings.iter().map(|&code| binding(code)).collect(),
+        pairs: rows(&list(&mut archive, "pairs")?),
+        rest_lengths: list(&mut archive, "rest_lengths")?,
+        stiffnesses: list(&mut archive, "stiffness")?,
+        triangles: rows(&list(&mut archive, "triangles")?),
+    };
+    let n = cast.bindings.len();
+    let valid = |&p: &u32| (p as usize) < n;
+    let numbers = cast.pairs.iter().flatten().chain(cast.triangles.iter().flatten());
+    if !(1..=3).contains(&cast.dimension) || !numbers.clone().all(valid) {
+        return Err(wrong("its arrays do not fit together"));
+    }
+    if cast.rest_lengths.len() != cast.pairs.len() || cast.stiffnesses.len() != cast.pairs.len() {
+        return Err(wrong("not every spring has a rest length and a stiffness"));
+    }
+    let axes = cast.dimension;
+    let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let mut animation = Animation::new(name, cast);
+    let positions = array(&mut archive, "positions")?;
+    if *positions.shape() != [times.len() as u64, n as u64, axes as u64] {
+        return Err(wrong("its positions do not fit to its times and masses"));
+    }
+    let mut values = positions.data::<f64>().map_err(|error| wrong(&error.to_string()))?;
+    let mut frame = vec![Vector3::zeros(); n];
+    for time in times {
+        for value in frame.iter_mut().flat_map(|row| row.iter_mut().take(axes)) {
+            *value = values.next().ok_or_else(|| wrong("it ends early"))??;
+        }
+        animation.push(time, &frame);
+    }
+    Ok(animation)
+}
+
+type Archive = ZipArchive<BufReader<File>>;
+
+fn array<'a>(archive: &'a mut Archive, name: &str) -> io::Result<NpyFile<BufReader<ZipFile<'a, BufReader<File>>>>> {
+    let entry = archive.by_name(&format!("{name}.npy")).map_err(|error| wrong(&format!("{name}: {error}")))?;
+    NpyFile::new(BufReader::with_capacity(1 << 18, entry))
+}
+
+fn list<T: Deserialize>(archive: &mut Archive, name: &str) -> io::Result<Vec<T>> {
+    array(archive, name)?.into_vec()
+}
+
+fn rows<const N: usize>(values: &[u32]) -> Vec<[u32; N]> {
+    values.as_chunks().0.to_vec()
+}
+
+fn vector(row: &[f64]) -> Vector3<f64> {
+    let mut vector = Vector3::zeros();
+    vector.iter_mut().zip(row).for_each(|(component, &value)| *component = value);
+    vector
+}
+
+fn binding(code: u8) -> Binding {
+    match code {
+        0 => Binding::Free,
+        1 => Binding::Held,
+        _ => Binding::Moved,
+    }
+}
+
+fn wrong(what: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, what)
+}
+
+fn json(path: &Path) -> Option<Value> {
+    let mut text = String::new();
+    File::open(path).ok()?.read_to_string(&mut text).ok()?;
+    serde_json::from_str(&text).ok()
+}
+
+/// The scene's name, how it was computed and how it ended.
+fn describe(animation: &mut Animation, summary: &serde_json::Map<String, Value>) {
+    let text = |key: &str| summary.get(key).and_then(Value::as_str).map(str::to_owned);
+    if let Some(scene) = text("scene") {
+        animation.title = scene;
+    }
+    let method = text("method").map(|method| match text("stiffness") {
+        Some(stiffness) if stiffness != "none" => format!("{method}, stiffness {stiffness}"),
+        _ => method,
+    });
+    let dt = summary.get("dt").and_then(Value::as_f64).map(|dt| format!("dt = {} s", digits(dt)));
+    let status = text("status").filter(|status| status != "completed").map(|status| {
+        let message = summary.get("failure").and_then(|failure| failure.get("message")).and_then(Value::as_str);
+        format!("the run ended {status}{}", message.map(|message| format!(": {message}")).unwrap_or_default())
+    });
+    animation.remarks.extend([method, dt, status].into_iter().flatten());
+}
+
+/// A number in at most five digits.
+fn digits(value: f64) -> f64 {
+    format!("{value:.4e}").parse().unwrap_or(value)
+}
+
+/// Columns of `energy.csv` that are energies and go into one picture.
+const ENERGIES: [&str; 4] = ["kinetic", "elastic", "gravitational", "total"];
+
+/// The curves of `energy.csv`: the energies together, every other column by itself.
+fn energies(path: &Path) -> Option<Vec<Track>> {
+    let mut reader = csv::Reader::from_path(path).ok()?;
+    let names: Vec<String> = reader.headers().ok()?.iter().map(str::to_owned).collect();
+    let mut columns: Vec<Vec<f64>> = vec![Vec::new(); names.len()];
+    for record in reader.records() {
+        let record = record.ok()?;
+        for (column, value) in columns.iter_mut().zip(record.iter()) {
+            column.push(value.parse().unwrap_or(f64::NAN));
+        }
+    }
+    let mut columns = names.into_iter().zip(columns);
+    let (_, times) = columns.next().filter(|(name, values)| name == "time" && values.len() > 1)?;
+    let (energies, others): (Vec<_>, Vec<_>) = columns.partition(|(name, _)| ENERGIES.contains(&name.as_str()));
+    let track = |title: String, unit: &str, curves| Track { title, unit: unit.into(), times: times.clone(), curves };
+    let mut tracks = vec![track("energy".into(), "J", energies)];
+    tracks.extend(others.into_iter().map(|(name, values)| track(name.replace('_', " "), "", vec![(name, values)])));
+    Some(tracks)
+}

@@ -1,0 +1,161 @@
+//! `trajectory.npz`: the frames of a run in one file, for NumPy and for the page that plays them.
+//!
+//! An `.npz` file is a zip of `.npy` arrays; `numpy.load("trajectory.npz")` opens it. Everything needed to look at the motion is in it:
+//!
+//! | array | type | shape | |
+//! |---|---|---|---|
+//! | `times` | float64 | (F) | in s |
+//! | `steps` | uint64 | (F) | steps done |
+//! | `positions`, `velocities` | float64 | (F, N, d) | in m and m/s, to the bit |
+//! | `masses` | float64 | (N) | in kg |
+//! | `bindings` | uint8 | (N) | 0 free, 1 a coordinate is held, 2 a coordinate is moved |
+//! | `pairs` | uint32 | (S, 2) | end points of every spring |
+//! | `stiffness`, `rest_lengths`, `damping` | float64 | (S) | k in N, l0 in m, b in N·s/m |
+//! | `triangles` | uint32 | (T, 3) | corners of a mesh's faces |
+//! | `gravity` | float64 | (d) | in m/s² |
+//!
+//! F frames, N particles, S springs, d modelled axes. A zip holds one array after the other, a run gives one frame after the other: frames
+//! wait in `trajectory.part` until the run ends.
+
+use super::AtomicFile;
+use crate::error::{Error, Result};
+use crate::figure::Binding;
+use crate::system::{State, System};
+use npyz::WriterBuilder;
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipWriter};
+
+/// The name of the file in an output folder.
+pub const TRAJECTORY: &str = "trajectory.npz";
+
+/// The frames of a run under way.
+#[derive(Debug)]
+pub struct Trajectory {
+    target: PathBuf,
+    waiting: Waiting,
+    times: Vec<f64>,
+    steps: Vec<u64>,
+}
+
+/// Frames in a file of their own, which goes when this goes: positions, then velocities, in doubles of the machine's order.
+#[derive(Debug)]
+struct Waiting {
+    path: PathBuf,
+    file: BufWriter<File>,
+}
+
+impl Drop for Waiting {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+impl Trajectory {
+    /// Starts the trajectory of a run in an output folder, which is created.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when the folder or a file in it cannot be written.
+    pub fn create(folder: &Path) -> Result<Self> {
+        std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
+        let path = folder.join("trajectory.part");
+        let file = File::options().read(true).write(true).create(true).truncate(true).open(&path);
+        let file = BufWriter::with_capacity(1 << 18, file.map_err(|source| Error::io(&path, source))?);
+        let waiting = Waiting { path, file };
+        Ok(Self { target: folder.join(TRAJECTORY), waiting, times: Vec::new(), steps: Vec::new() })
+    }
+
+    /// Adds the state after `step` steps.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when it cannot be written.
+    pub fn push(&mut self, system: &System, state: &State, step: u64) -> Result<()> {
+        let axes = system.dimension();
+        let Waiting { path, file } = &mut self.waiting;
+        for row in state.positions.iter().chain(&state.velocities) {
+            for value in row.iter().take(axes) {
+                file.write_all(&value.to_le_bytes()).map_err(|source| Error::io(&*path, source))?;
+            }
+        }
+        self.times.push(state.time);
+        self.steps.push(step);
+        Ok(())
+    }
+
+    /// Writes `trajectory.npz`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when it cannot be written.
+    pub fn finish(mut self, system: &System, triangles: &[[u32; 3]]) -> Result<()> {
+        let target = self.target.clone();
+        self.waiting.file.flush().map_err(|source| Error::io(&self.waiting.path, source))?;
+        let mut frames = BufReader::with_capacity(1 << 18, self.waiting.file.get_ref());
+        let [n, axes, count] = [system.particles(), system.dimension(), self.times.len()];
+        let springs = system.springs();
+        AtomicFile::write(&target, |file| {
+            let mut npz = Npz(ZipWriter::new_stream(file));
+            npz.put("times", &[count], self.times.iter().copied())?;
+            npz.put("steps", &[count], self.steps.iter().copied())?;
+            npz.put("masses", &[n], system.masses().iter().copied())?;
+            npz.put("bindings", &[n], Binding::of(system).into_iter().map(|binding| binding as u8))?;
+            npz.put("pairs", &[springs.len(), 2], system.pairs().iter().flatten().copied())?;
+            npz.put("stiffness", &[springs.len()], springs.iter().map(|spring| spring.stiffness))?;
+            npz.put("rest_lengths", &[springs.len()], springs.iter().map(|spring| spring.rest_length))?;
+            npz.put("damping", &[springs.len()], springs.iter().map(|spring| spring.damping))?;
+            npz.put("triangles", &[triangles.len(), 3], triangles.iter().flatten().copied())?;
+            npz.put("gravity", &[axes], system.gravity().iter().copied().take(axes))?;
+            for (name, skipped) in [("positions", 0), ("velocities", n * axes)] {
+                npz.frames(name, &mut frames, [count, n, axes], skipped)?;
+            }
+            npz.0.finish().map_err(io::Error::from).map(drop)
+        })
+    }
+}
+
+/// A zip of arrays, written from front to back.
+struct Npz<W: Write>(ZipWriter<zip::write::StreamWriter<W>>);
+
+impl<W: Write> Npz<W> {
+    /// Begins an array. Sizes are 64-bit, and the date is always the same one: equal runs give equal files.
+    fn start(&mut self, name: &str) -> io::Result<()> {
+        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+        let options = options.large_file(true).last_modified_time(DateTime::default());
+        self.0.start_file(format!("{name}.npy"), options).map_err(io::Error::from)
+    }
+
+    fn put<T: npyz::AutoSerialize>(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        values: impl Iterator<Item = T>,
+    ) -> io::Result<()> {
+        self.start(name)?;
+        let shape: Vec<u64> = shape.iter().map(|&length| length as u64).collect();
+        let options = npyz::WriteOptions::new().default_dtype().shape(&shape);
+        let mut array = options.writer(BufWriter::new(&mut self.0)).begin_nd()?;
+        array.extend(values)?;
+        array.finish()
+    }
+
+    /// Half of every waiting frame: what comes after so many skipped numbers.
+    fn frames(
+        &mut self,
+        name: &str,
+        frames: &mut BufReader<&File>,
+        [count, n, axes]: [usize; 3],
+        skipped: usize,
+    ) -> io::Result<()> {
+        self.start(name)?;
+        let shape = [count, n, axes].map(|length| length as u64);
+        let options = npyz::WriteOptions::new_header_only().dtype(<f64 as npyz::AutoSerialize>::default_dtype());
+        options.shape(&shape).writer(&mut self.0).write_header_only()?;
+        let half = (n * axes * 8) as u64;
+        for frame in 0..count as u64 {
+            frames.seek(SeekFrom::Start(2 * half * frame + 8 * skipped as u64))?;
+            io::copy(&mut frames.take(half), &mut self.0)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,249 @@
+//! An animation as what its page carries: a few facts in JSON, and one compressed block of bytes.
+//!
+//! Positions are kept as whole multiples of one length h along all axes, `x = origin + h q` with q from 0 to 65535: h is the
+//! scene's largest extent over 65535, and a coordinate is wrong by at most h/2. Strains would be lost in that where springs are
+//! short against the scene, so they are kept beside it: `s = s_max q|q|/n²` with n = 127 or 32767 levels, which is wrong by at
+//! most `s_max (1/n + 1/(4n²))` and by much less for small strains.
+
+use super::channel::{Channel, append};
+use super::panel::Panel;
+use crate::figure::{Animation, Binding};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::DeflateEncoder;
+use nalgebra::Vector3;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+
+/// What a page carries.
+pub(super) struct Encoded {
+    pub about: About,
+    /// The bytes in base64.
+    pub data: String,
+    /// Frames of the animation that were left out.
+    pub left_out: usize,
+}
+
+#[derive(Serialize)]
+pub(super) struct About {
+    pub dimension: usize,
+    /// Whether all particles lie in a plane of constant z, always.
+    pub depthless: bool,
+    pub up: Up,
+    pub particles: usize,
+    pub springs: usize,
+    pub frames: usize,
+    /// Particles that are held or moved.
+    pub marks: usize,
+    /// Whether a line stands for several springs.
+    pub merged: bool,
+    pub times: Vec<f64>,
+    /// Seconds of motion in one second of playing.
+    pub speed: f64,
+    pub origin: [f64; 3],
+    pub quantum: f64,
+    pub bounds: Bounds,
+    /// About how long the shown springs are, in m.
+    pub spacing: f64,
+    pub strain: StrainScale,
+    sections: BTreeMap<&'static str, [usize; 2]>,
+    channels: Channels,
+    pub tracks: Vec<Panel>,
+}
+
+#[derive(Serialize)]
+pub(super) struct Up {
+    axis: usize,
+    sign: f64,
+}
+
+#[derive(Serialize)]
+pub(super) struct Bounds {
+    low: [f64; 3],
+    high: [f64; 3],
+}
+
+#[derive(Serialize)]
+pub(super) struct StrainScale {
+    pub levels: i32,
+    /// The largest size of a strain.
+    pub largest: f64,
+    /// The size from which on colours are the same.
+    pub shown: f64,
+}
+
+#[derive(Serialize)]
+struct Channels {
+    places: [Channel; 3],
+    strain: Channel,
+}
+
+impl StrainScale {
+    /// How wrong a strain can be.
+    pub fn error(&self) -> f64 {
+        let level = 1.0 / f64::from(self.levels);
+        self.largest * (level + level * level / 4.0)
+    }
+}
+
+/// Strains up to which each has two bytes.
+const FINE_STRAINS: usize = 4_000_000;
+
+/// Encodes an animation in at most `limit` bytes, leaving out frames where it must.
+pub(super) fn encode(animation: &Animation, limit: usize) -> Encoded {
+    let mut every = animation.times.len().div_ceil(3000).max(1);
+    loop {
+        let encoded = with_frames(animation, every);
+        if encoded.data.len() <= limit || encoded.about.frames <= 1 {
+            return encoded;
+        }
+        let over = encoded.data.len() as f64 / limit.max(1) as f64;
+        every = ((every as f64 * over * 1.02).ceil() as usize).max(every + 1);
+    }
+}
+
+fn with_frames(animation: &Animation, every: usize) -> Encoded {
+    let cast = animation.cast();
+    let [particles, springs] = [cast.bindings.len(), cast.pairs.len()];
+    let kept: Vec<usize> = (0..animation.times.len()).step_by(every).collect();
+    let frames = kept.len();
+    let frame_of = |k: &usize| animation.positions.get(k * particles..(k + 1) * particles).unwrap_or_default();
+    let positions = || kept.iter().flat_map(frame_of);
+    let strains_of = |k: &usize| animation.strains.get(k * springs..(k + 1) * springs).unwrap_or_default();
+
+    let (low, high) = extent(positions());
+    let widest = (high - low).max();
+    let quantum = if widest > 0.0 { widest / 65535.0 } else { 1.0 };
+    let mut bytes = Vec::new();
+    let mut sections = BTreeMap::new();
+    let mut put = |name, data: &[u8]| {
+        sections.insert(name, [bytes.len(), data.len()]);
+        bytes.extend_from_slice(data);
+        bytes.resize(bytes.len().next_multiple_of(4), 0);
+    };
+    put("pairs", &words(cast.pairs.iter().flatten().copied()));
+    put("rest", &floats(&cast.rest_lengths));
+    put("stiffness", &floats(&cast.stiffnesses));
+    put("triangles", &words(cast.triangles.iter().flatten().copied()));
+    put("kinds", &cast.bindings.iter().map(|&binding| binding as u8).collect::<Vec<_>>());
+    if let Some(thinning) = animation.thinning() {
+        put("particle_numbers", &words(thinning.founders.iter().copied()));
+    }
+
+    let places = [0, 1, 2].map(|axis| {
+        let quanta: Vec<i32> = positions().map(|x| ((x[axis] - low[axis]) / quantum).round() as i32).collect();
+        append(&mut bytes, &quanta, particles, true)
+    });
+    let scale = strain_scale(kept.iter().flat_map(strains_of), frames * springs <= FINE_STRAINS);
+    let levels = f64::from(scale.levels);
+    let level = |&strain: &f32| {
+        let part = f64::from(strain) / scale.largest;
+        (levels * part.signum() * part.abs().sqrt()).round() as i32
+    };
+    let levels: Vec<i32> = kept.iter().flat_map(strains_of).map(level).collect();
+    let strain = append(&mut bytes, &levels, springs, scale.levels > 127);
+
+    let times: Vec<f64> = kept.iter().filter_map(|&k| animation.times.get(k).copied()).collect();
+    let about = About {
+        dimension: cast.dimension,
+        depthless: high.z - low.z <= 1e-6 * widest,
+        up: up(cast.dimension, cast.gravity),
+        particles,
+        springs,
+        frames,
+        marks: cast.bindings.iter().filter(|&&binding| binding != Binding::Free).count(),
+        merged: animation.thinning().is_some(),
+        speed: speed(&times),
+        times,
+        origin: low.into(),
+        quantum,
+        bounds: Bounds { low: low.into(), high: high.into() },
+        spacing: spacing(cast.pairs.as_slice(), frame_of(&0), widest),
+        strain: scale,
+        sections,
+        channels: Channels { places, strain },
+        tracks: animation.all_tracks().iter().map(|track| Panel::of(track)).collect(),
+    };
+    Encoded { about, data: compressed(&bytes), left_out: animation.times.len() - frames }
+}
+
+/// The corners of the box around all positions; of none, a point.
+fn extent<'a>(positions: impl Iterator<Item = &'a Vector3<f64>>) -> (Vector3<f64>, Vector3<f64>) {
+    let mut ends: Option<(Vector3<f64>, Vector3<f64>)> = None;
+    for x in positions {
+        ends = Some(ends.map_or((*x, *x), |(low, high)| (low.inf(x), high.sup(x))));
+    }
+    ends.unwrap_or_default()
+}
+
+/// The colours end where 39 of 40 strains lie below, at a round number.
+fn strain_scale<'a>(strains: impl Iterator<Item = &'a f32>, fine: bool) -> StrainScale {
+    let mut sizes: Vec<f32> = strains.map(|strain| strain.abs()).filter(|size| size.is_finite()).collect();
+    let largest = sizes.iter().copied().fold(0.0, f32::max);
+    let rank = sizes.len() * 39 / 40;
+    let usual = if rank < sizes.len() { *sizes.select_nth_unstable_by(rank, f32::total_cmp).1 } else { largest };
+    let largest = if largest > 0.0 { f64::from(largest) } else { 1e-6 };
+    let shown = round_up(f64::from(usual).max(largest / 50.0).min(largest));
+    StrainScale { levels: if fine { 32767 } else { 127 }, largest, shown }
+}
+
+/// The next larger of 1, 2 and 5 times a power of ten.
+fn round_up(value: f64) -> f64 {
+    let power = 10f64.powf(value.log10().floor());
+    [1.0, 2.0, 5.0].into_iter().map(|k| k * power).find(|&round| round >= 0.999 * value).unwrap_or(10.0 * power)
+}
+
+/// Against gravity where that follows an axis of a scene in space; y elsewhere.
+fn up(dimension: usize, gravity: Vector3<f64>) -> Up {
+    let axis = gravity.iamax();
+    match dimension {
+        3 if gravity[axis].abs() > 0.9 * gravity.norm() => Up { axis, sign: -gravity[axis].signum() },
+        _ => Up { axis: 1, sign: 1.0 },
+    }
+}
+
+/// Real time where that lasts between 2 and 30 s; else a simple factor with which it lasts about 8 s.
+fn speed(times: &[f64]) -> f64 {
+    const FACTORS: [f64; 15] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0];
+    let length = times.last().zip(times.first()).map_or(0.0, |(last, first)| last - first);
+    if length <= 0.0 || (2.0..=30.0).contains(&length) {
+        return 1.0;
+    }
+    let off = |factor: f64| (factor * 8.0 / length).ln().abs();
+    FACTORS.into_iter().min_by(|&a, &b| off(a).total_cmp(&off(b))).unwrap_or(1.0)
+}
+
+/// The median length of the springs in the first frame, of at most some thousands.
+fn spacing(pairs: &[[u32; 2]], positions: &[Vector3<f64>], widest: f64) -> f64 {
+    let length = |&[i, j]: &[u32; 2]| Some((positions.get(i as usize)? - positions.get(j as usize)?).norm());
+    let mut lengths: Vec<f64> = pairs.iter().step_by(pairs.len() / 4096 + 1).filter_map(length).collect();
+    let middle = lengths.len() / 2;
+    if middle < lengths.len() {
+        *lengths.select_nth_unstable_by(middle, f64::total_cmp).1
+    } else {
+        widest.max(1e-9) / 10.0
+    }
+}
+
+fn words(values: impl Iterator<Item = u32>) -> Vec<u8> {
+    values.flat_map(u32::to_le_bytes).collect()
+}
+
+fn floats(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|&value| (value as f32).to_le_bytes()).collect()
+}
+
+/// Deflated and in base64.
+fn compressed(bytes: &[u8]) -> String {
+    let mut encoder = DeflateEncoder::new(Vec::new(), Compression::new(6));
+    // Writing to memory does not fail.
+    let packed = encoder.write_all(bytes).and_then(|()| encoder.finish());
+    STANDARD.encode(packed.unwrap_or_default())
+}
+
+/// As JSON that can stand in a page: no text in it ends a script.
+pub(super) fn json(about: &About) -> io::Result<String> {
+    Ok(serde_json::to_string(about)?.replace('<', "\\u003c"))
+}
