@@ -56,9 +56,26 @@ impl WorkPrecision {
         if all.is_empty() {
             all.push("No run ended with an error below 10 % from which on shorter steps did better: nothing can be recommended.".into());
         }
+        all.extend(self.best_options());
         let ways = best.iter().map(|curve| self.reach(curve));
         all.push(format!("Steps from which on every shorter one did better: {}.", ways.collect::<Vec<_>>().join("; ")));
         all
+    }
+
+    /// The best option of each method for an error below 1 %, or what can be had nearest to it.
+    fn best_options(&self) -> Option<String> {
+        let decisions = self.decisions();
+        let decision = decisions.get(1).or(decisions.first())?;
+        let each = decision.methods.iter().map(|run| {
+            format!(
+                "{} with {} ({} force evaluations)",
+                name(run.method, run.stiffness, run.solver),
+                run.pace(),
+                short(run.cost)
+            )
+        });
+        let percent = short(100.0 * decision.accuracy);
+        Some(format!("The best option of each method below {percent} %: {}.", each.collect::<Vec<_>>().join("; ")))
     }
 
     /// How far a configuration can be relied on.

@@ -3,7 +3,8 @@
 
 use super::tail::tail;
 use super::{Run, WorkPrecision};
-use crate::figure::{Axis, Guide, Plot, Series};
+use crate::figure::{Axis, Guide, Look, Plot, Series};
+use crate::integrate::Method;
 use std::collections::BTreeMap;
 
 /// An error above this is no result: the run counts as failed.
@@ -49,6 +50,22 @@ impl Run {
     }
 }
 
+/// The colour and shape of a method, the same in all pictures; hollow where its steps adapt.
+pub fn look_of_method(method: &str) -> Look {
+    let (name, hollow) = method.strip_suffix(ADAPTIVE).map_or((method, false), |name| (name, true));
+    let known = Method::ALL.iter().position(|method| method.name() == name);
+    Look { number: known.unwrap_or(Method::ALL.len()), hollow }
+}
+
+/// Those of a stiffness option, hollow with conjugate gradients.
+fn look_of_option(stiffness: &str, solver: &str) -> Look {
+    let known = ["full", "tension", "axial", "on-demand"].iter().position(|name| *name == stiffness);
+    Look { number: known.unwrap_or(4), hollow: solver.starts_with("cg") }
+}
+
+/// What follows the name of a method whose steps adapt.
+const ADAPTIVE: &str = ", adaptive";
+
 impl Curve<'_> {
     /// How much the configuration costs, without regard to how far it was taken: the least of `cost · error^(1/2)` over its
     /// [tail](super::tail()).
@@ -66,7 +83,7 @@ impl Curve<'_> {
 pub fn curves(runs: &[Run]) -> Vec<Curve<'_>> {
     let mut curves: Vec<Curve<'_>> = Vec::new();
     for run in runs {
-        let method = if run.rtol.is_some() { format!("{}, adaptive", run.method) } else { run.method.to_owned() };
+        let method = if run.rtol.is_some() { format!("{}{ADAPTIVE}", run.method) } else { run.method.to_owned() };
         // A run that failed before it solved anything does not know its solver better than the others of its curve.
         let same = |c: &&mut Curve<'_>| c.method == method && c.stiffness == run.stiffness && c.solver == run.solver;
         match curves.iter_mut().find(same) {
@@ -105,10 +122,13 @@ impl WorkPrecision {
     /// Every picture of the chart.
     pub fn figures(&self) -> Vec<Figure> {
         let best = best_of_each(&self.runs, self.floor());
-        let by_method = |curve: &Curve<'_>| match (curve.stiffness, curve.solver) {
-            ("none", _) => curve.method.clone(),
-            (stiffness, "llt") => format!("{} ({stiffness})", curve.method),
-            (stiffness, solver) => format!("{} ({stiffness}, {solver})", curve.method),
+        let by_method = |curve: &Curve<'_>| {
+            let name = match (curve.stiffness, curve.solver) {
+                ("none", _) => curve.method.clone(),
+                (stiffness, "llt") => format!("{} ({stiffness})", curve.method),
+                (stiffness, solver) => format!("{} ({stiffness}, {solver})", curve.method),
+            };
+            (name, look_of_method(&curve.method))
         };
         let implicit: Vec<Curve<'_>> = best.iter().filter(|curve| curve.stiffness != "none").cloned().collect();
         let mut figures = vec![
@@ -136,7 +156,9 @@ impl WorkPrecision {
         for (name, method) in [("options-euler", "linear-backward-euler"), ("options-w2", "w2")] {
             let of_method: Vec<_> = curves(&self.runs).into_iter().filter(|curve| curve.method == method).collect();
             let title = format!("Stiffness options and solvers of {method}");
-            let legend = |curve: &Curve<'_>| format!("{}, {}", curve.stiffness, curve.solver);
+            let legend = |curve: &Curve<'_>| {
+                (format!("{}, {}", curve.stiffness, curve.solver), look_of_option(curve.stiffness, curve.solver))
+            };
             figures.push(
                 self.work_precision(name, &title, "work, in force evaluations", &of_method, legend, |run| run.cost),
             );
@@ -159,17 +181,18 @@ impl WorkPrecision {
         title: &str,
         cost: &str,
         curves: &[Curve<'_>],
-        legend: impl Fn(&Curve<'_>) -> String,
+        legend: impl Fn(&Curve<'_>) -> (String, Look),
         y: impl Fn(&Run) -> f64 + Copy,
     ) -> Figure {
         let mut plot = Plot::log_log(format!("{title}: {}", self.scene), "relative position error at the end", cost);
         for curve in curves {
-            plot = plot.with_series(Series::line(legend(curve), curve.points(y)));
+            let (name, look) = legend(curve);
+            plot = plot.with_series(Series::line(name, curve.points(y)).looking(look));
         }
         for curve in curves {
             for (cause, runs) in failures(curve.runs.iter().copied()) {
                 let points = runs.iter().map(|run| (f64::INFINITY, y(run))).filter(|point| point.1 > 0.0).collect();
-                plot = plot.with_series(Series::failures(cause, points).like(legend(curve)));
+                plot = plot.with_series(Series::failures(cause, points).like(legend(curve).0));
             }
         }
         plot = self.with_floor(plot);
@@ -180,25 +203,32 @@ impl WorkPrecision {
                 plot = plot.with_guide(Guide::Slope { slope: -1.0 / order, through: anchor });
             }
         }
-        let caption = "To the left is more accurate, down is cheaper: the lowest curve at the error you need wins. Steps are \
-            halved from point to point. A method of order 1 follows the slope −1, one of order 2 the slope −½. Crosses at the \
-            right edge are runs that broke down or ended more than 100 % off, each cause in a lane of its own, at the cost they \
-            had until then."
-            .into();
+        let caption: String =
+            "To the left is more accurate, down is cheaper: the lowest curve at the error you need wins. Steps are \
+            halved from point to point. A method of order 1 follows the slope −1, one of order 2 the slope −½."
+                .into();
+        let caption = match plot.series.iter().any(|series| series.like.is_some()) {
+            true => format!(
+                "{caption} Crosses at the right edge are runs that broke down or ended more than 100 % off, each cause in a lane of its \
+                 own, at the cost they had until then."
+            ),
+            false => caption,
+        };
         Figure { name, caption, plot }
     }
 
     fn with_floor(&self, plot: Plot) -> Plot {
         let x = self.reference.error_estimate;
-        plot.with_guide(Guide::Vertical { x, label: "error of the reference".into() })
+        plot.with_guide(Guide::Vertical { x, label: format!("error of the reference: {x:.0e}") })
     }
 
-    fn errors(&self, curves: &[Curve<'_>], legend: impl Fn(&Curve<'_>) -> String) -> Figure {
+    fn errors(&self, curves: &[Curve<'_>], legend: impl Fn(&Curve<'_>) -> (String, Look)) -> Figure {
         let title = format!("Error over the time step: {}", self.scene);
         let mut plot = Plot::log_log(title, "time step, s", "relative position error at the end");
         for curve in curves {
             let points = curve.runs.iter().filter_map(|run| Some((run.dt, run.useful_error()?))).collect();
-            plot = plot.with_series(Series::line(legend(curve), points));
+            let (name, look) = legend(curve);
+            plot = plot.with_series(Series::line(name, points).looking(look));
         }
         let all = self::curves(&self.runs);
         for curve in curves {
@@ -206,7 +236,7 @@ impl WorkPrecision {
             let of_method = all.iter().filter(|other| other.method == curve.method);
             for (cause, runs) in failures(of_method.flat_map(|curve| &curve.runs).copied()) {
                 let points = runs.iter().map(|run| (run.dt, f64::INFINITY)).collect();
-                plot = plot.with_series(Series::failures(cause, points).like(legend(curve)));
+                plot = plot.with_series(Series::failures(cause, points).like(legend(curve).0));
             }
         }
         let all: Vec<(f64, f64)> =
@@ -216,10 +246,13 @@ impl WorkPrecision {
             plot = plot.with_guide(Guide::Slope { slope: 2.0, through: anchor });
         }
         let level = Guide::Level { y: self.reference.error_estimate, label: "error of the reference".into() };
-        let caption =
-            "The slope of a curve is the order of its method. Crosses are runs of any of its configurations that failed, at their \
-            step, each cause in a lane of its own; the table below names them."
-                .into();
+        let crosses = match plot.series.iter().any(|series| series.like.is_some()) {
+            true => {
+                " Crosses are runs of any of its configurations that failed, at their step, each cause in a lane of its own; the table below names them."
+            }
+            false => "",
+        };
+        let caption = format!("The slope of a curve is the order of its method.{crosses}");
         Figure { name: "error", caption, plot: plot.with_guide(level) }
     }
 
@@ -228,7 +261,7 @@ impl WorkPrecision {
         name: &'static str,
         title: &str,
         curves: &[Curve<'_>],
-        legend: impl Fn(&Curve<'_>) -> String,
+        legend: impl Fn(&Curve<'_>) -> (String, Look),
         y: impl Fn(&Run) -> Option<f64>,
     ) -> Figure {
         let title = format!("{title}: {}", self.scene);
@@ -236,7 +269,8 @@ impl WorkPrecision {
         for curve in curves {
             let useful = curve.runs.iter().filter(|run| run.useful_error().is_some());
             let points = useful.filter_map(|run| Some((run.dt, y(run)?))).filter(|point| point.1 > 0.0).collect();
-            plot = plot.with_series(Series::line(legend(curve), points));
+            let (name, look) = legend(curve);
+            plot = plot.with_series(Series::line(name, points).looking(look));
         }
         let caption =
             "At the end of the run, against the reference: what the method itself adds or takes away. Rounding \
@@ -255,9 +289,10 @@ impl WorkPrecision {
             let points = |y: &dyn Fn(&Run) -> Option<f64>| {
                 of_method().filter_map(|run| Some((run.tolerance?, y(run)?))).collect::<Vec<_>>()
             };
-            errors = errors.with_series(Series::line(method, points(&|run| run.useful_error())));
-            iterations =
-                iterations.with_series(Series::line(method, points(&|run| Some(run.work.cg_iterations as f64))));
+            let look = look_of_method(method);
+            errors = errors.with_series(Series::line(method, points(&|run| run.useful_error())).looking(look));
+            let of_iterations = points(&|run| Some(run.work.cg_iterations as f64));
+            iterations = iterations.with_series(Series::line(method, of_iterations).looking(look));
         }
         let step = self.tolerances.first().map_or(String::new(), |run| format!(", with steps of {} s", run.dt));
         let caption = format!(

@@ -11,7 +11,7 @@ mod tiles;
 
 pub use animation::{Animation, Binding, Cast, Track};
 pub use drawing::{Arrow, Drawing, Segment};
-pub use plot::{Axis, Guide, Mark, Plot, Scale, Series};
+pub use plot::{Axis, Guide, Look, Mark, Plot, Scale, Series};
 pub use spy::Spy;
 pub use thinning::Thinning;
 pub use tiles::Tiles;

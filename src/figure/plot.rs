@@ -90,28 +90,44 @@ pub struct Series {
     pub slope: Option<f64>,
     /// The name of the series whose colour this one has: of failures, that of the runs that did not fail.
     pub like: Option<String>,
+    /// Its colour and shape; `None` for those of its place among the series.
+    pub look: Option<Look>,
+}
+
+/// A colour and a shape by number, so that one thing looks the same in all pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Look {
+    /// Which.
+    pub number: usize,
+    /// Whether its markers are hollow: a variant of the thing that has the same number.
+    pub hollow: bool,
 }
 
 impl Series {
     /// Points joined by a line.
     pub fn line(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, mark: Mark::Line, slope: None, like: None }
+        Self { name: name.into(), points, mark: Mark::Line, slope: None, like: None, look: None }
     }
 
     /// Points that stand alone.
     pub fn scatter(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, mark: Mark::Point, slope: None, like: None }
+        Self { name: name.into(), points, mark: Mark::Point, slope: None, like: None, look: None }
     }
 
     /// Points of what failed, drawn as crosses, by the cause of the failure. One whose y (or x) is not finite, or has no place
     /// on a logarithmic axis, stands on a rail along the upper (the right) edge instead of being left out.
     pub fn failures(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, mark: Mark::Cross, slope: None, like: None }
+        Self { name: name.into(), points, mark: Mark::Cross, slope: None, like: None, look: None }
     }
 
     /// Gives it the colour of another series.
     pub fn like(self, name: impl Into<String>) -> Self {
         Self { like: Some(name.into()), ..self }
+    }
+
+    /// Gives it a colour and a shape of its own.
+    pub fn looking(self, look: Look) -> Self {
+        Self { look: Some(look), ..self }
     }
 
     /// States the measured slope.

@@ -75,6 +75,9 @@ const DIRECTIONS: usize = 24;
 const LARGE: usize = 30_000;
 const FEWER: usize = 6;
 
+/// Eigenvalues that differ by less, relatively, are one to those who look at it; they are known to far more digits.
+const SAME: f64 = 1e-6;
+
 impl Inspection {
     /// Inspects A at a state for a step of length dt, under an option for which the directions are examined.
     ///
@@ -157,6 +160,14 @@ impl Inspection {
             smallest_set,
             work,
         })
+    }
+
+    /// How many of the eigenvalues that were found equal the lowest, to a millionth of it: where there are several, any mixture of
+    /// their eigenvectors is one, and the one that was found is no better than others.
+    pub fn multiplicity(&self) -> usize {
+        let Some(lowest) = self.spectrum.lowest.first().map(|pair| pair.value) else { return 0 };
+        let same = |value: f64| (value - lowest).abs() <= SAME * lowest.abs();
+        self.spectrum.lowest.iter().take_while(|pair| same(pair.value)).count()
     }
 
     /// A under the option that was asked for.

@@ -4,7 +4,7 @@ use super::inspection::Inspection;
 use super::spectrum::smallest_eigenvalue;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
-use crate::figure::{Axis, Drawing, Guide, Plot, Series, Spy};
+use crate::figure::{Axis, Drawing, Guide, Look, Plot, Series, Spy};
 use crate::force::Extensions;
 use crate::linear::Ldlt;
 use crate::operator::{Combination, SystemOperator};
@@ -37,8 +37,9 @@ const LEAST_LABELLED: f64 = 0.02;
 /// Degrees of freedom up to which λ_min is computed for many steps.
 const LARGEST_CURVE: usize = 3000;
 
-/// Where a curve of λ_min ends.
+/// Where a curve of λ_min ends, below and above: what matters lies between zero and where it began, at 1.
 const LOWEST_SHOWN: f64 = -1.0;
+const HIGHEST_SHOWN: f64 = 3.0;
 
 /// Steps at which λ_min is computed, for a small and for a larger system.
 const CURVE_POINTS: [usize; 2] = [49, 17];
@@ -69,7 +70,14 @@ impl Pictures {
 
 fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {
     let title = match inspection.directions.first() {
-        Some(lowest) => format!("Strain, and the eigenvector of λ_min = {} N/m", short(lowest.eigenvalue)),
+        Some(lowest) if inspection.multiplicity() > 1 => {
+            format!(
+                "Strain, and one eigenvector of the {}-fold λₘᵢₙ = {} N/m",
+                inspection.multiplicity(),
+                short(lowest.eigenvalue)
+            )
+        }
+        Some(lowest) => format!("Strain, and the eigenvector of λₘᵢₙ = {} N/m", short(lowest.eigenvalue)),
         None => "Strain".into(),
     };
     let mut drawing = Drawing::strains(title, system, state);
@@ -111,22 +119,25 @@ fn curve(
     let mut work = Work::default();
     let mut plot = Plot::new(
         "Lowest eigenvalue of A over the time step",
-        Axis::logarithmic("dt, s"),
-        Axis::linear("λ_min dt²/m, m the smallest mass"),
+        Axis::logarithmic("time step dt, s"),
+        Axis::linear("λₘᵢₙ dt²/m, m the smallest mass"),
     );
-    for option in Stiffness::ALL {
+    for (number, option) in Stiffness::ALL.into_iter().enumerate() {
         let mut values = Vec::with_capacity(points);
         for dt in steps.clone() {
             let operator = SystemOperator::new(system, extensions, option, Combination::step(dt));
             let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
             let scaled = smallest_eigenvalue(&a, par, &mut work)? * dt * dt / lightest;
+            if scaled > HIGHEST_SHOWN {
+                break;
+            }
             values.push((dt, scaled.max(LOWEST_SHOWN)));
-            // A curve only falls: far below zero only the sign matters, and the axis is kept for what happens around it.
+            // Once below zero λ_min stays there: far below only the sign matters, and the axis is kept for what happens around it.
             if scaled < LOWEST_SHOWN {
                 break;
             }
         }
-        plot = plot.with_series(Series::line(option.name(), values));
+        plot = plot.with_series(Series::line(option.name(), values).looking(Look { number, hollow: false }));
     }
     for option in &inspection.options {
         let name = option.option.name();

@@ -52,13 +52,14 @@ pub(super) struct Sheet<'a> {
     area: DrawingArea<SVGBackend<'a>, Shift>,
 }
 
-/// The marker of a point.
+/// The shape of a marker.
 #[derive(Clone, Copy)]
 pub(super) enum Marker {
     Disc,
     Square,
     Triangle,
-    Ring,
+    Diamond,
+    Wedge,
     Cross,
 }
 
@@ -81,19 +82,32 @@ impl Sheet<'_> {
 
     /// A marker.
     pub fn marker(&self, at: Point, marker: Marker, colour: Colour) -> Outcome {
-        let (x, y) = at;
-        let (filled, outline) = (rgb(colour).filled(), rgb(colour).stroke_width(3));
         match marker {
-            Marker::Disc => self.area.draw(&Circle::new(at, 6, filled))?,
-            Marker::Square => self.area.draw(&Rectangle::new([(x - 6, y - 6), (x + 6, y + 6)], filled))?,
-            Marker::Triangle => self.area.draw(&Polygon::new([(x - 8, y + 6), (x + 8, y + 6), (x, y - 9)], filled))?,
-            Marker::Ring => self.area.draw(&Circle::new(at, 6, outline))?,
+            Marker::Disc => Ok(self.area.draw(&Circle::new(at, 6, rgb(colour).filled()))?),
             Marker::Cross => {
+                let (x, y) = at;
                 self.line(vec![(x - 8, y - 8), (x + 8, y + 8)], colour, 4)?;
-                self.line(vec![(x - 8, y + 8), (x + 8, y - 8)], colour, 4)?;
+                self.line(vec![(x - 8, y + 8), (x + 8, y - 8)], colour, 4)
+            }
+            _ => Ok(self.area.draw(&Polygon::new(corners(marker, at), rgb(colour).filled()))?),
+        }
+    }
+
+    /// A marker's outline, with paper inside.
+    pub fn hollow(&self, at: Point, marker: Marker, colour: Colour) -> Outcome {
+        match marker {
+            Marker::Cross => self.marker(at, marker, colour),
+            Marker::Disc => {
+                self.area.draw(&Circle::new(at, 6, rgb(palette::PAPER).filled()))?;
+                Ok(self.area.draw(&Circle::new(at, 6, rgb(colour).stroke_width(3)))?)
+            }
+            _ => {
+                let mut outline = corners(marker, at);
+                self.area.draw(&Polygon::new(outline.clone(), rgb(palette::PAPER).filled()))?;
+                outline.extend(outline.first().copied());
+                self.line(outline, colour, 3)
             }
         }
-        Ok(())
     }
 
     /// Text whose middle line is at the point's height.
@@ -129,6 +143,17 @@ impl Sheet<'_> {
 
     fn finish(&self) -> Outcome {
         Ok(self.area.present()?)
+    }
+}
+
+/// The corners of a marker that has some.
+fn corners(marker: Marker, (x, y): Point) -> Vec<Point> {
+    match marker {
+        Marker::Square => vec![(x - 6, y - 6), (x + 6, y - 6), (x + 6, y + 6), (x - 6, y + 6)],
+        Marker::Triangle => vec![(x - 8, y + 6), (x + 8, y + 6), (x, y - 9)],
+        Marker::Wedge => vec![(x - 8, y - 6), (x + 8, y - 6), (x, y + 9)],
+        Marker::Diamond => vec![(x, y - 9), (x + 8, y), (x, y + 9), (x - 8, y)],
+        Marker::Disc | Marker::Cross => Vec::new(),
     }
 }
 

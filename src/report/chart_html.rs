@@ -16,6 +16,7 @@ pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
     };
     let body = html! {
         (decision(chart))
+        (page::section("methods", &html! { "The best option of each method" }, &methods(chart)))
         (page::section("speed", &html! { "Speed against accuracy" }, &html! {
             p {
                 "Every point is one run of the whole motion. Of each method the stiffness option and solver that cost least are \
@@ -31,13 +32,12 @@ pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
         (page::section("runs", &html! { "All runs" }, &page::folded(&number::count(chart.runs.len(), "run"), &table(&chart.runs))))
     };
     let lead = format!(
-        "{} of {} s; errors are measured against {}, whose own error is about {}.",
-        chart.scene,
+        "A motion of {} s; errors are measured against {}, whose own error is about {}.",
         chart.duration,
         chart.reference.method,
         pretty(chart.reference.error_estimate)
     );
-    page::page("Speed against accuracy", &lead, &body)
+    page::page(&format!("Speed against accuracy: {}", chart.scene), &lead, &body)
 }
 
 fn picture(figure: &Figure) -> Markup {
@@ -49,8 +49,41 @@ fn decision(chart: &WorkPrecision) -> Markup {
     html! {
         div.banner.passed {
             strong { "What to use" }
-            @if sentences.is_empty() { p { "No run ended with an error below 10 %." } }
             ul { @for sentence in &sentences { li { (sentence) } } }
+        }
+    }
+}
+
+/// Of each method the option, solver and step with the least work, for every accuracy that can be had.
+fn methods(chart: &WorkPrecision) -> Markup {
+    let decisions = chart.decisions();
+    let rows = html! {
+        table.full {
+            thead { tr {
+                th scope="col" { "method" } th scope="col" { "stiffness" } th scope="col" { "solver" } th scope="col" { "steps" }
+                th.number scope="col" { "work" } th.number scope="col" { "time, s" } th.number scope="col" { "error" }
+            } }
+            @for decision in &decisions {
+                tbody {
+                    tr.why { td colspan="7" { "For an error below " (pretty(100.0 * decision.accuracy)) " %:" } }
+                    @for run in &decision.methods { tr {
+                        td { (run.method) @if run.rtol.is_some() { ", adaptive" } } td { (run.stiffness) } td { (run.solver) } td { (run.pace()) }
+                        td.number { (pretty(run.cost.round())) } td.number { (pretty(run.wall_seconds)) }
+                        td.number { (run.error.map_or(String::new(), pretty)) }
+                    } }
+                }
+            }
+        }
+    };
+    html! {
+        p {
+            "Only steps from which on every shorter one of the same method, option and solver succeeded and erred less: what a longer step \
+             did by luck is not advice. The least work stands first."
+        }
+        @if decisions.is_empty() {
+            p { "No method has such steps with an error below 10 %: give the chart more time, or a shorter motion." }
+        } @else {
+            (page::scrolling("The best option of each method for every accuracy", &rows))
         }
     }
 }
@@ -65,7 +98,7 @@ fn failures(chart: &WorkPrecision) -> Markup {
     }
     let rows = html! {
         table.full {
-            thead { tr { th { "method" } th { "stiffness" } th { "solver" } th { "what failed" } th { "at steps of" } } }
+            thead { tr { th scope="col" { "method" } th scope="col" { "stiffness" } th scope="col" { "solver" } th scope="col" { "what failed" } th scope="col" { "at steps of" } } }
             tbody {
                 @for ((method, stiffness, solver, cause), steps) in &groups {
                     tr {
@@ -106,6 +139,14 @@ fn stability(map: &StabilityMap) -> Markup {
         h3 { "Over damping, with springs of twice their rest length" }
         p { "The dampers act along the springs only: they do nothing for the motion across." }
         (page::figures(&of(Axis::Damping).collect::<Vec<_>>()))
+        h3 { "Over turning: what no linear model shows" }
+        p {
+            "One particle that circles a fixed point on a spring; θ is the angle by which a step turns it. After a turn by one radian \
+             a run has failed that has lost more than a tenth of its angular momentum, which the exact motion keeps, or stretched the \
+             spring by one per cent more than the exact motion does. A method that linearises at the start of its step takes \
+             the stretch that comes from stepping straight on for real, and brakes the turning by it."
+        }
+        (page::figures(&of(Axis::Turning).collect::<Vec<_>>()))
     };
     page::section("stability", &html! { "Where methods are stable" }, &body)
 }
@@ -118,8 +159,8 @@ fn table(runs: &[Run]) -> Markup {
     let rows = html! {
         table.full {
             thead { tr {
-                th { "method" } th { "stiffness" } th { "solver" } th.number { "dt, s" } th.number { "error" }
-                th.number { "time, s" } th.number { "work" } th.number { "solves" } th { "status" }
+                th scope="col" { "method" } th scope="col" { "stiffness" } th scope="col" { "solver" } th.number scope="col" { "dt, s" } th.number scope="col" { "error" }
+                th.number scope="col" { "time, s" } th.number scope="col" { "work" } th.number scope="col" { "solves" } th scope="col" { "status" }
             } }
             tbody {
                 @for run in runs {

@@ -1,15 +1,37 @@
 //! Checks of one name on a page: their numbers, figures and worst entries.
 
 use super::number::{self, count, pair, pretty};
-use super::palette::{self, css};
 use super::{drawing, page, plot};
-use crate::verify::{Check, Entry};
+use crate::verify::{Check, Entry, worst};
 use maud::{Markup, html};
 
-/// More rows than this are folded away.
-const ROWS: usize = 12;
 /// Of so many failed checks of a name figures are shown.
 const FAILURES: usize = 12;
+
+/// The scenes of all checks without what was varied on them, by which a page is filtered.
+pub(super) struct Scenes(Vec<String>);
+
+impl Scenes {
+    pub fn of(checks: &[Check]) -> Self {
+        let mut names: Vec<String> = checks.iter().map(|check| base(&check.scene).to_owned()).collect();
+        names.sort_unstable();
+        names.dedup();
+        Self(names)
+    }
+
+    pub fn names(&self) -> &[String] {
+        &self.0
+    }
+
+    fn number(&self, scene: &str) -> Option<usize> {
+        self.0.binary_search_by(|name| name.as_str().cmp(base(scene))).ok()
+    }
+}
+
+/// `cloth` of `cloth, full, dt = 0.01`.
+fn base(scene: &str) -> &str {
+    scene.split(',').next().unwrap_or(scene).trim()
+}
 
 /// The address of a check on the page.
 pub(super) fn anchor(index: usize) -> String {
@@ -24,31 +46,41 @@ pub(super) fn mark(passed: bool) -> Markup {
     }
 }
 
-/// The same check on all its scenes. Of `narrowest` passed ones, those nearest their bounds, figures and worst entries are
-/// shown.
-pub(super) fn group(name: &str, checks: &[(usize, &Check)], narrowest: usize) -> Markup {
-    let (failed, passed): (Vec<_>, Vec<_>) = checks.iter().partition(|(_, check)| !check.passed());
-    let shown = if checks.len() > ROWS { &failed } else { checks };
-    let rest = if checks.len() > ROWS { &passed } else { &Vec::new() };
-    html! {
-        h3 { (name) }
-        @if !shown.is_empty() { (values(name, shown)) }
-        @if !rest.is_empty() {
-            (page::folded(&format!("{} on other scenes, all passed", count(rest.len(), "check")), &values(name, rest)))
-        }
-        @for (_, check) in failed.iter().filter(|(_, check)| !check.table.is_empty()) {
-            p { "Worst entries on " b { (check.scene) } ":" }
+/// The same check on all its scenes, the worst first. Where all passed everything but the worst share is folded away. Of `narrowest`
+/// passed ones, those nearest their bounds, figures and worst entries are shown.
+pub(super) fn group(name: &str, checks: &[(usize, &Check)], narrowest: usize, scenes: &Scenes) -> Markup {
+    let mut sorted = checks.to_vec();
+    sorted.sort_by(|(_, a), (_, b)| worst_first(a, b));
+    let (failed, passed): (Vec<_>, Vec<_>) = sorted.iter().partition(|(_, check)| !check.passed());
+    let worst = number::share(pretty, worst(checks.iter().map(|(_, check)| check.share())));
+    let body = html! {
+        @if !passed.is_empty() { (values(name, &passed, scenes)) }
+        @for (_, check) in nearest(&passed, narrowest, |check| !check.table.is_empty()) {
+            h4 { "Worst entries on " (check.scene) }
             (entries(check))
         }
-        @for (_, check) in nearest(&passed, narrowest, |check| !check.table.is_empty()) {
-            (page::folded(&format!("Worst entries on {}", check.scene), &entries(check)))
-        }
         (pictures(&failed, &passed, narrowest))
+    };
+    html! {
+        div.group {
+            h3 { (mark(failed.is_empty())) " " (name) }
+            @if !failed.is_empty() { (values(name, &failed, scenes)) }
+            @for (_, check) in failed.iter().filter(|(_, check)| !check.table.is_empty()) {
+                p { "Worst entries on " b { (check.scene) } ":" }
+                (entries(check))
+            }
+            (page::folded(&format!("{} passed, the worst value / bound is {worst}", count(passed.len(), "check")), &body))
+        }
     }
 }
 
+/// Failed ones before passed ones, larger shares of the bound before smaller ones.
+fn worst_first(a: &Check, b: &Check) -> std::cmp::Ordering {
+    a.passed().cmp(&b.passed()).then(b.share().total_cmp(&a.share()))
+}
+
 /// The numbers, those with the same reason for their bound together below it.
-fn values(name: &str, checks: &[(usize, &Check)]) -> Markup {
+fn values(name: &str, checks: &[(usize, &Check)], scenes: &Scenes) -> Markup {
     let mut reasons: Vec<&str> = Vec::new();
     for (_, check) in checks {
         if !reasons.contains(&check.why.as_str()) {
@@ -56,7 +88,7 @@ fn values(name: &str, checks: &[(usize, &Check)]) -> Markup {
         }
     }
     let table = html! {
-        table.full {
+        table.full.checks {
             thead { tr {
                 th scope="col" { "scene" }
                 th.number scope="col" { "value" }
@@ -68,7 +100,7 @@ fn values(name: &str, checks: &[(usize, &Check)]) -> Markup {
             @for why in reasons {
                 tbody {
                     tr.why { td colspan="6" { "Bound: " (why) } }
-                    @for &(index, check) in checks.iter().filter(|(_, check)| check.why == why) { (value_row(index, check)) }
+                    @for &(index, check) in checks.iter().filter(|(_, check)| check.why == why) { (value_row(index, check, scenes)) }
                 }
             }
         }
@@ -76,37 +108,35 @@ fn values(name: &str, checks: &[(usize, &Check)]) -> Markup {
     page::scrolling(name, &table)
 }
 
-fn value_row(index: usize, check: &Check) -> Markup {
+/// A row; the classes of its cells are the table's, since there are thousands.
+fn value_row(index: usize, check: &Check, scenes: &Scenes) -> Markup {
     let [value, bound] = pair(pretty, check.value, check.bound);
     html! {
-        tr id=(anchor(index)) class=[(!check.passed()).then_some("failed-row")] {
-            td.name { (check.scene) }
-            td.number title=(check.value) { (value) }
-            td.number title=(check.bound) { (bound) }
-            td.number { (number::share(pretty, check.share())) }
-            td.bar { (meter(check)) }
-            td.verdict {
-                @if check.passed() { span.passed { "✓" span.word { " passed" } } }
-                @else { span.failed { "✗" span.word { " failed" } @if check.value <= check.bound { br; "not finite" } } }
+        tr id=(anchor(index)) class=[(!check.passed()).then_some("failed-row")] data-s=[scenes.number(&check.scene)] {
+            td { (check.scene) }
+            td title=(exact(check.value)) { (value) }
+            td title=(exact(check.bound)) { (bound) }
+            td { (number::share(pretty, check.share())) }
+            td { (meter(check)) }
+            td {
+                @if check.passed() { "✓" span.word { " passed" } }
+                @else { "✗" span.word { " failed" } @if check.value <= check.bound { br; "not finite" } }
             }
         }
     }
 }
 
-/// The share of the bound as a bar on a logarithmic scale from 1e-6 to 100, with a line at the bound.
+/// All digits.
+fn exact(value: f64) -> String {
+    format!("{value:e}")
+}
+
+/// The share of the bound as a bar on a logarithmic scale from 1e-6 to 100, with a line at the bound, at 75 %.
 fn meter(check: &Check) -> Markup {
-    let place = |share: f64| (12.5 * (share.log10() + 6.0)).clamp(0.0, 100.0);
-    let (length, bound) = (place(check.share()), place(1.0));
+    let length = (12.5 * (check.share().log10() + 6.0)).clamp(0.0, 100.0);
     // A NaN fills the bar: it is beyond every bound.
     let length = if length.is_nan() { 100.0 } else { length };
-    let colour = if check.passed() { palette::PASS } else { palette::FAIL };
-    html! {
-        svg.meter viewBox="0 0 100 10" preserveAspectRatio="none" aria-hidden="true" {
-            rect width="100" height="10" fill="#8c969f" fill-opacity="0.22" {}
-            rect width=(format!("{length:.1}")) height="10" fill=(css(colour)) {}
-            rect x=(bound - 0.8) width="1.6" height="10" fill="currentColor" {}
-        }
-    }
+    html! { i style=(format!("--v:{length:.0}%")) {} }
 }
 
 fn entries(check: &Check) -> Markup {
@@ -132,8 +162,8 @@ fn entries(check: &Check) -> Markup {
                         @if springs { td.number { (index(entry.spring)) } }
                         td.number { (entry.row) }
                         @if columns { td.number { (index(entry.column)) } }
-                        td.number title=(entry.analytic) { (pretty(entry.analytic)) }
-                        td.number title=(entry.numeric) { (pretty(entry.numeric)) }
+                        td.number title=(exact(entry.analytic)) { (pretty(entry.analytic)) }
+                        td.number title=(exact(entry.numeric)) { (pretty(entry.numeric)) }
                         td.number { (pretty(entry.absolute)) }
                         td.number { (pretty(entry.relative)) }
                     }

@@ -14,29 +14,25 @@ const SPRINGS: usize = 8000;
 const DOTS: usize = 200;
 /// Length of the longest arrow, as a share of the sheet.
 const ARROW: f64 = 0.12;
-/// Radius of a highlighted spring's badge.
-const BADGE: f64 = 19.0;
+/// Half the height of a highlighted spring's badge.
+const BADGE: f64 = 17.0;
 
 /// Draws a scene as one SVG element, 800 pixels wide, that can stand in a page or alone in a file.
 ///
 /// Planar scenes are drawn flat, others from above at an angle without perspective, y upwards. Springs are coloured
-/// by their scalar, blue for negative and orange for positive; highlighted ones carry a number that the lines below explain.
+/// by their scalar, blue for negative and orange for positive; highlighted ones carry their number, and the lines below say why.
 pub fn svg(drawing: &Drawing) -> String {
     let view = View::of(drawing);
-    let labels: Vec<(usize, &Segment)> = drawing
-        .segments
-        .iter()
-        .filter(|segment| segment.label.is_some())
-        .enumerate()
-        .map(|(i, s)| (i + 1, s))
-        .collect();
+    let labels: Vec<(usize, &Segment)> =
+        drawing.segments.iter().enumerate().filter(|(_, segment)| segment.label.is_some()).collect();
     let title = wrap(&drawing.title, WIDTH - 32);
     let top = 14 + LINE * title.len() as i32;
     let notes = notes(drawing, &view, &labels);
     let below = top + view.height + 20;
     let height = below + LINE * (notes.len() as i32 + 2);
+    let alt = std::iter::once(&drawing.title).chain(&notes).cloned().collect::<Vec<_>>().join("; ");
     let markup = html! {
-        svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(drawing.title)
+        svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(alt)
             viewBox=(format!("0 0 {WIDTH} {height}")) width=(WIDTH) height=(height)
             font-family="sans-serif" font-size=(TEXT) fill=(css(palette::INK)) {
             rect width=(WIDTH) height=(height) fill=(css(palette::PAPER)) {}
@@ -44,10 +40,12 @@ pub fn svg(drawing: &Drawing) -> String {
                 text x="16" y=(10 + LINE * i as i32 + 26) font-weight="bold" { (line) }
             }
             g transform=(format!("translate(0 {top})")) stroke-linecap="round" {
+                (halos(&labels, &view))
                 (springs(drawing, &view))
+                (highlighted(drawing, &labels, &view))
                 (particles(drawing, &view))
                 (arrows(drawing, &view))
-                (highlights(&labels, &view))
+                (badges(&labels, &view))
             }
             (colour_scale(drawing, below))
             @for (i, note) in notes.iter().enumerate() {
@@ -63,6 +61,18 @@ fn extreme(drawing: &Drawing) -> f64 {
     drawing.segments.iter().map(|segment| segment.scalar.abs()).filter(|size| size.is_finite()).fold(0.0, f64::max)
 }
 
+/// The step of the colour scale for a segment. NaN counts as unstrained here: its place is the report's table.
+fn step(segment: &Segment, extreme: f64) -> usize {
+    let middle = palette::DIVERGING.len() / 2;
+    let share = if extreme > 0.0 { segment.scalar / extreme } else { 0.0 };
+    (middle as f64 * (1.0 + share)).round() as usize
+}
+
+/// The path of a segment.
+fn path([a, b]: [[f64; 2]; 2]) -> String {
+    format!("M{:.1} {:.1}L{:.1} {:.1}", a[0], a[1], b[0], b[1])
+}
+
 /// One path per colour, the most strained last so that they lie on top.
 fn springs(drawing: &Drawing, view: &View) -> Markup {
     let middle = palette::DIVERGING.len() / 2;
@@ -70,12 +80,9 @@ fn springs(drawing: &Drawing, view: &View) -> Markup {
     let mut paths = vec![String::new(); palette::DIVERGING.len()];
     let every = drawing.segments.len().div_ceil(SPRINGS).max(1);
     for segment in drawing.segments.iter().step_by(every) {
-        let Some([a, b]) = view.ends(segment) else { continue };
-        let share = if extreme > 0.0 { segment.scalar / extreme } else { 0.0 };
-        // NaN counts as unstrained here: its place is the report's table, not the colour scale.
-        let colour = (middle as f64 * (1.0 + share)).round() as usize;
-        if let Some(path) = paths.get_mut(colour) {
-            let _ = write!(path, "M{:.1} {:.1}L{:.1} {:.1}", a[0], a[1], b[0], b[1]);
+        let Some(ends) = view.ends(segment) else { continue };
+        if let Some(of_colour) = paths.get_mut(step(segment, extreme)) {
+            of_colour.push_str(&path(ends));
         }
     }
     let mut order: Vec<usize> = (0..paths.len()).collect();
@@ -128,37 +135,58 @@ fn arrows(drawing: &Drawing, view: &View) -> Markup {
     html! { @if !path.is_empty() { path d=(path) stroke=(css(palette::INK)) stroke-width="2.5" fill="none" {} } }
 }
 
-/// The highlighted springs: a light halo under the spring and a numbered badge beside it.
-fn highlights(labels: &[(usize, &Segment)], view: &View) -> Markup {
-    let mut badges: Vec<[f64; 2]> = Vec::new();
+/// Light halos under the highlighted springs, so that the strain stays to be seen.
+fn halos(labels: &[(usize, &Segment)], view: &View) -> Markup {
+    let ends = labels.iter().filter_map(|(_, segment)| view.ends(segment));
+    let all: String = ends.map(path).collect();
+    html! { @if !all.is_empty() { path d=(all) stroke=(css(palette::FAIL)) stroke-width="20" stroke-opacity="0.3" fill="none" {} } }
+}
+
+/// The highlighted springs once more, above the others, in the colours of their scalars.
+fn highlighted(drawing: &Drawing, labels: &[(usize, &Segment)], view: &View) -> Markup {
+    let extreme = extreme(drawing);
+    let colour = |segment: &Segment| palette::DIVERGING.get(step(segment, extreme)).copied().unwrap_or(palette::MUTED);
+    html! {
+        @for (segment, ends) in labels.iter().filter_map(|(_, segment)| Some((segment, view.ends(segment)?))) {
+            path d=(path(ends)) stroke=(css(colour(segment))) stroke-width="6" fill="none" {}
+        }
+    }
+}
+
+/// The numbers of the highlighted springs beside them.
+fn badges(labels: &[(usize, &Segment)], view: &View) -> Markup {
+    let mut places: Vec<[f64; 3]> = Vec::new();
     html! {
         @for &(number, segment) in labels {
             @if let Some([a, b]) = view.ends(segment) {
                 @let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-                @let [x, y] = badge_place(middle, view, &badges);
-                @let () = badges.push([x, y]);
-                path d=(format!("M{:.1} {:.1}L{:.1} {:.1}", a[0], a[1], b[0], b[1])) stroke=(css(palette::FAIL))
-                    stroke-width="14" stroke-opacity="0.45" fill="none" {}
-                path d=(format!("M{:.1} {:.1}L{x:.1} {y:.1}", middle[0], middle[1])) stroke=(css(palette::FAIL)) stroke-width="2.5" fill="none" {}
-                circle cx=(format!("{x:.1}")) cy=(format!("{y:.1}")) r=(BADGE) fill=(css(palette::FAIL)) {}
+                @let half = 0.5 * f64::from(width(&number.to_string())) + 9.0;
+                @let [x, y] = badge_place(middle, half, view, &places);
+                @let () = places.push([x, y, half]);
+                path d=(path([middle, [x, y]])) stroke=(css(palette::FAIL)) stroke-width="2.5" fill="none" {}
+                rect x=(format!("{:.1}", x - half)) y=(format!("{:.1}", y - BADGE)) width=(format!("{:.1}", 2.0 * half)) height=(2.0 * BADGE)
+                    rx=(BADGE) fill=(css(palette::FAIL)) {}
                 text x=(format!("{x:.1}")) y=(format!("{:.1}", y + 9.0)) text-anchor="middle" font-weight="bold" fill=(css(palette::PAPER)) { (number) }
             }
         }
     }
 }
 
-/// A place for a badge near a spring's middle, inside the sheet and clear of the other badges where possible.
-fn badge_place(middle: [f64; 2], view: &View, badges: &[[f64; 2]]) -> [f64; 2] {
-    let around = [2.2, 3.6, 5.0].into_iter().flat_map(|radius| {
+/// A place for a badge of some half width near a spring's middle, inside the sheet and clear of the other badges where possible.
+fn badge_place(middle: [f64; 2], half: f64, view: &View, badges: &[[f64; 3]]) -> [f64; 2] {
+    let around = [2.4, 3.8, 5.2, 7.0].into_iter().flat_map(|radius| {
         (0..8).map(move |i| {
             let angle = std::f64::consts::FRAC_PI_4 * f64::from(i) - 1.2;
-            [middle[0] + radius * BADGE * angle.cos(), middle[1] + radius * BADGE * angle.sin()]
+            [middle[0] + (radius * BADGE + half - BADGE) * angle.cos(), middle[1] + radius * BADGE * angle.sin()]
         })
     });
     let inside = |[x, y]: &[f64; 2]| {
-        (BADGE..f64::from(WIDTH) - BADGE).contains(x) && (BADGE..f64::from(view.height) - BADGE).contains(y)
+        (half..f64::from(WIDTH) - half).contains(x) && (BADGE..f64::from(view.height) - BADGE).contains(y)
     };
-    let clear = |[x, y]: &[f64; 2]| badges.iter().all(|b| (b[0] - x).hypot(b[1] - y) > 2.2 * BADGE);
+    let apart = |[x, y]: &[f64; 2], [bx, by, other]: &[f64; 3]| {
+        (bx - x).abs() > half + other + 4.0 || (by - y).abs() > 2.0 * BADGE + 4.0
+    };
+    let clear = |place: &[f64; 2]| badges.iter().all(|badge| apart(place, badge));
     around.clone().filter(inside).find(clear).or_else(|| around.clone().find(inside)).unwrap_or(middle)
 }
 
@@ -176,11 +204,11 @@ fn colour_scale(drawing: &Drawing, y: i32) -> Markup {
     }
 }
 
-/// What the numbers mean, and what is not shown.
+/// Why springs are highlighted, and what is not shown.
 fn notes(drawing: &Drawing, view: &View, labels: &[(usize, &Segment)]) -> Vec<String> {
     let mut notes = Vec::new();
-    for (number, segment) in labels {
-        notes.extend(wrap(&format!("{number}   {}", segment.label.as_deref().unwrap_or_default()), WIDTH - 32));
+    for (_, segment) in labels {
+        notes.extend(wrap(segment.label.as_deref().unwrap_or_default(), WIDTH - 32));
     }
     let every = drawing.segments.len().div_ceil(SPRINGS).max(1);
     if every > 1 {

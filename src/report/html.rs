@@ -1,11 +1,10 @@
 //! `report.html`: the results for people.
 
-use super::check_html::{anchor, group, mark};
+use super::check_html::{Scenes, anchor, group, mark};
 use super::number::{self, count};
 use super::{faults, page, shares};
 use crate::verify::{Check, Claim, Results, worst};
-use maud::{Markup, html};
-use std::collections::BTreeSet;
+use maud::{Markup, PreEscaped, html};
 
 /// A claim's checks, each with its place in the results.
 type Numbered<'a> = Vec<(usize, &'a Check)>;
@@ -13,20 +12,21 @@ type Numbered<'a> = Vec<(usize, &'a Check)>;
 /// The results as one HTML page without scripts and without anything to load.
 pub fn html(results: &Results) -> String {
     let claims = by_claim(results);
+    let scenes = Scenes::of(&results.checks);
     let body = html! {
         (banner(results))
+        @if !claims.is_empty() { (filter(&claims, &scenes)) }
         (contents(&claims))
         (reading(results))
         @for (claim, checks) in &claims {
-            (claim_section(*claim, checks))
+            (claim_section(*claim, checks, &scenes))
         }
         (faults::section())
     };
-    let scenes: BTreeSet<&str> = results.checks.iter().map(|check| check.scene.as_str()).collect();
     let lead = format!(
         "{} on {}, for {}.",
         count(results.checks.len(), "check"),
-        count(scenes.len(), "scene"),
+        count(scenes.names().len(), "scene"),
         count(claims.len(), "claim")
     );
     page::page("Verification report", &lead, &body)
@@ -35,7 +35,52 @@ pub fn html(results: &Results) -> String {
 fn by_claim(results: &Results) -> Vec<(Claim, Numbered<'_>)> {
     let numbered = |claim| results.checks.iter().enumerate().filter(move |(_, check)| check.claim == claim);
     let claims = Claim::ALL.iter().map(|&claim| (claim, numbered(claim).collect::<Vec<_>>()));
-    claims.filter(|(_, checks)| !checks.is_empty()).collect()
+    let mut claims: Vec<_> = claims.filter(|(_, checks)| !checks.is_empty()).collect();
+    // The worst first: failed ones, then those nearest their bounds; stable, so that claims alike keep their order.
+    let share = |checks: &Numbered<'_>| worst(checks.iter().map(|(_, check)| check.share()));
+    claims.sort_by(|(_, a), (_, b)| failed(b).cmp(&failed(a)).then(share(b).total_cmp(&share(a))));
+    claims
+}
+
+/// Choices of what is shown. Style rules do it: the page has no scripts.
+fn filter(claims: &[(Claim, Numbered<'_>)], scenes: &Scenes) -> Markup {
+    let mut rules = String::new();
+    let [failed, passed] = ["tr[id].failed-row", "tr[id]:not(.failed-row)"];
+    for (verdict, shown, hidden) in [("failed", failed, passed), ("passed", passed, failed)] {
+        let chosen = format!("body:has(#verdict option[value={verdict}]:checked)");
+        rules += &format!(
+            "{chosen} {hidden},{chosen} .group:not(:has({shown})),{chosen} tbody:has(tr[id]):not(:has({shown})){{display:none}}"
+        );
+    }
+    for (claim, _) in claims {
+        let id = claim.id();
+        rules += &format!("body:has(#family option[value={id}]:checked) section.claim:not(#{id}){{display:none}}");
+    }
+    for number in 0..scenes.names().len() {
+        let chosen = format!("body:has(#scene option[value=\"{number}\"]:checked)");
+        let of_it = format!("[data-s=\"{number}\"]");
+        rules += &format!(
+            "{chosen} tr[data-s]:not({of_it}),{chosen} .group:not(:has({of_it})),{chosen} tbody:has([data-s]):not(:has({of_it})){{display:none}}"
+        );
+    }
+    let choice = |id: &str, name: &str, options: Vec<(String, &str)>| {
+        html! {
+            label { (name) " "
+                select id=(id) autocomplete="off" {
+                    option value="" selected { "all" }
+                    @for (value, text) in options { option value=(value) { (text) } }
+                }
+            }
+        }
+    };
+    html! {
+        style { (PreEscaped(rules)) }
+        form.filter aria-label="What is shown" {
+            (choice("verdict", "Verdict", vec![("failed".into(), "failed"), ("passed".into(), "passed")]))
+            (choice("family", "Family", claims.iter().map(|(claim, _)| (claim.id().to_owned(), claim.title())).collect()))
+            (choice("scene", "Scene", scenes.names().iter().enumerate().map(|(i, name)| (i.to_string(), name.as_str())).collect()))
+        }
+    }
 }
 
 fn failed(checks: &[(usize, &Check)]) -> usize {
@@ -116,6 +161,10 @@ fn reading(results: &Results) -> Markup {
             dt { "value / bound" } dd {
                 "up to 1 the check passes. The bar shows it on a logarithmic scale from 10⁻⁶ to 100; the line on it is the bound"
             }
+            dt { "1" } dd {
+                "exactly at the bound: checks of counts and of yes or no, whose value is right when it is the bound; \
+                 0.99… and 1.00… are written with as many digits as it takes to see on which side of the bound they lie"
+            }
             dt { "10⁻¹⁶" } dd {
                 "is about the rounding error of one operation: the computer keeps 16 digits. Errors of this size are as small as they can be"
             }
@@ -128,17 +177,19 @@ fn reading(results: &Results) -> Markup {
 }
 
 /// About so many checks of a claim are shown with figures.
-const FIGURES: usize = 32;
+const FIGURES: usize = 12;
 
-fn claim_section(claim: Claim, checks: &[(usize, &Check)]) -> Markup {
+fn claim_section(claim: Claim, checks: &[(usize, &Check)], scenes: &Scenes) -> Markup {
+    let mut sorted = checks.to_vec();
+    sorted.sort_by(|(_, a), (_, b)| a.passed().cmp(&b.passed()).then(b.share().total_cmp(&a.share())));
     let mut names: Vec<&str> = Vec::new();
-    for (_, check) in checks {
+    for (_, check) in &sorted {
         if !names.contains(&check.name.as_str()) {
             names.push(&check.name);
         }
     }
     // A claim with many checks shows fewer figures of each.
-    let narrowest = (FIGURES / names.len().max(1)).clamp(1, 4);
+    let narrowest = (FIGURES / names.len().max(1)).clamp(1, 2);
     let failed = failed(checks);
     let heading = html! { (mark(failed == 0)) " " (claim.title()) };
     let body = html! {
@@ -149,8 +200,8 @@ fn claim_section(claim: Claim, checks: &[(usize, &Check)]) -> Markup {
             @if failed == 0 { ", all passed." } @else { ", " (failed) " failed." }
         }
         @for name in names {
-            (group(name, &checks.iter().copied().filter(|(_, check)| check.name == name).collect::<Vec<_>>(), narrowest))
+            (group(name, &checks.iter().copied().filter(|(_, check)| check.name == name).collect::<Vec<_>>(), narrowest, scenes))
         }
     };
-    page::section(claim.id(), &heading, &body)
+    html! { section.claim id=(claim.id()) { h2 { (heading) } (body) } }
 }

@@ -24,9 +24,13 @@ pub fn pair(form: fn(f64) -> String, a: f64, b: f64) -> [String; 2] {
     [a, b].map(if close { all_digits } else { form })
 }
 
-/// A share of a bound, which shows whether it is above 1.
+/// A share of a bound, which shows whether it is below or above 1: with as many digits as that takes.
 pub fn share(form: fn(f64) -> String, value: f64) -> String {
-    if value > 1.0 && value < 1.005 { all_digits(value) } else { form(value) }
+    if value == 1.0 || !(0.995..1.005).contains(&value) {
+        return form(value);
+    }
+    let digits = (3..17).map(|digits| format!("{value:.digits$}"));
+    digits.into_iter().find(|text| text.parse() != Ok(1.0)).unwrap_or_else(|| all_digits(value))
 }
 
 fn all_digits(value: f64) -> String {
@@ -97,6 +101,15 @@ mod tests {
             assert_eq!(plain(value), text);
         }
         assert_eq!(pretty(-2.134e-11), "−2.13 × 10⁻¹¹");
+    }
+
+    #[test]
+    fn shares_show_their_side_of_the_bound() {
+        let cases = [(1.0, "1"), (0.99996, "0.99996"), (0.9999999, "0.9999999"), (1.0001, "1.0001"), (0.5, "0.500")];
+        for (value, text) in cases {
+            assert_eq!(share(plain, value), text);
+        }
+        assert_eq!(share(plain, 1.0 - f64::EPSILON), "0.9999999999999998");
     }
 
     #[test]

@@ -16,8 +16,9 @@ pub fn page(title: &str, lead: &str, body: &Markup) -> String {
                 style { (PreEscaped(include_str!("page.css"))) }
             }
             body {
+                a.skip href="#content" { "Skip to the content" }
                 header { h1 { (title) } p.lead { (lead) } }
-                main { (body) }
+                main id="content" { (body) }
                 footer { "Written by sprung " (env!("CARGO_PKG_VERSION")) ". This page is one file and loads nothing." }
             }
         }

@@ -16,9 +16,19 @@ pub(super) const PASS: Colour = (0, 114, 178);
 /// What failed.
 pub(super) const FAIL: Colour = (196, 60, 0);
 
-/// Colours of series, in order: those of Okabe and Ito (2008) that are dark enough for thin lines.
-pub(super) const SERIES: [Colour; 7] =
-    [(0, 114, 178), (213, 94, 0), (0, 148, 110), (183, 88, 145), (86, 160, 213), (190, 140, 0), (60, 60, 60)];
+/// Colours of series, in order: those of Okabe and Ito (2008) that are dark enough for thin lines, and three more.
+pub(super) const SERIES: [Colour; 10] = [
+    (0, 114, 178),
+    (213, 94, 0),
+    (0, 148, 110),
+    (183, 88, 145),
+    (60, 60, 60),
+    (158, 116, 0),
+    (66, 140, 196),
+    (122, 32, 90),
+    (96, 96, 168),
+    (120, 82, 48),
+];
 
 /// Nine steps from compressed (blue) through unstrained (grey) to stretched (orange), all readable on paper. The ends
 /// differ in lightness towards the middle by the same amount, so the sign is lost in grey print but the size is not.

@@ -5,7 +5,7 @@ use super::number;
 use super::palette::{self, Colour};
 use super::rails::{Rails, is_railed};
 use super::ruler::Ruler;
-use crate::figure::{Guide, Mark, Plot, Scale, Series};
+use crate::figure::{Guide, Look, Mark, Plot, Scale, Series};
 
 /// Height of the plotting area in pixels.
 const HEIGHT: i32 = 500;
@@ -18,10 +18,30 @@ const MARKED: usize = 60;
 ///
 /// Points without a place on the axes (NaN, infinity, on a logarithmic axis zero or less) are left out and counted in
 /// the legend; those of [`Mark::Cross`] stand on a rail instead: along the upper edge where y has no place, along the right
-/// edge where only x has none, in a lane for every name of a series.
+/// edge where only x has none, in a lane for every name of a series. Vertical guides have letters above the plot that the legend
+/// explains; guides far beside the points are named there only.
 pub fn svg(plot: &Plot) -> String {
     let layout = Layout::of(plot);
-    canvas::sheet(&plot.title, layout.bottom + BELOW, |sheet| layout.draw(sheet))
+    canvas::sheet(&alt(plot), layout.bottom + BELOW, |sheet| layout.draw(sheet))
+}
+
+/// The title of the vertical axis in lines, whole if two or three hold it.
+fn upright(title: &str) -> Vec<String> {
+    let mut lines = canvas::wrap(title, HEIGHT);
+    if lines.len() > 3 {
+        let rest = lines.split_off(2).join(" ");
+        lines.push(canvas::clip(&rest, HEIGHT));
+    }
+    lines
+}
+
+/// The plot in words, for those who cannot see it.
+fn alt(plot: &Plot) -> String {
+    let Plot { title, x, y, series, .. } = plot;
+    let mut names: Vec<&str> =
+        series.iter().map(|series| series.name.as_str()).filter(|name| !name.is_empty()).collect();
+    names.dedup();
+    format!("{title}. {} over {}: {}", y.title, x.title, names.join(", "))
 }
 
 struct Layout<'a> {
@@ -35,6 +55,10 @@ struct Layout<'a> {
     top: i32,
     bottom: i32,
     rails: Rails<'a>,
+    /// The title of the vertical axis, in lines.
+    upright: Vec<String>,
+    /// Labels of sloping guides, and where.
+    labels: Vec<Label>,
 }
 
 /// What the legend explains.
@@ -42,7 +66,17 @@ enum Key<'a> {
     Series(usize, &'a Series),
     Failures,
     Level,
+    Slope,
+    /// A vertical guide, by its letter.
+    Letter(char),
+    /// A guide that has no place in the picture.
+    Outside,
 }
+
+/// Height of the strip for the letters of vertical guides.
+const STRIP: i32 = 30;
+/// How near two letters may stand.
+const APART: i32 = 24;
 
 impl<'a> Layout<'a> {
     fn of(plot: &'a Plot) -> Self {
@@ -55,21 +89,64 @@ impl<'a> Layout<'a> {
                 Guide::Slope { .. } => {}
             }
         }
-        let x = Ruler::over(plot.x.scale, points().map(|p| p.0).chain(verticals));
-        let y = Ruler::over(plot.y.scale, points().map(|p| p.1).chain(levels));
+        let x = Ruler::over(plot.x.scale, points().map(|p| p.0), verticals.into_iter());
+        let y = Ruler::over(plot.y.scale, points().map(|p| p.1), levels.into_iter());
         let rails = Rails::of(plot, &x, &y);
         let labels = y.ticks.iter().map(|(_, label)| canvas::width(label)).max().unwrap_or(0);
         let title = canvas::wrap(&plot.title, WIDTH - 32);
-        let (left, right) = (labels + LINE + 34, WIDTH - 18);
-        let mut layout = Self { plot, x, y, title, legend: Vec::new(), left, right, top: 0, bottom: 0, rails };
+        let upright = upright(&plot.y.title);
+        let (left, right) = (labels + LINE * upright.len() as i32 + 34, WIDTH - 18);
+        let legend = Vec::new();
+        let mut layout =
+            Self { plot, x, y, title, legend, left, right, top: 0, bottom: 0, rails, upright, labels: Vec::new() };
+        // Places for labels do not depend on how far down the plot begins, which the legend decides.
+        layout.bottom = HEIGHT + layout.rails.height();
+        let refused = layout.place_labels();
         layout.top = 14 + LINE * layout.title.len() as i32;
-        layout.place_legend();
-        layout.bottom = layout.top + HEIGHT;
+        layout.place_legend(&refused);
+        if layout.plot.guides.iter().any(|guide| layout.vertical(guide).is_some()) {
+            layout.top += STRIP;
+        }
+        layout.bottom += layout.top;
+        for (_, at, _) in &mut layout.labels {
+            at.1 += layout.top;
+        }
         layout
     }
 
+    /// The place of a vertical guide that is in the picture.
+    fn vertical(&self, guide: &Guide) -> Option<i32> {
+        match guide {
+            Guide::Vertical { x, .. } => self.x.inside(*x).map(|place| self.column(place)),
+            Guide::Level { .. } | Guide::Slope { .. } => None,
+        }
+    }
+
+    /// Finds places for the labels of sloping guides that cover nothing; returns those of guides for which there is none.
+    fn place_labels(&mut self) -> Vec<String> {
+        let occupied = self.occupied();
+        let mut refused = Vec::new();
+        for guide in &self.plot.guides {
+            let Guide::Slope { slope, through } = guide else { continue };
+            let line = self.slope_line(*slope, *through);
+            if line.is_empty() {
+                continue;
+            }
+            let text = format!("slope {}", signed(*slope));
+            let wide = canvas::width(&text);
+            let around =
+                |(x, y): Point| [x + 10, x - 10 - wide].into_iter().flat_map(move |x| [(x, y - LINE - 2), (x, y + 2)]);
+            let candidates = sampled(&line).into_iter().flat_map(around);
+            match self.free_place(&text, candidates, &occupied) {
+                Some(label) => self.labels.push(label),
+                None => refused.push(text),
+            }
+        }
+        refused
+    }
+
     /// Sets the legend's entries in rows under the title and moves the plot's top below them.
-    fn place_legend(&mut self) {
+    fn place_legend(&mut self, slopes: &[String]) {
         let series = || self.plot.series.iter().enumerate();
         let coloured = |series: &Series| series.mark == Mark::Cross && series.like.is_some();
         // The lanes name the causes of failures, and colours the series that they belong to.
@@ -78,10 +155,27 @@ impl<'a> Layout<'a> {
         let keys = keys.map(|(i, series)| (Key::Series(i, series), self.name(i, series)));
         let failures = series().any(|(_, series)| coloured(series));
         let failures = failures.then(|| (Key::Failures, "failed, in the colour of its method".to_owned()));
+        let mut letters = 'a'..='z';
         let guides = self.plot.guides.iter().filter_map(|guide| match guide {
-            Guide::Level { y, label } => Some((Key::Level, format!("{label}: {}", number::pretty(*y)))),
-            Guide::Slope { .. } | Guide::Vertical { .. } => None,
+            Guide::Level { y, label } => {
+                let text = format!("{label}: {}", number::pretty(*y));
+                Some(match (self.y.place(*y), self.y.inside(*y)) {
+                    (_, Some(_)) => (Key::Level, text),
+                    (Some(place), None) if place < 0.0 => (Key::Outside, format!("{text}, below the picture")),
+                    _ => (Key::Outside, format!("{text}, above the picture")),
+                })
+            }
+            Guide::Vertical { x, label } => {
+                Some(match (self.x.place(*x), self.vertical(guide).and_then(|_| letters.next())) {
+                    (_, Some(letter)) => (Key::Letter(letter), label.clone()),
+                    (Some(place), None) if place < 0.0 => (Key::Outside, format!("{label}, left of the picture")),
+                    _ => (Key::Outside, format!("{label}, right of the picture")),
+                })
+            }
+            Guide::Slope { .. } => None,
         });
+        let slopes = slopes.iter().map(|text| (Key::Slope, text.clone()));
+        let guides: Vec<_> = guides.chain(slopes).collect();
         let mut at = (16, self.top + LINE / 2);
         let mut legend = Vec::new();
         for (key, text) in keys.chain(failures).chain(guides).filter(|(_, text)| !text.is_empty()) {
@@ -147,16 +241,15 @@ impl<'a> Layout<'a> {
             sheet.heading(line, (16, 10 + LINE / 2 + LINE * i as i32))?;
         }
         self.draw_axes(sheet)?;
-        let occupied = self.occupied();
-        let mut labels = Vec::new();
         for guide in &self.plot.guides {
-            self.draw_guide(sheet, guide, &occupied, &mut labels)?;
+            self.draw_guide(sheet, guide)?;
         }
+        self.draw_letters(sheet)?;
         for (i, series) in self.plot.series.iter().enumerate() {
             self.draw_series(sheet, i, series)?;
         }
-        for (text, at, align) in labels.iter().map(|(text, corner, _)| (text, *corner, Align::Left)) {
-            sheet.text(text, (at.0, at.1 + LINE / 2), align, palette::MUTED)?;
+        for (text, at, _) in &self.labels {
+            sheet.text(text, (at.0, at.1 + LINE / 2), Align::Left, palette::MUTED)?;
         }
         for (key, text, at) in &self.legend {
             self.draw_key(sheet, key, *at)?;
@@ -168,7 +261,7 @@ impl<'a> Layout<'a> {
     fn draw_axes(&self, sheet: &Sheet<'_>) -> Outcome {
         let (left, right, top, bottom) = (self.left, self.right, self.top, self.bottom);
         let ceiling = self.row(1.0);
-        self.rails.draw(sheet, [left, top, right, bottom], &self.crosses())?;
+        self.rails.draw(sheet, [left, top, right, bottom])?;
         let labelled = |ruler: &Ruler| ruler.ticks.iter().map(|tick| tick.0).collect::<Vec<_>>();
         for (places, width) in [(self.x.fine.clone(), 1), (labelled(&self.x), 2)] {
             for column in places.into_iter().map(|place| self.column(place)) {
@@ -194,11 +287,14 @@ impl<'a> Layout<'a> {
             Align::Center,
             palette::INK,
         )?;
-        sheet.upright(&canvas::clip(&self.plot.y.title, HEIGHT), (22, (top + bottom) / 2), palette::INK)
+        for (i, line) in (0..).zip(&self.upright) {
+            sheet.upright(line, (22 + LINE * i, (top + bottom) / 2), palette::INK)?;
+        }
+        Ok(())
     }
 
     fn draw_series(&self, sheet: &Sheet<'_>, index: usize, series: &Series) -> Outcome {
-        let (colour, marker) = self.appearance(index, series);
+        let (colour, marker, hollow) = self.appearance(index, series);
         let points: Vec<Option<Point>> = series.points.iter().map(|&p| self.point(index, series, p)).collect();
         if series.mark == Mark::Line {
             // A point without a place interrupts the line: nothing is drawn where nothing was measured.
@@ -208,7 +304,7 @@ impl<'a> Layout<'a> {
         }
         let marked = series.mark != Mark::Line || points.len() <= MARKED;
         for point in points.into_iter().flatten().filter(|_| marked) {
-            sheet.marker(point, marker, colour)?;
+            if hollow { sheet.hollow(point, marker, colour) } else { sheet.marker(point, marker, colour) }?;
         }
         Ok(())
     }
@@ -217,46 +313,50 @@ impl<'a> Layout<'a> {
         match *key {
             Key::Failures => sheet.marker((x + 20, y), Marker::Cross, palette::INK),
             Key::Level => sheet.dashed(vec![(x, y), (x + 40, y)], palette::INK, 3),
+            Key::Slope => sheet.dashed(vec![(x, y), (x + 40, y)], palette::MUTED, 2),
+            Key::Letter(letter) => {
+                sheet.dashed(vec![(x + 14, y - 12), (x + 14, y + 12)], palette::INK, 2)?;
+                sheet.text(&letter.to_string(), (x + 22, y), Align::Left, palette::INK)
+            }
+            Key::Outside => sheet.text("→", (x + 8, y), Align::Left, palette::INK),
             Key::Series(index, series) => {
-                let (colour, marker) = self.appearance(index, series);
+                let (colour, marker, hollow) = self.appearance(index, series);
                 if series.mark == Mark::Line {
                     sheet.line(vec![(x, y), (x + 40, y)], colour, 3)?;
                 }
-                sheet.marker((x + 20, y), marker, colour)
+                let at = (x + 20, y);
+                if hollow { sheet.hollow(at, marker, colour) } else { sheet.marker(at, marker, colour) }
             }
         }
     }
 
-    fn draw_guide(&self, sheet: &Sheet<'_>, guide: &Guide, occupied: &[Point], labels: &mut Vec<Label>) -> Outcome {
+    fn draw_guide(&self, sheet: &Sheet<'_>, guide: &Guide) -> Outcome {
         match guide {
             Guide::Slope { slope, through } => match self.slope_line(*slope, *through) {
-                line if line.is_empty() => {}
-                line => {
-                    let text = format!("slope {}", signed(*slope));
-                    let wide = canvas::width(&text);
-                    let around = |(x, y): Point| {
-                        [x + 10, x - 10 - wide].into_iter().flat_map(move |x| [(x, y - LINE - 2), (x, y + 2)])
-                    };
-                    let candidates = sampled(&line).into_iter().flat_map(around);
-                    labels.extend(self.free_place(text, candidates, occupied, labels));
-                    sheet.dashed(line, palette::MUTED, 2)?;
-                }
+                line if line.is_empty() => Ok(()),
+                line => sheet.dashed(line, palette::MUTED, 2),
             },
-            Guide::Level { y, .. } => {
-                if let Some(row) = self.y.place(*y).map(|place| self.row(place)) {
-                    sheet.dashed(vec![(self.left, row), (self.edge(), row)], palette::INK, 3)?;
-                }
-            }
-            Guide::Vertical { x, label } => {
-                if let Some(column) = self.x.place(*x).map(|place| self.column(place)) {
-                    sheet.dashed(vec![(column, self.bottom), (column, self.row(1.0))], palette::INK, 2)?;
-                    let text = canvas::clip(label, (column - self.left).max(self.edge() - column) - 8);
-                    let wide = canvas::width(&text);
-                    let rows = (0..HEIGHT / LINE - 1).map(|i| self.row(1.0) + 4 + LINE * i);
-                    let candidates = rows.flat_map(|y| [(column + 8, y), (column - 8 - wide, y)]);
-                    labels.extend(self.free_place(text, candidates, occupied, labels));
-                }
-            }
+            Guide::Level { y, .. } => match self.y.inside(*y).map(|place| self.row(place)) {
+                Some(row) => sheet.dashed(vec![(self.left, row), (self.edge(), row)], palette::INK, 3),
+                None => Ok(()),
+            },
+            Guide::Vertical { .. } => match self.vertical(guide) {
+                Some(column) => sheet.dashed(vec![(column, self.bottom), (column, self.row(1.0))], palette::INK, 2),
+                None => Ok(()),
+            },
+        }
+    }
+
+    /// The letters of the vertical guides, above the plot where no line passes, kept apart.
+    fn draw_letters(&self, sheet: &Sheet<'_>) -> Outcome {
+        let columns = self.plot.guides.iter().filter_map(|guide| self.vertical(guide));
+        let mut lettered: Vec<(i32, char)> = columns.zip('a'..='z').collect();
+        lettered.sort_unstable();
+        let mut free = i32::MIN;
+        for (column, letter) in lettered {
+            let at = column.max(free);
+            free = at + APART;
+            sheet.text(&letter.to_string(), (at, self.top - STRIP / 2), Align::Center, palette::INK)?;
         }
         Ok(())
     }
@@ -283,46 +383,46 @@ impl<'a> Layout<'a> {
         });
         let guides = self.plot.guides.iter().map(|guide| match *guide {
             Guide::Slope { slope, through } => sampled(&self.slope_line(slope, through)),
-            Guide::Level { .. } | Guide::Vertical { .. } => Vec::new(),
+            Guide::Level { y, .. } => {
+                let row = self.y.inside(y).map(|place| self.row(place));
+                row.map_or(Vec::new(), |row| sampled(&[(self.left, row), (self.edge(), row)]))
+            }
+            Guide::Vertical { .. } => {
+                let column = self.vertical(guide);
+                column.map_or(Vec::new(), |column| sampled(&[(column, self.bottom), (column, self.row(1.0))]))
+            }
         });
         curves.chain(guides).flatten().collect()
     }
 
-    /// Of the places for a label the one where it covers least of the curves and no other label.
-    fn free_place(
-        &self,
-        text: String,
-        candidates: impl Iterator<Item = Point>,
-        occupied: &[Point],
-        labels: &[Label],
-    ) -> Option<Label> {
-        let wide = canvas::width(&text);
+    /// The first of the places for a label where it covers no curve and no other label.
+    fn free_place(&self, text: &str, mut candidates: impl Iterator<Item = Point>, occupied: &[Point]) -> Option<Label> {
+        let wide = canvas::width(text);
         let rows = self.row(1.0)..=self.bottom - LINE;
-        let inside = |&(x, y): &Point| x >= self.left && x + wide <= self.edge() && rows.contains(&y);
-        let covers = |&(x, y): &Point| {
-            let covered = |p: &&Point| p.0 > x - 6 && p.0 < x + wide + 6 && p.1 > y - 4 && p.1 < y + LINE + 4;
+        let place = candidates.find(|&(x, y)| {
+            let covered = |p: &Point| p.0 > x - 6 && p.0 < x + wide + 6 && p.1 > y - 4 && p.1 < y + LINE + 4;
             let meets =
-                |(_, at, other): &&Label| x <= at.0 + other && at.0 <= x + wide && y < at.1 + LINE && at.1 < y + LINE;
-            occupied.iter().filter(covered).count() + 1000 * labels.iter().filter(meets).count()
+                |(_, at, other): &Label| x <= at.0 + other && at.0 <= x + wide && y < at.1 + LINE && at.1 < y + LINE;
+            let inside = x >= self.left && x + wide <= self.edge() && rows.contains(&y);
+            inside && !occupied.iter().any(covered) && !self.labels.iter().any(meets)
+        })?;
+        Some((text.to_owned(), place, wide))
+    }
+
+    /// Colour and shape of a series, and whether the shape is hollow.
+    fn appearance(&self, index: usize, series: &Series) -> (Colour, Marker, bool) {
+        const MARKERS: [Marker; 5] = [Marker::Disc, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::Wedge];
+        let named = |name: &String| self.plot.series.iter().enumerate().find(|(_, other)| other.name == *name);
+        let (index, look) = match series.like.as_ref().and_then(named) {
+            Some((index, other)) => (index, other.look),
+            None => (index, series.look),
         };
-        let best = candidates.filter(inside).min_by_key(covers)?;
-        Some((text, best, wide))
-    }
-
-    /// Where failures stand.
-    fn crosses(&self) -> Vec<Point> {
-        let series = self.plot.series.iter().enumerate().filter(|(_, series)| series.mark == Mark::Cross);
-        series.flat_map(|(i, series)| series.points.iter().filter_map(move |&p| self.point(i, series, p))).collect()
-    }
-
-    fn appearance(&self, index: usize, series: &Series) -> (Colour, Marker) {
-        const MARKERS: [Marker; 4] = [Marker::Disc, Marker::Square, Marker::Triangle, Marker::Ring];
-        let named = |name: &String| self.plot.series.iter().position(|other| other.name == *name);
-        let colour = |index: usize| palette::SERIES[index % palette::SERIES.len()];
-        match (series.mark, series.like.as_ref().and_then(named)) {
-            (Mark::Cross, None) => (palette::FAIL, Marker::Cross),
-            (Mark::Cross, Some(like)) => (colour(like), Marker::Cross),
-            (Mark::Line | Mark::Point, like) => (colour(like.unwrap_or(index)), MARKERS[index % MARKERS.len()]),
+        let Look { number, hollow } = look.unwrap_or(Look { number: index, hollow: false });
+        let colour = palette::SERIES[number % palette::SERIES.len()];
+        match series.mark {
+            Mark::Cross if series.like.is_none() => (palette::FAIL, Marker::Cross, false),
+            Mark::Cross => (colour, Marker::Cross, false),
+            Mark::Line | Mark::Point => (colour, MARKERS[number % MARKERS.len()], hollow),
         }
     }
 }

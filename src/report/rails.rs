@@ -1,12 +1,13 @@
 //! Rails: where failures stand that have no place on an axis, with a lane for every cause.
 
-use super::canvas::{self, Align, LINE, Outcome, Point, Sheet};
+use super::canvas::{self, Align, Outcome, Sheet};
 use super::palette::{self, Colour};
 use super::ruler::Ruler;
 use crate::figure::{Mark, Plot, Series};
 
-/// Width of a lane.
-const LANE: i32 = 38;
+/// Width of a lane: half of it for the name, half for the crosses, so that neither covers the other.
+const LANE: i32 = 2 * HALF;
+const HALF: i32 = 34;
 /// The ground of rails.
 const GROUND: Colour = (250, 236, 230);
 
@@ -58,9 +59,9 @@ impl<'a> Rails<'a> {
         place(&self.aside, &series.name).map(|middle| middle + aside(index))
     }
 
-    /// Draws the grounds and names the lanes where fewest crosses are covered. The plot lies between the corners
-    /// `(left, top)` and `(right, bottom)`, both rails included.
-    pub fn draw(&self, sheet: &Sheet<'_>, [left, top, right, bottom]: [i32; 4], crosses: &[Point]) -> Outcome {
+    /// Draws the grounds and names the lanes. The plot lies between the corners `(left, top)` and `(right, bottom)`, both rails
+    /// included.
+    pub fn draw(&self, sheet: &Sheet<'_>, [left, top, right, bottom]: [i32; 4]) -> Outcome {
         let (ceiling, edge) = (top + self.height(), right - self.width());
         if !self.above.is_empty() {
             sheet.rectangle((left, top), (right, ceiling), GROUND)?;
@@ -69,50 +70,27 @@ impl<'a> Rails<'a> {
             sheet.rectangle((edge, ceiling), (right, bottom), GROUND)?;
         }
         for (lane, cause) in (0..).zip(&self.above) {
-            let middle = top + LANE * lane + LANE / 2;
-            let text = canvas::clip(cause, right - left - 16);
-            let in_lane = crosses.iter().filter(|cross| (cross.1 - middle).abs() < LANE / 2).map(|cross| cross.0);
-            let start = free_stretch([left + 8, edge - 8], canvas::width(&text), &in_lane.collect::<Vec<_>>());
-            sheet.text(&text, (start, middle), Align::Left, palette::FAIL)?;
+            let (text, row) = (canvas::clip(cause, right - left - 16), top + LANE * lane);
+            sheet.text(&text, (left + 8, row + HALF / 2), Align::Left, palette::FAIL)?;
+            sheet.line(vec![(left, row), (right, row)], palette::PAPER, 3)?;
         }
         for (lane, cause) in (0..).zip(&self.aside) {
-            let middle = edge + LANE * lane + LANE / 2;
-            let text = canvas::clip(cause, bottom - ceiling - 16);
-            let wide = canvas::width(&text);
-            let in_lane = crosses.iter().filter(|cross| (cross.0 - middle).abs() < LANE / 2).map(|cross| cross.1);
-            let start = free_stretch([ceiling + 8, bottom - 8], wide, &in_lane.collect::<Vec<_>>());
-            sheet.upright(&text, (middle, start + wide / 2), palette::FAIL)?;
+            let (text, column) = (canvas::clip(cause, bottom - ceiling - 16), edge + LANE * lane);
+            let middle = bottom - 8 - canvas::width(&text) / 2;
+            sheet.upright(&text, (column + HALF / 2, middle.max((ceiling + bottom) / 2)), palette::FAIL)?;
+            sheet.line(vec![(column, ceiling), (column, bottom)], palette::PAPER, 3)?;
         }
         Ok(())
     }
 }
 
-/// The middle of a cause's lane.
+/// Where crosses of a cause stand, from the beginning of the rail.
 fn place(causes: &[&str], cause: &str) -> Option<i32> {
     let lane = causes.iter().position(|other| *other == cause)?;
-    Some(LANE * lane as i32 + LANE / 2)
+    Some(LANE * lane as i32 + HALF + HALF / 2)
 }
 
 /// Crosses of different series keep a little apart: they may stand at the same place.
 fn aside(index: usize) -> i32 {
     (index % 3) as i32 * 8 - 8
-}
-
-/// Where a text of some width covers fewest of the points between two ends of a lane; the first such place.
-fn free_stretch([from, to]: [i32; 2], wide: i32, points: &[i32]) -> i32 {
-    let covered = |start: &i32| points.iter().filter(|&&p| p > start - 12 && p < start + wide + 12).count();
-    let last = (to - wide).max(from);
-    (from..=last).step_by(LINE as usize / 2).chain([last]).min_by_key(covered).unwrap_or(from)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_lanes_give_way_to_crosses() {
-        assert_eq!(free_stretch([0, 300], 100, &[]), 0);
-        assert_eq!(free_stretch([0, 300], 100, &[50]), 68);
-        assert_eq!(free_stretch([0, 100], 200, &[50]), 0);
-    }
 }

@@ -88,7 +88,7 @@ impl Strip {
         let (passed, failed): (Vec<_>, Vec<_>) = checks.iter().enumerate().partition(|(_, check)| check.passed());
         for (i, check) in passed {
             let at = (self.column(check.share()), row + 5 * (i as i32 * 2 % 5 - 2));
-            sheet.marker(at, Marker::Ring, palette::PASS)?;
+            sheet.hollow(at, Marker::Disc, palette::PASS)?;
         }
         for (i, check) in failed {
             let at = (self.column(check.share()), row + 5 * (i as i32 * 2 % 5 - 2));

@@ -32,8 +32,8 @@ struct Layout<'a> {
 
 impl<'a> Layout<'a> {
     fn of(tiles: &'a Tiles) -> Self {
-        let x = Ruler::over(tiles.x.scale, edges(&tiles.columns).into_iter());
-        let y = Ruler::over(tiles.y.scale, edges(&tiles.rows).into_iter());
+        let x = Ruler::between(tiles.x.scale, edges(&tiles.columns).into_iter());
+        let y = Ruler::between(tiles.y.scale, edges(&tiles.rows).into_iter());
         let labels = y.ticks.iter().map(|(_, label)| canvas::width(label)).max().unwrap_or(0);
         let title = canvas::wrap(&tiles.title, WIDTH - 32);
         let mut top = 14 + LINE * title.len() as i32;

@@ -1,6 +1,6 @@
 //! An inspection as a page with pictures.
 
-use super::losses::{kept, limit, lost, other_methods, scope, turning};
+use super::losses::{KEPT, limit, lost, other_methods, scope, turning};
 use crate::inspect::{Culprit, FirstLosses, Inspection, Minimality, Pictures};
 use crate::report::number::{count, pretty};
 use crate::report::{drawing, page, plot, spy};
@@ -31,17 +31,17 @@ pub fn html(
     let when =
         if step == 0 { "at the initial state".into() } else { format!("after {} steps, t = {} s", step, pretty(time)) };
     let lead = format!(
-        "{scene} {when}, A = M/dt² − G/dt − K with dt = {} s and stiffness {}.",
+        "A = M/dt² − G/dt − K {when}, with dt = {} s and stiffness {}.",
         pretty(inspection.dt),
         inspection.option.name()
     );
     let body = html! {
         (banner(inspection))
         (page::section("steps", &html! { "Which steps are safe" }, &steps(inspection, losses, pictures)))
-        (page::section("culprits", &html! { "Which springs spoil it" }, &culprits(inspection, pictures)))
+        (page::section("culprits", &html! { (heading(inspection)) }, &culprits(inspection, pictures)))
         (page::section("matrix", &html! { "The matrix" }, &matrix(inspection, pictures)))
     };
-    page::page("Definiteness", &lead, &body)
+    page::page(&format!("Definiteness of {scene}"), &lead, &body)
 }
 
 fn banner(inspection: &Inspection) -> Markup {
@@ -88,7 +88,7 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
         @if let Some(turn) = inspection.turn.as_ref().filter(|turn| turn.excess() > 1.0) {
             @let [what, then] = turning(turn, pretty);
             p.warning {
-                "The step turns " (what) "; " (then) ". Such a run does not break down, it is wrong: shorten the step, or take a method that does not linearise at its start."
+                "The step turns " (what) "; " (then) ". Such a run does not break down, it is wrong: shorten the step, or take a method that does not linearise at its start, such as bdf2."
             }
         }
         @if let Some(losses) = losses { (followed(losses)) }
@@ -109,10 +109,43 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
             p.quiet { "The motion itself has " (count(inspection.growing_modes, "growing mode")) " here: no step makes these stable." }
         }
         @if let Some(curve) = &pictures.curve {
-            (page::figures(&[page::figure(plot::svg(curve), &html! {
-                "The curves fall with dt: once lost, definiteness does not come back. They end where they have fallen to −1."
-            })]))
+            (page::figures(&[page::figure(plot::svg(curve), &html! { (curves(inspection)) })]))
         }
+    }
+}
+
+/// What the curves of λ_min show, by what was found.
+fn curves(inspection: &Inspection) -> String {
+    let told = inspection.options.iter().map(|option| match option.critical.dt() {
+        Some(dt) => {
+            format!("under {} it crosses zero at {} s and does not come back", option.option.name(), pretty(dt))
+        }
+        None => format!("under {} it stays above zero however long the step", option.option.name()),
+    });
+    let told = told.collect::<Vec<_>>().join("; ");
+    format!("The lowest eigenvalue in units of m/dt², drawn from −1 to 3: {told}.")
+}
+
+/// What the section on springs is about: whether any spoil it.
+fn heading(inspection: &Inspection) -> &'static str {
+    match inspection.directions.first() {
+        Some(lowest) if lowest.culprits.is_empty() => "No spring spoils it",
+        Some(lowest) if lowest.eigenvalue < 0.0 => "Which springs spoil it",
+        Some(_) => "Which springs soften it",
+        None => "Springs",
+    }
+}
+
+/// What the arrows in the scene's picture are.
+fn arrows(inspection: &Inspection) -> String {
+    let what = "the direction in which A curves least, to a scale of their own";
+    match inspection.multiplicity() {
+        0 => "Nothing can move.".into(),
+        1 => format!("Arrows: {what}."),
+        fold => format!(
+            "Arrows: {what}; its eigenvalue is {fold}-fold, so this is one of a whole {fold}-dimensional space of such directions, \
+             and the shares of springs are those along this one."
+        ),
     }
 }
 
@@ -121,7 +154,7 @@ fn followed(losses: &FirstLosses) -> Markup {
     let lost = lost(losses, pretty);
     html! {
         @if lost.is_empty() {
-            p { "On the way to this state " (kept(losses)) "." }
+            p { "On the way to this state " (KEPT) "." }
         } @else {
             p { "On the way to this state were first lost:" }
             ul { @for (what, how) in lost { li { b { (what) } " " (how) } } }
@@ -132,8 +165,16 @@ fn followed(losses: &FirstLosses) -> Markup {
 fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
     let lowest = inspection.directions.first();
     let named = lowest.map_or(&[][..], |lowest| &lowest.culprits);
+    let compressed = count(inspection.compressed_springs, "spring");
     html! {
-        p { (count(inspection.compressed_springs, "spring")) " shorter than at rest." }
+        p {
+            @match lowest {
+                Some(lowest) if lowest.culprits.is_empty() => { "Along the direction in which A curves least no spring has negative curvature. " }
+                Some(lowest) if lowest.eigenvalue >= 0.0 => { "A is positive definite at this step; these springs take most from the curvature along the direction in which it is least. " }
+                _ => {}
+            }
+            (compressed) (if inspection.compressed_springs == 1 { " is" } else { " are" }) " shorter than at rest."
+        }
         @if !named.is_empty() { (table(named)) }
         @if let Some(set) = &inspection.smallest_set {
             p {
@@ -157,12 +198,12 @@ fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
                 }
             } }
         }
-        (page::figures(&[page::figure(drawing::svg(&pictures.scene), &html! { "Arrows: the direction in which A curves least, to a scale of their own." })]))
+        (page::figures(&[page::figure(drawing::svg(&pictures.scene), &html! { (arrows(inspection)) })]))
     }
 }
 
 fn table(culprits: &[Culprit]) -> Markup {
-    html! {
+    let rows = html! {
         table.full {
             thead { tr {
                 th scope="col" { "spring" } th scope="col" { "particles" } th.number scope="col" { "strain" } th.number scope="col" { "share of the negative curvature" }
@@ -175,6 +216,9 @@ fn table(culprits: &[Culprit]) -> Markup {
                 }
             } }
         }
+    };
+    html! {
+        (page::scrolling("Springs with negative curvature, worst first", &rows))
         @if culprits.len() > ROWS { p.quiet { "and " (culprits.len() - ROWS) " more" } }
     }
 }
@@ -187,7 +231,7 @@ fn matrix(inspection: &Inspection, pictures: &Pictures) -> Markup {
             (pretty(inertia.factorization_error)) " of the norm; eigenvalues within " (pretty(inertia.band)) " of the norm of the equilibrated matrix would count as zero."
         }
         (page::figures(&[
-            page::figure(plot::svg(&pictures.spectrum), &html! { "The low end of the spectrum." }),
+            page::figure(plot::svg(&pictures.spectrum), &html! { "The lowest eigenvalues of A: those below zero are directions in which it curves downwards." }),
             page::figure(spy::svg(&pictures.matrix), &html! { "Entries of A that are not zero." }),
             page::figure(spy::svg(&pictures.factor), &html! { "Stored entries of its factor." }),
         ]))

@@ -1,6 +1,6 @@
 //! An inspection for the terminal.
 
-use super::losses::{kept, limit, lost, other_methods, scope, turning};
+use super::losses::{KEPT, limit, lost, other_methods, scope, turning};
 use crate::inspect::{Culprit, Direction, FirstLosses, Inspection, LargestStep, Minimality};
 use crate::report::number::{count, plain};
 
@@ -52,6 +52,9 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
     }
     if let Some(lowest) = inspection.directions.first().filter(|lowest| !lowest.culprits.is_empty()) {
         lines.extend(culprits(lowest));
+        if inspection.multiplicity() > 1 {
+            lines.push(format!("    λ_min is {}-fold: u is one of many such directions", inspection.multiplicity()));
+        }
     }
     let negative: Vec<&Direction> = inspection.directions.iter().filter(|d| d.eigenvalue < 0.0).collect();
     if negative.len() > 1 {
@@ -88,7 +91,7 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
     if let Some(losses) = losses {
         let lost = lost(losses, plain);
         if lost.is_empty() {
-            lines.push(format!("  kept         on the way {}", kept(losses)));
+            lines.push(format!("  kept         on the way {}", KEPT));
         }
         for (k, (what, how)) in lost.iter().enumerate() {
             let heading = if k == 0 { "first lost" } else { "" };
@@ -99,7 +102,7 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
 }
 
 /// What comes of springs that are turned too far.
-const WRONG: &str = "Nothing breaks down by that, the motion is wrong: shorten the step";
+const WRONG: &str = "Nothing breaks down by that, the motion is wrong: shorten the step, or run with --method bdf2";
 
 /// What the step does to the springs that it turns.
 fn turned(inspection: &Inspection) -> Vec<String> {
