@@ -3,7 +3,7 @@
 //! What holds at one state does not hold at the next: springs become taut, slack or fast. A [`Follower`] looks at state after
 //! state and remembers where each of four things was lost first: that A is [definite](DefinitenessWatch), that the step is
 //! [stable](Requirement::Stable), that it does not [turn](Turn) springs too far, and that energy only comes from
-//! work. The first three are properties of a state, known before the step that goes wrong; the last is what a wrong step leaves.
+//! work, by the [ledger](Monitor). The first three are properties of a state, known before the step that goes wrong; the last is what a wrong step leaves.
 
 use super::along::{DefinitenessWatch, Loss};
 use super::family::{Family, Requirement};
@@ -11,6 +11,7 @@ use super::turning::Turn;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Energy, Extensions};
+use crate::integrate::{Figures, Monitor, MonitorOptions};
 use crate::linear::Ldlt;
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -30,10 +31,10 @@ pub struct Passed {
 /// Energy that came from nowhere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gain {
-    /// The total energy above the lowest that the run has had, in J: nothing that is passive gains any.
+    /// What was gained since the energy not accounted for by work and damping was lowest, in J: nothing that is passive gains any.
     pub gained: f64,
-    /// The most energy that has been in play until then, in J: kinetic, elastic, and the change of the gravitational.
-    pub in_play: f64,
+    /// What the motion has exchanged until then, in J.
+    pub exchanged: f64,
 }
 
 /// What a run lost first, each where it did.
@@ -48,8 +49,6 @@ pub struct FirstLosses {
     pub turning: Option<(Passed, Turn)>,
     /// Energy has appeared from nowhere.
     pub energy: Option<(Passed, Gain)>,
-    /// Whether energy was looked at: only where nothing is moved, since moving does work.
-    pub energy_watched: bool,
 }
 
 impl FirstLosses {
@@ -65,7 +64,7 @@ impl FirstLosses {
     }
 }
 
-/// A tenth of the energy in play counts as a gain: methods that keep energy on average let it swing by a few per cent.
+/// A tenth of the energy exchanged counts as a gain: methods that keep energy on average let it swing by a few per cent.
 const GAIN: f64 = 0.1;
 
 /// Rounding of the energies themselves is no gain: sums over springs, each of a difference of lengths.
@@ -81,7 +80,7 @@ pub struct Follower<'s> {
     /// The state looked at last, and where its springs were.
     before: Vec<Vector3<f64>>,
     extensions: Extensions,
-    energy: Option<EnergyWatch>,
+    monitor: Monitor<'s>,
     first: FirstLosses,
 }
 
@@ -102,8 +101,12 @@ impl<'s> Follower<'s> {
             },
             before: start.positions.clone(),
             extensions: Extensions::at(system, &start.positions)?,
-            energy: (!system.prescribed().moves()).then(|| EnergyWatch::new(&Energy::of(system, start))),
-            first: FirstLosses { energy_watched: !system.prescribed().moves(), ..FirstLosses::default() },
+            monitor: Monitor::new(
+                system,
+                start,
+                MonitorOptions { stops_unstable: false, ..MonitorOptions::default() },
+            )?,
+            first: FirstLosses::default(),
         };
         follower.look_at(0, start)?;
         Ok(follower)
@@ -122,10 +125,23 @@ impl<'s> Follower<'s> {
             self.before.clone_from(&state.positions);
             self.extensions.update(self.system, &state.positions)?;
         }
-        if let (None, Some(watch)) = (self.first.energy, &mut self.energy) {
-            self.first.energy = watch.look(&Energy::of(self.system, state)).map(|gain| (passed, gain));
+        if self.first.energy.is_none() {
+            // It ends no run that was not asked to: what it finds is looked at here.
+            let _ = self.monitor.enter(step, state, self.dt, None);
+            self.first.energy = self.gain(state).map(|gain| (passed, gain));
         }
         self.look_at(step, state)
+    }
+
+    /// What energy has been gained, where it is worth a word.
+    fn gain(&self, state: &State) -> Option<Gain> {
+        let Figures { gained, exchanged, .. } = self.monitor.figures(state);
+        let Energy { kinetic, elastic, gravitational } = self.monitor.energy();
+        let rounding =
+            ROUNDING * (kinetic + elastic + gravitational.abs() + self.monitor.initial().gravitational.abs());
+        // A NaN is a gain too: it did not come from a passive scene.
+        let kept = gained <= GAIN * exchanged || gained <= rounding;
+        (!kept).then_some(Gain { gained, exchanged })
     }
 
     /// What depends on the state alone.
@@ -168,31 +184,5 @@ impl<'s> StabilityWatch<'s> {
         self.family.set(Requirement::Stable, self.option, 1.0 / self.dt);
         self.matrix.refill(self.family.operator());
         Ok(self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive())
-    }
-}
-
-/// Compares total energies along a run on which no work is done.
-struct EnergyWatch {
-    gravitational: f64,
-    lowest: f64,
-    in_play: f64,
-}
-
-impl EnergyWatch {
-    fn new(start: &Energy) -> Self {
-        let mut watch = Self { gravitational: start.gravitational, lowest: f64::INFINITY, in_play: 0.0 };
-        watch.look(start);
-        watch
-    }
-
-    fn look(&mut self, energy: &Energy) -> Option<Gain> {
-        let Energy { kinetic, elastic, gravitational } = *energy;
-        self.in_play = self.in_play.max(kinetic + elastic + (gravitational - self.gravitational).abs());
-        self.lowest = self.lowest.min(energy.total());
-        let gained = energy.total() - self.lowest;
-        let rounding = ROUNDING * (kinetic + elastic + gravitational.abs() + self.gravitational.abs());
-        // A NaN is a gain too: it did not come from a passive scene.
-        let kept = gained <= GAIN * self.in_play || gained <= rounding;
-        (!kept).then_some(Gain { gained, in_play: self.in_play })
     }
 }

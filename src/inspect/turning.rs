@@ -64,6 +64,9 @@ pub const MOST_BRAKED: f64 = 0.1;
 /// strain comes from nowhere, at every step anew.
 pub const MOST_STRETCHED: f64 = 0.01;
 
+/// Springs that a symmetry makes equal differ by rounding: the first of them is named.
+const TIE: f64 = 1.0 + 1e-6;
+
 impl Turn {
     /// The part of its turning that the spring loses while it turns by one radian.
     pub fn braked(&self) -> f64 {
@@ -131,7 +134,8 @@ impl Turn {
             };
             let angle = squared.sqrt().atan2(counted);
             let turn = Self { spring: number, particles, angle, stretch: excess / spring.rest_length, brake };
-            if turn.excess().is_finite() && worst.is_none_or(|worst| turn.excess() > worst.excess()) {
+            let is_worse = |worst: Self| turn.excess() > TIE * worst.excess();
+            if turn.excess().is_finite() && worst.is_none_or(is_worse) {
                 worst = Some(turn);
             }
         }

@@ -258,7 +258,7 @@ struct GainRecord {
     step: u64,
     time: f64,
     gained: f64,
-    in_play: f64,
+    exchanged: f64,
 }
 
 impl LossesRecord {
@@ -275,7 +275,7 @@ impl LossesRecord {
                 step: at.step,
                 time: at.time,
                 gained: gain.gained,
-                in_play: gain.in_play,
+                exchanged: gain.exchanged,
             }),
         }
     }

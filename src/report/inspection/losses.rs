@@ -49,14 +49,8 @@ fn percent(part: f64, form: Form) -> String {
 }
 
 /// What a run that lost nothing kept.
-pub(super) fn kept(losses: &FirstLosses) -> &'static str {
-    match losses.energy_watched {
-        true => "A was definite, the step stable, no spring was turned too far, and no energy came from nowhere",
-        false => {
-            "A was definite, the step stable, and no spring was turned too far; energy was not judged, since what moves the scene does work"
-        }
-    }
-}
+pub(super) const KEPT: &str =
+    "A was definite, the step stable, no spring was turned too far, and no energy came from nowhere";
 
 /// What a run lost first, in the order of its steps: what it is, and where and how.
 pub(super) fn lost(losses: &FirstLosses, form: Form) -> Vec<(&'static str, String)> {
@@ -82,9 +76,9 @@ pub(super) fn lost(losses: &FirstLosses, form: Form) -> Vec<(&'static str, Strin
         let [what, _] = turning(turn, form);
         all.push((*step, "turning", format!("{}: it turned {what}", after(*step, *time))));
     }
-    if let Some((Passed { step, time }, Gain { gained, in_play })) = losses.energy {
-        let (gained, in_play) = (form(gained), form(in_play));
-        let what = format!("{}: {gained} J from nowhere, of {in_play} J in play", after(step, time));
+    if let Some((Passed { step, time }, Gain { gained, exchanged })) = losses.energy {
+        let (gained, exchanged) = (form(gained), form(exchanged));
+        let what = format!("{}: {gained} J from nowhere, where the motion exchanged {exchanged} J", after(step, time));
         all.push((step, "energy", what));
     }
     // What came first first; of one step the cause before what it leads to.
