@@ -218,3 +218,41 @@ fn methods_within_their_limits_raise_no_alarm() {
         monitored(&system, &start, method, dt, 100.0 * dt);
     }
 }
+
+/// Random networks, held, damped and with all values unequal: what moves accurately has a balanced account, under every method
+/// that is accurate.
+#[test]
+fn accurate_motions_of_random_networks_balance() {
+    for seed in 0..8 {
+        let (system, start) = sprung::scene::builtin::network(14, seed).unwrap().build().unwrap();
+        // ω is below 2 sqrt(k/(l0 m)) times the root of the springs at a particle: about 600 rad/s.
+        for (method, dt) in [(Method::ImplicitMidpoint, 1e-4), (Method::Bdf2, 2e-5), (Method::W2, 5e-5)] {
+            let (monitor, end) = monitored(&system, &start, method, dt, 0.05);
+            let (balance, figures) = (monitor.balance(), monitor.figures(&end));
+            let share = balance.imbalance.abs() / (figures.exchanged + balance.dissipated);
+            assert!(figures.exchanged > 1e-3 && balance.dissipated > 0.0, "{seed} {figures:?}");
+            assert!(share < 5e-3, "{seed} {}: {share} {balance:?}", method.name());
+        }
+    }
+}
+
+/// Explicit steps three times too long, on scenes that start with energy: not one may complete.
+#[test]
+fn no_instability_of_random_networks_is_missed() {
+    for seed in 0..20 {
+        let (system, start) = sprung::scene::builtin::network(14, seed).unwrap().build().unwrap();
+        let stiffest = system.active().map(|(.., spring)| spring.stiffness / spring.rest_length).fold(0.0, f64::max);
+        // No mode is slower than the fastest of one spring alone, at the heaviest mass there is.
+        let dt = 3.0 * 2.0 / (stiffest / 0.015f64).sqrt();
+        for method in [Method::SymplecticEuler, Method::ForwardEuler] {
+            let mut state = start.clone();
+            let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
+            let mut stepper = method.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+            let schedule = Schedule::steps(dt, 400);
+            let outcome =
+                run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, |_, _, _| ControlFlow::Continue(()));
+            assert_eq!(outcome.status(), Status::Unstable, "{seed} {}", method.name());
+            assert!(state.is_finite() && outcome.steps < 20, "{seed} {outcome:?}");
+        }
+    }
+}

@@ -30,7 +30,7 @@ pub enum StepFailure {
     #[error("the new positions or velocities are not finite")]
     NonFinite,
     /// The energy of the scene has grown by more than it can have.
-    #[error("{gained:.3e} J of energy appeared from nowhere, where the motion had {exchanged:.3e} J to exchange")]
+    #[error("{gained:.3e} J of energy appeared from nowhere; the motion had {exchanged:.3e} J to exchange until then")]
     Unstable {
         /// By how much it has grown, in J.
         gained: f64,

@@ -23,7 +23,7 @@ const HALVINGS: usize = 4;
 const AFFORDABLE: usize = 2000;
 
 /// The coarsest step: z = ω h ≤ 1/8 for every vibration.
-fn coarsest(subject: &Subject) -> f64 {
+pub(super) fn coarsest(subject: &Subject) -> f64 {
     subject.dt.min(subject.resolving_step() / 4.0)
 }
 

@@ -3,8 +3,8 @@
 use super::measured::Measured;
 use super::{Check, Claim, Results, Subject};
 use super::{
-    convergence, definiteness, derivatives, equilibrium, momentum, prescribed_motion, refusals, rigid_motion, sameness,
-    solvers, step_equations, work_energy,
+    convergence, definiteness, derivatives, equilibrium, indicators, ledger, momentum, prescribed_motion, refusals,
+    rigid_motion, sameness, solvers, step_equations, work_energy,
 };
 
 /// Checks that belong together and run on any scene that they apply to.
@@ -50,11 +50,13 @@ pub const FAMILIES: &[Family] = &[
     family(Claim::Conservation, "angular_momentum", momentum::has_free_rotation, momentum::angular),
     family(Claim::Conservation, "rigid_motion", has_springs, rigid_motion::measure),
     family(Claim::Conservation, "equilibrium", always, equilibrium::measure),
+    family(Claim::Conservation, "ledger", ledger::applies, ledger::measure),
     family(Claim::Constraints, "prescribed_motion", prescribed_motion::has_prescribed, prescribed_motion::measure),
     family(Claim::Constraints, "in_space", sameness::is_flat, sameness::in_space),
     family(Claim::Failure, "indefinite", refusals::applies, refusals::indefinite),
     family(Claim::Failure, "conjugate_gradients", refusals::has_system, refusals::conjugate_gradients),
     family(Claim::Failure, "broken_states", refusals::has_system, refusals::broken_states),
+    family(Claim::Failure, "indicators", indicators::applies, indicators::measure),
 ];
 
 const fn family(

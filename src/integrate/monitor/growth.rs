@@ -31,7 +31,7 @@ const PATIENCE: u32 = 3;
 /// What rounding may make of sums, relative to their terms; forces that a solver met to 1e-10 add less.
 const ROUNDING: f64 = 1e-10;
 
-/// Steps after which the state is kept again. A copy costs about a tenth of a pass over the springs.
+/// Steps after which the state is kept again, fewer at the start. A copy costs about a tenth of a pass over the springs.
 const EVERY: u64 = 8;
 
 /// What has grown so far.
@@ -91,7 +91,7 @@ impl Growth {
         // Of sums that are not numbers nothing is known: the step itself must have been refused then.
         let is_above = gained > MOST_GROWTH * exchanged + rounding;
         self.above = if is_above { self.above + 1 } else { 0 };
-        if gained <= CALM * exchanged + rounding && steps >= self.kept.steps + EVERY {
+        if gained <= CALM * exchanged + rounding && steps >= self.kept.steps + EVERY.min(1 + steps / EVERY) {
             (self.kept.steps, self.kept.ledger) = (steps, *ledger);
             self.kept.state.copy_from(state);
         }

@@ -1,0 +1,68 @@
+//! What accompanying a run costs: the same steps without, with energies alone, and with a monitor, in turn in one process.
+//!
+//! ```sh
+//! cargo run --release --example monitor_cost
+//! ```
+
+use sprung::force::Energy;
+use sprung::integrate::{ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, run, run_monitored};
+use sprung::scene::{Kind, builtin};
+use sprung::{State, System};
+use std::hint::black_box;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// Rounds; the fastest of each kind counts.
+const ROUNDS: usize = 15;
+
+fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+    println!("| scene | method | steps alone, ms | with energies | with monitor |\n|---|---|---|---|---|");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    pool.install(|| {
+        for (kind, size) in
+            [(Kind::Pendulum, 1), (Kind::Chain, 20), (Kind::Cloth, 10), (Kind::Cloth, 32), (Kind::Lattice, 10)]
+        {
+            let (system, start) = builtin(kind, size)?.build()?;
+            for method in [Method::LinearBackwardEuler, Method::Bdf2, Method::W2, Method::SymplecticEuler] {
+                let times = measure(&system, &start, method)?;
+                let [alone, energies, monitored] = times.map(|time| time * 1e3);
+                let more = |time: f64| 100.0 * (time / alone - 1.0);
+                println!(
+                    "| {} {size} | {} | {alone:.2} | +{:.1} % | +{:.1} % |",
+                    kind.name(),
+                    method.name(),
+                    more(energies),
+                    more(monitored)
+                );
+            }
+        }
+        Ok(())
+    })
+}
+
+/// The fastest of steps alone, with energies after each, and with a monitor, in s.
+fn measure(system: &System, start: &State, method: Method) -> sprung::Result<[f64; 3]> {
+    let steps = (200_000 / (system.springs().len() + 10)).clamp(5, 2000) as u64;
+    let schedule = Schedule::steps(1e-5, steps);
+    let mut fastest = [f64::INFINITY; 3];
+    for _ in 0..ROUNDS {
+        for (kind, fastest) in fastest.iter_mut().enumerate() {
+            let mut state = start.clone();
+            let mut stepper = method.stepper(system, &state, &ImplicitOptions::default())?;
+            let options = MonitorOptions { forces: method == Method::LinearBackwardEuler, ..Default::default() };
+            let mut monitor = Monitor::new(system, &state, options)?;
+            let begin = Instant::now();
+            let go_on = ControlFlow::Continue(());
+            match kind {
+                0 => run(&mut *stepper, &mut state, &schedule, |_, _| go_on),
+                1 => run(&mut *stepper, &mut state, &schedule, |_, state| {
+                    black_box(Energy::of(system, state));
+                    go_on
+                }),
+                _ => run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, |_, _, _| go_on),
+            };
+            *fastest = fastest.min(begin.elapsed().as_secs_f64());
+        }
+    }
+    Ok(fastest)
+}

@@ -1,0 +1,103 @@
+//! What a run says of its own error is about true.
+//!
+//! Every method runs the same time with long, medium and short steps. The truth is the end of a run of the W-method with steps
+//! a hundredth as long as the shortest; its error is less than a thousandth of any that is compared. Estimates are made of
+//! truncation errors without regard to sign, and motions amplify and cancel: four of five are to be within a factor of ten.
+//! No run that is wrong by 30 % may be silent.
+
+use super::measured::Measured;
+use super::{Check, Claim, Subject, Unfinished, convergence, reference};
+use crate::integrate::{
+    Figures, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, Schedule, Status, run, run_monitored,
+};
+use crate::system::State;
+use nalgebra::Vector3;
+use std::ops::ControlFlow;
+
+/// Length of the run in the steps that resolve every vibration (z = 1/8), and the steps that are tried, in these.
+const LENGTH: u64 = 64;
+const STEPS: [u64; 3] = [16, 4, 1];
+
+/// Steps of the reference in the shortest.
+const PARTS: u64 = 64;
+
+/// Errors below this are rounding and what iterative solvers leave.
+const SMALLEST: f64 = 1e-9;
+
+/// The share of estimates within a factor of ten.
+const SHARE: f64 = 0.8;
+
+/// Strain plus one below which a spring is all but collapsed.
+const COLLAPSED: f64 = 0.01;
+
+/// Degrees of freedom up to which the reference is affordable.
+const AFFORDABLE: usize = 100;
+
+/// Not where a spring is all but collapsed: its direction changes beyond what any figure of a motion says.
+pub(super) fn applies(subject: &Subject) -> bool {
+    let links = reference::links(&subject.system, &subject.state.positions);
+    let collapsed = links.iter().any(|link| link.length < COLLAPSED * link.rest_length);
+    subject.system.dofs().len() <= AFFORDABLE && !collapsed && convergence::is_soft(subject)
+}
+
+pub(super) fn measure(subject: &Subject) -> Measured {
+    let h = convergence::coarsest(subject);
+    let mut exact = subject.state.clone();
+    let mut stepper = Method::W2.stepper(&subject.system, &exact, &ImplicitOptions::default())?;
+    let schedule = Schedule::steps(h / PARTS as f64, LENGTH * PARTS);
+    let outcome = run(&mut *stepper, &mut exact, &schedule, |_, _| ControlFlow::Continue(()));
+    completed(&outcome)?;
+    let mut deviations = Vec::new();
+    let mut silent = 0.0;
+    for method in Method::ALL {
+        for parts in STEPS {
+            let Some((end, figures)) = monitored(subject, method, h * parts as f64, LENGTH / parts)? else { continue };
+            let error = distance(&end, &exact) / figures.extent;
+            if error > 0.3 && figures.warnings(method, None).is_empty() {
+                silent += 1.0;
+            }
+            if error > SMALLEST {
+                let estimate = figures.estimate(method).unwrap_or(f64::INFINITY);
+                deviations.push((estimate / error).log10().abs());
+            }
+        }
+    }
+    deviations.sort_by(f64::total_cmp);
+    let at = (SHARE * deviations.len() as f64).ceil() as usize;
+    let deviation = at.checked_sub(1).and_then(|at| deviations.get(at)).copied().unwrap_or(0.0);
+    let why = "decimal digits by which the estimate of the error misses it, the best four of five: sums of truncation errors know \
+               nothing of what a motion amplifies and cancels";
+    Ok(vec![
+        Check::new(Claim::Failure, "estimates of errors", &subject.name, deviation, 1.0, why),
+        Check::new(
+            Claim::Failure,
+            "silent runs",
+            &subject.name,
+            silent,
+            0.0,
+            "none that is wrong by 30 % goes without a warning",
+        ),
+    ])
+}
+
+fn completed(outcome: &Outcome) -> Result<(), Unfinished> {
+    outcome.end.map(|_| ()).map_err(|failed| failed.failure.into())
+}
+
+/// The end and the figures of a run with a method; `None` where it did not come to its end, which it says.
+fn monitored(subject: &Subject, method: Method, dt: f64, steps: u64) -> Result<Option<(State, Figures)>, Unfinished> {
+    let Subject { system, state, .. } = subject;
+    let mut state = state.clone();
+    let forces = method == Method::LinearBackwardEuler;
+    let mut monitor = Monitor::new(system, &state, MonitorOptions { forces, ..MonitorOptions::default() })?;
+    let mut stepper = method.stepper(system, &state, &ImplicitOptions::default())?;
+    let go_on = |_, _: &State, _: &Monitor| ControlFlow::Continue(());
+    let outcome = run_monitored(&mut *stepper, &mut state, &Schedule::steps(dt, steps), &mut monitor, go_on);
+    let figures = monitor.figures(&state);
+    Ok((outcome.status() == Status::Completed).then_some((state, figures)))
+}
+
+fn distance(a: &State, b: &State) -> f64 {
+    let apart = |(x, y): (&Vector3<f64>, &Vector3<f64>)| (x - y).norm_squared();
+    a.positions.iter().zip(&b.positions).map(apart).sum::<f64>().sqrt()
+}

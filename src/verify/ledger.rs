@@ -1,0 +1,125 @@
+//! The energy ledger holds what forces and velocities say.
+//!
+//! An accurate motion, of many short steps, is entered into the ledger by every eighth state, as if one step had led from one
+//! to the next. What the ledger then has for the work of moving constraints and for dissipation is held to Simpson's rule on the
+//! powers at all states,
+//!
+//! ```text
+//! Σ b (n·Δv)²      and      −Σ (f_c + m g)·v_c  over the coordinates c that move,
+//! ```
+//!
+//! computed here a second time from the numbers of the scene. Steps have z = ω h ≤ 1/8, the short ones 1/64: the ledger's
+//! formulas leave `(2z)⁴/720 = 5·10⁻⁶`, and the midpoint rule's positions are off the integral of its velocities by `z²/12` of
+//! the short steps, 2·10⁻⁵ of a rate and 4·10⁻⁵ of its square. A wrong coefficient of a correction shows as z²/12 = 10⁻³ of a
+//! power. What neither explains, the imbalance, is the energy error of the midpoint rule, as small again.
+
+use super::measured::Measured;
+use super::{Check, Claim, Subject, Unfinished, convergence, reference};
+use crate::integrate::{ImplicitOptions, Method, Monitor, MonitorOptions};
+use crate::system::{Motion, State, System};
+
+/// Steps of the ledger, and steps of the motion in each; even, for Simpson's rule.
+const STEPS: usize = 12;
+const PARTS: usize = 8;
+
+/// The largest share of the magnitude of a power that its integral may be off.
+const BOUND: f64 = 2e-4;
+
+/// The residual at which Newton's method stops, relative to the forces.
+const NEWTON: f64 = 1e-10;
+
+/// Degrees of freedom up to which the many short steps are affordable.
+const AFFORDABLE: usize = 2000;
+
+pub(super) fn applies(subject: &Subject) -> bool {
+    (1..=AFFORDABLE).contains(&subject.system.dofs().len()) && !subject.system.pairs().is_empty()
+}
+
+pub(super) fn measure(subject: &Subject) -> Measured {
+    let Subject { system, state, name, .. } = subject;
+    let h = step(subject);
+    let states = motion(subject, h / PARTS as f64)?;
+    let mut monitor = Monitor::new(system, state, MonitorOptions::default())?;
+    let mut exchanged = 0.0;
+    for (number, state) in (1..).zip(states.iter().skip(PARTS).step_by(PARTS)) {
+        let before = monitor.energy();
+        monitor.enter(number, state, h, None)?;
+        let now = monitor.energy();
+        exchanged += (now.kinetic - before.kinetic).abs();
+        exchanged += (now.elastic - before.elastic).abs() + (now.gravitational - before.gravitational).abs();
+    }
+    let balance = monitor.balance();
+    let integral = |power: &dyn Fn(&State) -> f64| simpson(states.iter().map(power), h / PARTS as f64);
+    let work = integral(&|state| led(system, state).iter().sum());
+    let moved = integral(&|state| led(system, state).iter().map(|power| power.abs()).sum());
+    let dissipated = integral(&|state| damping_power(system, state));
+    let why = "as a share of the magnitudes of the powers: (2z)⁴/720 of the ledger's formulas with z = 1/8, z²/6 of the motion's \
+               with z = 1/64, and a margin of four";
+    // Where next to nothing moves there is what Newton's method leaves of the forces, as a share of the energies that they hold.
+    let energy = monitor.energy();
+    let left = NEWTON * (energy.kinetic + energy.elastic + energy.gravitational.abs());
+    let share = |error: f64, whole: f64| if error == 0.0 { 0.0 } else { error / (whole + left / BOUND) };
+    let check = |what: &str, value| Check::new(Claim::Conservation, what, name, value, BOUND, why);
+    Ok(vec![
+        check("work of moving constraints", share((balance.work - work).abs(), moved)),
+        check("dissipation of damping", share((balance.dissipated - dissipated).abs(), dissipated)),
+        check("imbalance of an accurate motion", share(balance.imbalance.abs(), exchanged + moved + dissipated)),
+    ])
+}
+
+/// The step of the ledger, in s: short enough for every vibration, and for all steps to end before a path has a kink.
+fn step(subject: &Subject) -> f64 {
+    let corners = |motion: &Motion| match motion {
+        Motion::Path { times, .. } => times.clone(),
+        Motion::Held | Motion::Velocity(_) => Vec::new(),
+    };
+    let start = subject.state.time;
+    let times = subject.system.prescribed().motions().iter().flat_map(corners).filter(|&time| time > start);
+    let kink = times.fold(f64::INFINITY, f64::min) - start;
+    convergence::coarsest(subject).min(0.9 * kink / STEPS as f64)
+}
+
+fn motion(subject: &Subject, dt: f64) -> Result<Vec<State>, Unfinished> {
+    let Subject { system, state, .. } = subject;
+    let mut stepper = Method::ImplicitMidpoint.stepper(system, state, &ImplicitOptions::default())?;
+    let mut states = vec![state.clone()];
+    let mut state = state.clone();
+    for _ in 0..STEPS * PARTS {
+        stepper.step(&mut state, dt)?;
+        states.push(state.clone());
+    }
+    Ok(states)
+}
+
+/// What every moving coordinate's constraint puts in, in W.
+fn led(system: &System, state: &State) -> Vec<f64> {
+    let links = reference::links(system, &state.positions);
+    let elastic = reference::sum(&links, system.particles(), reference::Link::elastic_force);
+    let damping = reference::damping_product(&links, &state.velocities);
+    let prescribed = system.prescribed();
+    let power = |(dof, _, motion): (crate::system::Dof, f64, usize)| {
+        let (p, axis) = (dof.particle, dof.axis);
+        let weight = system.masses()[p] * system.gravity()[axis];
+        -(elastic[p][axis] + damping[p][axis] + weight) * prescribed.motions()[motion].velocity(state.time, axis)
+    };
+    prescribed.iter().map(power).collect()
+}
+
+fn damping_power(system: &System, state: &State) -> f64 {
+    let links = reference::links(system, &state.positions);
+    let rate =
+        |link: &reference::Link| link.direction.dot(&(state.velocities[link.ends[0]] - state.velocities[link.ends[1]]));
+    links.iter().map(|link| link.damping * rate(link) * rate(link)).sum()
+}
+
+/// Simpson's rule on an odd number of equidistant values.
+fn simpson(values: impl ExactSizeIterator<Item = f64>, dt: f64) -> f64 {
+    let last = values.len() - 1;
+    let weight = |at: usize| match at {
+        0 => 1.0,
+        _ if at == last => 1.0,
+        _ if at % 2 == 1 => 4.0,
+        _ => 2.0,
+    };
+    values.enumerate().map(|(at, value)| weight(at) * value).sum::<f64>() * dt / 3.0
+}
