@@ -15,6 +15,7 @@
 //! relative size. A method that damps leaves hardly any position error behind in a step that misses a fast vibration, and all
 //! of it in the velocity: a stiff rod or pendulum can be wrong by hundreds of times the tolerance by the end while every e_x is
 //! small. The price is that a fast vibration which carries speed is resolved even where it displaces little.
+//! Where a method's own estimates are known to fall short in this, e is multiplied by its [caution](AdaptiveStepper::caution).
 //!
 //! *Local errors add up.* With the same r in every step a method of order q whose estimate falls as h^(p + 1) ends with an error
 //! of rtol^(q/(p + 1)), as steps become more the shorter they are. So `r = rtol (2 rtol)^((p + 1)/q − 1)`, and rtol above a half: of
@@ -29,9 +30,9 @@
 //!
 //! **The next step.** Gustafsson's PI controller (1991) proposes `h (0.9/e)^{0.7/(p + 1)} (e_last/e)^{0.4/(p + 1)}`, which is
 //! smoother than `h e^{−1/(p + 1)}`. A method that saves a factorization when h stays keeps it as long as the proposal is within
-//! a dead band. A step that fails (an indefinite matrix, a collapsed spring) is tried again with half of h, and the
-//! steps after it come back to that length slowly: every failure of this kind goes away with short steps, or is the run's end. The first step is Hairer, Nørsett and Wanner's, see
-//! [`Scales::first_step`].
+//! a dead band. A step that fails (an indefinite matrix, a collapsed spring) is tried again with half of h, and the steps after
+//! it come back to that length slowly: every failure of this kind goes away with short steps, or is the run's end. The first step
+//! is Hairer, Nørsett and Wanner's, see [`Scales::first_step`].
 //!
 //! Steps land exactly on the end of the run and on every kink of a prescribed path, where motions are not smooth and methods
 //! with a memory start anew.
