@@ -177,11 +177,13 @@ fn a_run_that_ends_indefinite_explains_itself_and_can_be_repeated() {
     sandbox.put("short.toml", SPRING);
     let answer = sandbox.sprung(&["run", "short.toml", "--stiffness", "full", "--out", "out"]);
     assert_eq!(answer.status, Some(1));
-    let lines: Vec<&str> = answer.stderr.lines().filter(|line| line.starts_with("error: ")).collect();
-    assert_eq!(lines.len(), 4, "{}", answer.stderr);
+    let said = |line: &&str| line.starts_with("error: ") || line.starts_with("help: ");
+    let lines: Vec<&str> = answer.stderr.lines().filter(said).collect();
+    assert_eq!(lines.len(), 5, "{}", answer.stderr);
     assert!(lines[1].contains("spring 0 (0–1, 50 % compressed"), "{}", lines[1]);
     assert!(lines[2].contains("up to dt = 0.0750 s (it was 0.100 s)"), "{}", lines[2]);
-    assert!(lines[3].contains("--stiffness on-demand carries on"), "{}", lines[3]);
+    assert!(lines[3].starts_with("help: --stiffness on-demand carries on"), "{}", lines[3]);
+    assert!(lines[4].starts_with("help: this repeats the step"), "{}", lines[4]);
     assert_eq!(sandbox.names("out/failure"), ["A.mtx", "b.mtx", "culprits.json", "dofs.csv", "scene.toml"]);
     assert_eq!(sandbox.json("out/failure/culprits.json")["culprits"][0]["spring"], 0);
 

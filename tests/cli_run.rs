@@ -42,12 +42,12 @@ fn writes_the_motion_that_the_library_computes() {
     run(stepper.as_mut(), &mut state, &Schedule::duration(0.01, 0.1), |_, _| ControlFlow::Continue(()));
     let rows = |rows: &[nalgebra::Vector3<f64>]| rows.iter().map(|row| json!([row.x, row.y])).collect::<Vec<_>>();
 
-    assert_eq!(sandbox.names("out/falling triangle"), ["energy.csv", "final.json", "summary.json"]);
+    assert_eq!(sandbox.names("out/falling-triangle"), ["energy.csv", "final.json", "summary.json"]);
     let expected = json!({
         "scene": "falling triangle", "time": 0.1, "steps": 10,
         "positions": rows(&state.positions), "velocities": rows(&state.velocities),
     });
-    assert_eq!(sandbox.json("out/falling triangle/final.json"), expected);
+    assert_eq!(sandbox.json("out/falling-triangle/final.json"), expected);
 }
 
 #[test]

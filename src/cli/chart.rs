@@ -149,7 +149,7 @@ fn write(folder: &Path, report: &Report<'_>, chart: &WorkPrecision, map: &Stabil
 fn progress_bar(console: &Console, budget: Duration) -> ProgressBar {
     let target = if console.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(budget.as_secs().max(1)), target);
-    match ProgressStyle::with_template("{wide_bar} {pos} of {len} s, {msg}") {
+    match ProgressStyle::with_template("{wide_bar} {pos} of {len} s, at most {eta} left, {msg}") {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
     }

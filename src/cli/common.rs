@@ -5,12 +5,13 @@ use super::console::Console;
 use sprung::output::AtomicFile;
 use sprung::scene::{Scene, TimeSettings};
 use sprung::{Error, Result, State, System};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 /// The scene that a command works on.
 #[derive(Debug, clap::Args)]
 pub struct SceneFile {
-    /// The scene: a TOML or JSON file
+    /// The scene: a TOML or JSON file, or - for standard input
     #[arg(value_name = "SCENE")]
     path: PathBuf,
 }
@@ -35,10 +36,36 @@ impl SceneFile {
     }
 
     pub fn load(&self) -> Result<LoadedScene> {
-        let scene = Scene::load(&self.path)?;
-        let (system, state, triangles) = scene.build_with_triangles()?;
-        Ok(LoadedScene { file: self.path.clone(), name: scene.name, time: scene.time, system, state, triangles })
+        let (scene, file) = read_scene(&self.path)?;
+        let built = scene.build_with_triangles();
+        let (system, state, triangles) = built.map_err(|error| error.in_file(&file))?;
+        Ok(LoadedScene { file, name: scene.name, time: scene.time, system, state, triangles })
     }
+}
+
+/// Reads a scene and says where from: a file, or standard input for `-`, as JSON where that begins with a brace.
+///
+/// # Errors
+/// As for [`Scene::load`].
+pub fn read_scene(path: &Path) -> Result<(Scene, PathBuf)> {
+    if path != "-" {
+        return Ok((Scene::load(path)?, path.into()));
+    }
+    let mut text = String::new();
+    let source = PathBuf::from("standard input");
+    io::stdin().read_to_string(&mut text).map_err(|error| Error::io(&source, error))?;
+    let is_json = text.trim_start_matches('\u{feff}').trim_start().starts_with('{');
+    let scene = if is_json { Scene::from_json(&text) } else { Scene::from_toml(&text) };
+    let scene = scene.map_err(|error| match error.in_file(&source) {
+        Error::Format { message, .. } => Error::Format { file: source.clone(), message },
+        other => other,
+    })?;
+    Ok((scene, source))
+}
+
+/// The folder of a name below `out`: spaces, which shells part words at, become hyphens.
+pub fn folder_of(name: &str) -> PathBuf {
+    PathBuf::from("out").join(name.split_whitespace().collect::<Vec<_>>().join("-"))
 }
 
 impl LoadedScene {
@@ -60,9 +87,9 @@ impl LoadedScene {
         })
     }
 
-    /// The folder for results: the one asked for, or `out/<scene name>`.
+    /// The folder for results: the one asked for, or `out/<scene name>`, with hyphens for spaces.
     pub fn folder(&self, asked: &Option<PathBuf>) -> PathBuf {
-        asked.clone().unwrap_or_else(|| PathBuf::from("out").join(&self.name))
+        asked.clone().unwrap_or_else(|| folder_of(&self.name))
     }
 }
 

@@ -1,6 +1,8 @@
 //! What goes to stdout and stderr. Results go to stdout, everything else to stderr.
 
 use super::Stop;
+use anstyle::{AnsiColor, Effects};
+use clap::{ColorChoice, ValueEnum};
 use serde::Serialize;
 use sprung::Error;
 use std::fmt::Display;
@@ -10,12 +12,16 @@ use std::io::{self, Write};
 #[derive(Debug, clap::Args)]
 pub struct Console {
     /// Say nothing but errors
-    #[arg(long, global = true, display_order = 100)]
+    #[arg(short, long, global = true, display_order = 100)]
     pub quiet: bool,
 
     /// Print the result as one JSON object on stdout, and nothing else there
     #[arg(long, global = true, display_order = 101)]
     pub json: bool,
+
+    /// When to colour what goes to the terminal; auto also follows NO_COLOR
+    #[arg(long, global = true, value_name = "WHEN", default_value = "auto", display_order = 102)]
+    pub color: ColorChoice,
 }
 
 impl Console {
@@ -34,14 +40,36 @@ impl Console {
     /// Says something that the user should know; not when quiet.
     pub fn note(&self, line: impl Display) {
         if !self.quiet {
-            complain(format_args!("note: {line}"));
+            complain("note", AnsiColor::Cyan, line);
         }
     }
 }
 
+/// The colours that arguments ask for, before they are understood: what is wrong with them is said in colour too.
+pub fn asked_colour(arguments: impl Iterator<Item = String>) -> ColorChoice {
+    let arguments: Vec<String> = arguments.collect();
+    let value = |(k, argument): (usize, &String)| match argument.strip_prefix("--color") {
+        Some("") => arguments.get(k + 1).cloned(),
+        Some(rest) => rest.strip_prefix('=').map(str::to_owned),
+        None => None,
+    };
+    let asked = arguments.iter().enumerate().find_map(value);
+    asked.and_then(|value| ColorChoice::from_str(&value, true).ok()).unwrap_or(ColorChoice::Auto)
+}
+
+/// Colours what is said from here on, or not.
+pub fn colour(choice: ColorChoice) {
+    let choice = match choice {
+        ColorChoice::Auto => anstream::ColorChoice::Auto,
+        ColorChoice::Always => anstream::ColorChoice::Always,
+        ColorChoice::Never => anstream::ColorChoice::Never,
+    };
+    choice.write_global();
+}
+
 /// Says what makes a result doubtful, quiet or not.
 pub fn warning(line: impl Display) {
-    complain(format_args!("warning: {line}"));
+    complain("warning", AnsiColor::Yellow, line);
 }
 
 /// Prints text and a line break on stdout. A reader that has left (`sprung new cloth | head`) is not an error.
@@ -57,12 +85,18 @@ pub fn print(text: &str) -> Result<(), Stop> {
 
 /// Says what went wrong.
 pub fn error(message: impl Display) {
-    complain(format_args!("error: {message}"));
+    complain("error", AnsiColor::Red, message);
+}
+
+/// Says what can be done about it.
+pub fn help(line: impl Display) {
+    complain("help", AnsiColor::Green, line);
 }
 
 /// Prints a line on stderr, whether or not anyone reads it.
-fn complain(line: impl Display) {
-    let _ = writeln!(io::stderr(), "{line}");
+fn complain(label: &str, colour: AnsiColor, line: impl Display) {
+    let style = colour.on_default().effects(Effects::BOLD);
+    let _ = writeln!(anstream::stderr(), "{style}{label}:{style:#} {line}");
 }
 
 fn broken_stdout(source: io::Error) -> Stop {

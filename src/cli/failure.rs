@@ -1,6 +1,6 @@
 //! What a run that ended with an indefinite matrix says about itself.
 
-use super::console::{Console, error};
+use super::console::{Console, error, help};
 use super::method::parallelism;
 use sprung::inspect::Inspection;
 use sprung::output::FailedStep;
@@ -36,13 +36,15 @@ impl Failed<'_> {
             return Ok(());
         }
         let inspection = Inspection::at(system, state, matrix_dt, option, parallelism(system))?;
-        for line in explain(&inspection, step) {
-            error(line);
-        }
+        let [blame, limit, remedy] = explain(&inspection, step);
+        error(blame);
+        error(limit);
+        help(remedy);
         FailedStep { scene, system, state, steps, dt: step, inspection: &inspection }.write(folder)?;
         let file = folder.join("scene.toml");
         let command = format!("sprung run '{}' {repeat}", file.display());
-        console.note(format_args!("{} has A, b and the culprits; this repeats the step: {command}", folder.display()));
+        console.note(format_args!("{} has A, b and the culprits", folder.display()));
+        help(format_args!("this repeats the step: {command}"));
         Ok(())
     }
 }

@@ -3,6 +3,7 @@
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
 use super::method::parallelism;
+use super::recorder::progress_bar;
 use super::values::{choice, count, positive};
 use super::{Outcome, Stop};
 use sprung::inspect::{FirstLosses, Follower, Inspection, Pictures};
@@ -77,7 +78,7 @@ impl Inspect {
         let folder = scene.folder(&self.out);
         let file = scene.file.clone();
         let in_file = |error: sprung::Error| error.in_file(&file);
-        let arrival = self.arrive(&mut scene, dt).map_err(in_file)?;
+        let arrival = self.arrive(console, &mut scene, dt).map_err(in_file)?;
         let LoadedScene { name, system, state, .. } = &scene;
         let par = parallelism(system);
         let inspection = Inspection::at(system, state, dt, self.stiffness, par).map_err(in_file)?;
@@ -104,7 +105,7 @@ impl Inspect {
     }
 
     /// Follows as many steps as asked for, looking at the state before each and after the last.
-    fn arrive(&self, scene: &mut LoadedScene, dt: f64) -> Result<Arrival> {
+    fn arrive(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<Arrival> {
         let mut arrival = Arrival { steps: 0, losses: None, failure: None };
         if self.steps == 0 {
             return Ok(arrival);
@@ -116,10 +117,13 @@ impl Inspect {
         let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
         let mut stepper = Method::LinearBackwardEuler.stepper(system, state, &options)?;
         let mut collapsed = None;
+        let bar = progress_bar(console, self.steps).with_message("looking at each");
         let outcome = run(stepper.as_mut(), state, &Schedule::steps(dt, self.steps), |step, state: &State| {
+            bar.set_position(step);
             collapsed = follower.look(step, state).err();
             if collapsed.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
+        bar.finish_and_clear();
         if let Some(spring) = collapsed {
             return Err(spring.into());
         }

@@ -2,21 +2,24 @@
 
 mod chart;
 mod common;
+mod completions;
 mod console;
 mod doubts;
 mod failure;
 mod inspect;
 mod interrupt;
+mod man;
 mod matrix;
 mod method;
 mod new;
 mod recorder;
 mod run;
+mod time;
 mod values;
 mod verify;
 mod view;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use console::Console;
 use sprung::Error;
 use std::process::ExitCode;
@@ -45,6 +48,8 @@ enum Command {
     Verify(verify::Verify),
     View(view::View),
     New(new::New),
+    Completions(completions::Completions),
+    Man(man::Man),
 }
 
 /// How a command ended that could start.
@@ -73,9 +78,18 @@ impl From<Error> for Stop {
     }
 }
 
+/// The arguments, or the end of the program with what is wrong with them, in colour or not as they ask for it.
+fn arguments() -> Arguments {
+    let asked = console::asked_colour(std::env::args());
+    console::colour(asked);
+    let matches = Arguments::command().color(asked).get_matches();
+    Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+}
+
 /// Runs the command that the arguments ask for; returns the exit status.
 pub fn main() -> ExitCode {
-    let Arguments { console, command } = Arguments::parse();
+    let Arguments { console, command } = arguments();
+    console::colour(console.color);
     let outcome = match command {
         Command::Run(run) => run.execute(&console),
         Command::Matrix(matrix) => matrix.execute(&console),
@@ -84,6 +98,8 @@ pub fn main() -> ExitCode {
         Command::Verify(verify) => verify.execute(&console),
         Command::View(view) => view.execute(&console),
         Command::New(new) => new.execute(&console),
+        Command::Completions(completions) => completions.execute(),
+        Command::Man(man) => man.execute(),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

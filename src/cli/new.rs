@@ -1,6 +1,7 @@
 //! `sprung new`: print a ready scene.
 
 use super::console::{Console, print};
+use super::values::size;
 use super::{Outcome, Stop};
 use sprung::scene::{Kind, builtin};
 
@@ -15,7 +16,7 @@ pub struct New {
     kind: Kind,
 
     /// How large: the number of particles or links along the scene [default: one that shows what the kind is about]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = size)]
     size: Option<usize>,
 }
 

@@ -69,7 +69,7 @@ impl Recorder {
 }
 
 /// A bar on stderr; indicatif shows it only on a terminal.
-fn progress_bar(console: &Console, steps: u64) -> ProgressBar {
+pub fn progress_bar(console: &Console, steps: u64) -> ProgressBar {
     let target = if console.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(steps), target);
     match ProgressStyle::with_template("{wide_bar} step {pos} of {len}, {msg}, {eta} left") {

@@ -1,11 +1,12 @@
 //! `sprung run`: simulate a scene.
 
 use super::common::{DEFAULT_STEP, LoadedScene, SceneFile, Threads, check_writable};
-use super::console::{Console, error, warning};
+use super::console::{Console, error, help, warning};
 use super::doubts::{advice, doubts};
 use super::failure::Failed;
 use super::method::{MethodArguments, Plan};
 use super::recorder::Recorder;
+use super::time::in_words;
 use super::values::{count, positive, positive_count};
 use super::view::{self, PAGE};
 use super::{Outcome, Stop, interrupt};
@@ -286,7 +287,7 @@ impl Run {
         if summary.status == Status::Unstable {
             let kept = format_args!("step {}, t = {} s", summary.steps, summary.time);
             let advice = advice(&plan);
-            error(format_args!("the state kept is from before that ({kept}): {advice}; --allow-unstable goes on"));
+            help(format_args!("the state kept is from before that ({kept}): {advice}; --allow-unstable goes on"));
         }
         if summary.status == Status::Indefinite {
             let step = schedule.step(summary.steps).unwrap_or(schedule.dt());
@@ -305,7 +306,8 @@ fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
     let Summary { particles, springs, dofs, .. } = summary;
     let work = &statistics.work;
     let status = summary.status.name();
-    let mut lines = vec![format!("{scene}: {status} after {steps} steps, at t = {time} s, in {wall_seconds:.3} s")];
+    let mut lines =
+        vec![format!("{scene}: {status} after {steps} steps, at t = {time} s, in {}", in_words(*wall_seconds))];
     lines.push(format!("  system    {particles} particles, {springs} springs, {dofs} degrees of freedom"));
     if *solver == "none" {
         lines.push(format!("  method    {method}, {} force evaluations", work.force_evaluations));

@@ -18,6 +18,11 @@ pub fn count(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| "must be a whole number, not negative".to_owned())
 }
 
+/// A number of things; which numbers there can be is known where they are made.
+pub fn size(text: &str) -> Result<usize, String> {
+    text.parse().map_err(|_| "must be a whole number above zero".to_owned())
+}
+
 /// A whole number above zero.
 pub fn positive_count(text: &str) -> Result<NonZeroU64, String> {
     text.parse().map_err(|_| "must be a whole number above zero".to_owned())

@@ -1,13 +1,12 @@
 //! `sprung verify`: the verification suite on scenes.
 
-use super::common::{Threads, check_writable};
+use super::common::{Threads, check_writable, folder_of, read_scene};
 use super::console::Console;
 use super::{Outcome, Stop};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 use sprung::Error;
 use sprung::report;
-use sprung::scene::Scene;
 use sprung::verify::{FAMILIES, Results, Subject, built_in};
 use std::path::PathBuf;
 
@@ -51,7 +50,10 @@ impl Verify {
         if self.scenes.is_empty() {
             return built_in();
         }
-        let subject = |file: &PathBuf| Subject::of_scene(&Scene::load(file)?).map_err(|error| error.in_file(file));
+        let subject = |file: &PathBuf| {
+            let (scene, source) = read_scene(file)?;
+            Subject::of_scene(&scene).map_err(|error| error.in_file(&source))
+        };
         self.scenes.iter().map(subject).collect()
     }
 
@@ -60,7 +62,7 @@ impl Verify {
             [subject] => &subject.name,
             _ => "verification",
         };
-        self.out.clone().unwrap_or_else(|| PathBuf::from("out").join(name))
+        self.out.clone().unwrap_or_else(|| folder_of(name))
     }
 }
 
@@ -71,7 +73,7 @@ fn measure(subjects: &[Subject], console: &Console) -> Results {
         .collect();
     let target = if console.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(tasks.len() as u64), target);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len}, about {eta} left, {msg}") {
         bar.set_style(style);
     }
     let results = tasks

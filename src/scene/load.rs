@@ -86,11 +86,29 @@ fn with_key<'de, D: serde::Deserializer<'de>>(
 ) -> Result<Scene, String> {
     let mut track = serde_path_to_error::Track::new();
     table(serde_path_to_error::Deserializer::new(deserializer, &mut track)).map_err(|error| {
-        let message = describe(&error);
+        let message = with_suggestion(describe(&error));
         let key = track.path();
         if key.iter().len() == 0 { message } else { format!("{key}: {message}") }
     })
 }
+
+/// Names the known key or value that is most like an unknown one, if any is like it. serde lists the known ones between backticks.
+fn with_suggestion(message: String) -> String {
+    if !message.starts_with("unknown ") {
+        return message;
+    }
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let Some(unknown) = quoted.next() else { return message };
+    let alike = quoted.map(|known| (strsim::jaro_winkler(unknown, known), known));
+    let nearest = alike.filter(|(likeness, _)| *likeness > ALIKE).max_by(|(a, _), (b, _)| a.total_cmp(b));
+    match nearest {
+        Some((_, known)) => format!("{message}; did you mean {known}?"),
+        None => message,
+    }
+}
+
+/// Jaro–Winkler likeness from which a word may have been meant: a letter too few, too many, wrong or in the wrong place in words of five.
+const ALIKE: f64 = 0.8;
 
 fn without_byte_order_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
