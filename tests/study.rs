@@ -5,14 +5,18 @@
 mod study;
 
 use nalgebra::Vector3;
+use rayon::prelude::*;
 use sprung::accuracy::relative_position_error;
 use sprung::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
 use sprung::{Spring, SystemBuilder};
 use std::collections::BTreeMap;
 use study::force::Model;
 use study::random::{direction, scene};
+use study::record::{Record, Wanted, of_seed};
 use study::reference::Reference;
-use study::store::fingerprint;
+use study::runs::Ask;
+use study::store::{Store, fingerprint};
+use study::tables::{Case, WRONG, cases};
 
 /// The same scenes for the same seeds, on every machine: a study would otherwise be compared with another one.
 #[test]
@@ -173,4 +177,29 @@ fn references_are_true() {
     assert!(error <= 3e-13 && reference.error < 1e-9, "{error:e}, {:e}", reference.error);
     // A linear system amplifies by its propagator: less than one where it is damped.
     assert!(reference.amplification < 1.0, "{}", reference.amplification);
+}
+
+/// What the study promises of a thousand scenes, on some of them: the page `verification/study.md` has the whole.
+#[test]
+fn a_sample_keeps_the_promises() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("study");
+    let store = Store::open(&folder).expect("a folder for references");
+    let wanted = Wanted { fixed: true, adaptive: true, accuracy: false };
+    let seeds: Vec<u64> = (0..1000).step_by(41).collect();
+    let records: Vec<Record> =
+        seeds.par_iter().map(|&seed| of_seed(seed, &store, wanted).expect("a valid scene")).collect();
+    let all = cases(&records);
+    let fixed: Vec<&Case> = all.iter().filter(|case| matches!(case.run.ask, Ask::Dt(_))).collect();
+    let describe = |case: &&&Case| format!("{} {} {:?}", case.record.scene, case.run.method, case.run.ask);
+    let silent: Vec<String> = fixed.iter().filter(|case| case.is_silent()).map(|case| describe(&case)).collect();
+    assert!(silent.is_empty(), "wrong by more than {WRONG} without a word: {silent:?}");
+    let share = |part: &dyn Fn(&Case) -> bool, of: &dyn Fn(&Case) -> bool| {
+        let of: Vec<_> = fixed.iter().filter(|case| of(case)).collect();
+        of.iter().filter(|case| part(case)).count() as f64 / of.len() as f64
+    };
+    let alarms = share(&|case| case.is_false_alarm(), &|case| case.is_right());
+    assert!(alarms <= 0.05, "{alarms}");
+    let near = share(&|case| case.ratio().is_some_and(|r| (0.1..=10.0).contains(&r)), &|case| case.ratio().is_some());
+    assert!(near >= 0.8, "{near}");
+    assert!(fixed.len() > 500, "{}", fixed.len());
 }

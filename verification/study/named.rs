@@ -19,13 +19,13 @@ pub fn scenes() -> sprung::Result<Vec<Scene>> {
     files.sort();
     let mut scenes: Vec<Scene> = files.iter().map(Scene::load).collect::<Result<_, _>>()?;
     let ready = [
-        (Kind::Lattice, &[2, 3, 4, 5, 6][..]),
-        (Kind::Cloth, &[4, 6, 8, 10]),
-        (Kind::Chain, &[3, 10, 20]),
+        (Kind::Lattice, &[2, 3, 4, 5][..]),
+        (Kind::Cloth, &[4, 6, 10]),
+        (Kind::Chain, &[3, 10]),
         (Kind::Column, &[5, 9]),
         (Kind::Pendulum, &[1, 2]),
         (Kind::String, &[7, 31]),
-        (Kind::Network, &[20, 60]),
+        (Kind::Network, &[20]),
     ];
     for (kind, sizes) in ready {
         for &size in sizes {

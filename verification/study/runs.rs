@@ -1,12 +1,15 @@
 //! The runs under study, done as the command does them, through the library's public interface.
 
-use serde::{Deserialize, Serialize};
-use sprung::accuracy::{Configuration, Pace, relative_position_error, trial};
-use sprung::integrate::{ImplicitOptions, Method, Status, StiffnessPolicy};
-use sprung::{State, Stiffness, System};
-use std::cell::Cell;
-
 use super::reference::Reference;
+use serde::{Deserialize, Serialize};
+use sprung::accuracy::relative_position_error;
+use sprung::integrate::{
+    Adaptivity, Figures, ImplicitOptions, Method, Monitor, MonitorOptions, Sampling, Schedule, Status, StiffnessPolicy,
+    run_adaptive_monitored, run_monitored,
+};
+use sprung::{Error, State, Stiffness, System};
+use std::ops::ControlFlow;
+use std::time::Instant;
 
 /// What is asked of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -37,6 +40,9 @@ pub struct Run {
     pub estimate: Option<f64>,
     /// What it warned of.
     pub warnings: Vec<String>,
+    /// The figures that these were made from.
+    #[serde(skip_deserializing)]
+    pub figures: Option<Figures>,
     /// Steps done.
     pub steps: u64,
     /// Evaluations of the forces.
@@ -60,7 +66,7 @@ impl Run {
 }
 
 /// Steps of one run at most: beyond that it is too dear for a study. In particle-steps, so that small scenes may have more.
-const MOST_PARTICLE_STEPS: u64 = 4_000_000;
+const MOST_PARTICLE_STEPS: u64 = 1_000_000;
 
 /// A scene that runs start from.
 pub struct Subject<'s> {
@@ -92,41 +98,67 @@ impl Subject<'_> {
     /// A run with steps of dt seconds.
     ///
     /// # Errors
-    /// As for [`trial`].
-    pub fn fixed(&self, (method, stiffness): Way, dt: f64) -> sprung::Result<Run> {
-        self.run((method, stiffness), Pace::Step(dt), Ask::Dt(dt))
+    /// Coincident ends of a spring at the start; a matrix that is too large.
+    pub fn fixed(&self, way: Way, dt: f64) -> sprung::Result<Run> {
+        self.run(way, Ask::Dt(dt))
     }
 
     /// A run with adaptive steps.
     ///
     /// # Errors
-    /// As for [`trial`].
-    pub fn adaptive(&self, (method, stiffness): Way, rtol: f64) -> sprung::Result<Run> {
-        let pace = Pace::Adaptive { rtol, first_step: self.duration / 100.0 };
-        self.run((method, stiffness), pace, Ask::Rtol(rtol))
+    /// Coincident ends of a spring at the start; a matrix that is too large.
+    pub fn adaptive(&self, way: Way, rtol: f64) -> sprung::Result<Run> {
+        self.run(way, Ask::Rtol(rtol))
     }
 
-    fn run(&self, (method, stiffness): Way, pace: Pace, ask: Ask) -> sprung::Result<Run> {
-        let configuration = Configuration { method, options: ImplicitOptions { stiffness, ..Default::default() } };
-        let left = Cell::new(MOST_PARTICLE_STEPS / self.system.particles().max(1) as u64);
-        let go_on = || {
-            left.set(left.get().saturating_sub(1));
-            left.get() > 0
+    fn run(&self, (method, stiffness): Way, ask: Ask) -> sprung::Result<Run> {
+        let options = ImplicitOptions { stiffness, ..Default::default() };
+        let forces = method == Method::LinearBackwardEuler;
+        let mut monitor = Monitor::new(self.system, self.start, MonitorOptions { forces, ..Default::default() })?;
+        let mut state = self.start.clone();
+        let clock = Instant::now();
+        let mut left = MOST_PARTICLE_STEPS / self.system.particles().max(1) as u64;
+        let observe = |_: u64, _: &State, _: &Monitor| {
+            left = left.saturating_sub(1);
+            if left > 0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
-        let done = trial(self.system, self.start, &configuration, pace, self.duration, &go_on)?;
-        let status = if done.status == Status::Interrupted { "too-long" } else { done.status.name() };
+        let (outcome, statistics, rtol) = match ask {
+            Ask::Rtol(rtol) => {
+                let mut stepper = method
+                    .adaptive_stepper(self.system, self.start, &options)?
+                    .ok_or_else(|| Error::Usage(format!("{} has no error estimate", method.name())))?;
+                // As the command does where no step is given.
+                let first_step = (1.0 / 60.0f64).min(self.duration / 100.0);
+                let how = Adaptivity { duration: self.duration, rtol, first_step, sampling: Sampling::Steps };
+                let outcome =
+                    run_adaptive_monitored(&mut *stepper, self.system, &mut state, &how, &mut monitor, observe);
+                (outcome, *stepper.statistics(), Some(rtol))
+            }
+            Ask::Dt(dt) | Ask::Accuracy(dt) => {
+                let mut stepper = method.stepper(self.system, self.start, &options)?;
+                let schedule = Schedule::duration(dt, self.duration);
+                let outcome = run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, observe);
+                (outcome, *stepper.statistics(), None)
+            }
+        };
+        let status = match outcome.status() {
+            Status::Interrupted => "too-long",
+            other => other.name(),
+        };
+        let figures = monitor.figures(&state);
         Ok(Run {
             method: method.name().into(),
-            stiffness: configuration.stiffness().into(),
+            stiffness: if method.is_implicit() { stiffness.name().into() } else { "none".into() },
             ask,
             status: status.into(),
-            error: self.error(&done.state),
-            estimate: None,
-            warnings: Vec::new(),
-            steps: done.steps,
-            evaluations: done.statistics.work.force_evaluations,
-            factorizations: done.statistics.work.factorizations,
-            seconds: done.wall.as_secs_f64(),
+            error: self.error(&state),
+            estimate: figures.estimate(method),
+            warnings: figures.warnings(method, rtol).iter().map(ToString::to_string).collect(),
+            figures: Some(figures),
+            steps: outcome.steps,
+            evaluations: statistics.work.force_evaluations,
+            factorizations: statistics.work.factorizations,
+            seconds: clock.elapsed().as_secs_f64(),
         })
     }
 
