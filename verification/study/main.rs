@@ -14,6 +14,7 @@ mod study;
 
 use clap::Parser;
 use rayon::prelude::*;
+use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -49,6 +50,10 @@ struct Arguments {
     #[arg(long)]
     threads: Option<usize>,
 
+    /// Goes on with the last study instead of beginning anew
+    #[arg(long)]
+    resume: bool,
+
     /// Makes the page anew from the records of the last study
     #[arg(long)]
     page: bool,
@@ -72,15 +77,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let file = arguments.folder.join("records.jsonl");
     let records = if arguments.page {
-        let text = std::fs::read_to_string(&file)?;
-        text.lines().map(serde_json::from_str).collect::<Result<_, _>>()?
+        read_records(&file)?
     } else {
         if let Some(threads) = arguments.threads {
             rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
         }
-        let records = measure(&arguments, &store, wanted, has("named"))?;
-        write_records(&file, &records)?;
-        records
+        measure(&arguments, &store, wanted, has("named"), &file)?
     };
     let page = tables::page(&records);
     print!("{page}");
@@ -91,32 +93,44 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn measure(arguments: &Arguments, store: &Store, wanted: Wanted, named: bool) -> sprung::Result<Vec<Record>> {
-    let seeds: Vec<u64> = (arguments.first..arguments.first + arguments.count).collect();
-    let scenes = if named { named::scenes()? } else { Vec::new() };
+/// Studies what is asked for. Every scene is written to `file` when it is done; with `--resume` those that are there are kept.
+fn measure(
+    arguments: &Arguments,
+    store: &Store,
+    wanted: Wanted,
+    named: bool,
+    file: &Path,
+) -> Result<Vec<Record>, Box<dyn std::error::Error>> {
+    let mut records = if arguments.resume { read_records(file)? } else { Vec::new() };
+    let is_new = |name: &str| !records.iter().any(|record| record.scene == name);
+    let seeds = arguments.first..arguments.first + arguments.count;
+    let seeds: Vec<u64> = seeds.filter(|&seed| is_new(&random::name(seed))).collect();
+    let mut scenes = if named { named::scenes()? } else { Vec::new() };
+    scenes.retain(|scene| is_new(&scene.name));
     let (done, all) = (AtomicUsize::new(0), seeds.len() + scenes.len());
-    let console = Mutex::new(std::io::stderr());
+    let log = Mutex::new(OpenOptions::new().create(true).append(true).truncate(false).open(file)?);
+    if !arguments.resume {
+        OpenOptions::new().write(true).truncate(true).open(file)?;
+    }
     let report = |record: &Record| {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-        if let Ok(mut console) = console.lock()
-            && (done % 20 == 0 || done == all)
-        {
-            let _ = writeln!(console, "{done} of {all}: {}", record.scene);
+        if let (Ok(mut log), Ok(line)) = (log.lock(), serde_json::to_string(record)) {
+            let _ = writeln!(log, "{line}");
+            if done.is_multiple_of(20) || done == all {
+                eprintln!("{done} of {all}: {}", record.scene);
+            }
         }
     };
     // Scenes differ a thousandfold in cost: each is a task of its own.
     let random = seeds.par_iter().with_max_len(1).map(|&seed| of_seed(seed, store, wanted).inspect(report));
-    let mut records = random.collect::<sprung::Result<Vec<_>>>()?;
+    records.extend(random.collect::<sprung::Result<Vec<_>>>()?);
     let with_names = scenes.par_iter().with_max_len(1).map(|scene| of_scene(scene, store, wanted).inspect(report));
     records.extend(with_names.collect::<sprung::Result<Vec<_>>>()?);
+    records.sort_by_key(|record| record.seed.unwrap_or(u64::MAX));
     Ok(records)
 }
 
-fn write_records(file: &Path, records: &[Record]) -> Result<(), Box<dyn std::error::Error>> {
-    let mut text = String::new();
-    for record in records {
-        text.push_str(&serde_json::to_string(record)?);
-        text.push('\n');
-    }
-    Ok(std::fs::write(file, text)?)
+fn read_records(file: &Path) -> Result<Vec<Record>, Box<dyn std::error::Error>> {
+    let text = std::fs::read_to_string(file)?;
+    Ok(text.lines().map(serde_json::from_str).collect::<Result<_, _>>()?)
 }

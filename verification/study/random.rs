@@ -41,11 +41,20 @@ pub struct Traits {
 /// One of so many scenes is large.
 const LARGE: u64 = 25;
 
+fn shape(seed: u64) -> Shape {
+    Shape::ALL[(seed % Shape::ALL.len() as u64) as usize]
+}
+
+/// The name of the scene of a seed.
+pub fn name(seed: u64) -> String {
+    format!("{}-{seed}", shape(seed).name())
+}
+
 /// The scene of a seed.
 pub fn scene(seed: u64) -> Drawn {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let random = &mut random;
-    let shape = Shape::ALL[(seed % Shape::ALL.len() as u64) as usize];
+    let shape = shape(seed);
     let large = shape != Shape::Rod && (seed / Shape::ALL.len() as u64) % LARGE == LARGE - 1;
     let layout = layout(shape, large, random);
     let duration = log_uniform(0.1, 3.0, random);
@@ -76,7 +85,7 @@ pub fn scene(seed: u64) -> Drawn {
         strain: strains.iter().fold(0.0, |most, strain| strain.abs().max(most)),
     };
     let scene = Scene {
-        name: format!("{}-{seed}", shape.name()),
+        name: name(seed),
         gravity: gravity.map(row),
         particles: Particles {
             positions: layout.points.iter().map(|x| row(x.map(|c| spacing * c))).collect(),

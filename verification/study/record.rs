@@ -23,7 +23,7 @@ pub struct Record {
     /// Length of the run, in s.
     pub duration: f64,
     /// Vibrations times 2π in the run, at most.
-    pub pace: f64,
+    pub pace: Option<f64>,
     /// Whether it is damped.
     pub damped: bool,
     /// Whether a prescribed particle moves.
@@ -73,7 +73,7 @@ pub fn of_seed(seed: u64, store: &Store, wanted: Wanted) -> sprung::Result<Recor
     let drawn = random::scene(seed);
     let Traits { pace, damped, moved, .. } = drawn.traits;
     let record = of_scene(&drawn.scene, store, wanted)?;
-    Ok(Record { seed: Some(seed), shape: drawn.shape.name().into(), pace, damped, moved, ..record })
+    Ok(Record { seed: Some(seed), shape: drawn.shape.name().into(), pace: Some(pace), damped, moved, ..record })
 }
 
 /// Studies any scene with a duration.
@@ -91,7 +91,7 @@ pub fn of_scene(scene: &Scene, store: &Store, wanted: Wanted) -> sprung::Result<
         dimension: system.dimension(),
         particles: system.particles(),
         duration,
-        pace: f64::NAN,
+        pace: None,
         damped: system.is_damped(),
         moved: system.prescribed().moves(),
         reference_error: reference.as_ref().map(|reference| reference.error),

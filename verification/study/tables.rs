@@ -109,7 +109,7 @@ fn scenes(records: &[Record]) -> String {
             "| {shape} | {} | {} | {} | {} | {} | {} | {} | {} | {} |",
             records.len(),
             range(records.iter().map(|r| r.particles as f64).collect()),
-            range(records.iter().map(|r| r.pace).filter(|pace| pace.is_finite()).collect()),
+            range(records.iter().filter_map(|r| r.pace).collect()),
             count(&|r| r.damped),
             count(&|r| r.moved),
             count(&is_ordinary),
@@ -302,7 +302,7 @@ fn row(case: &Case) -> String {
         run.error.map_or("–".into(), number),
         run.estimate.map_or("–".into(), number),
         record.amplification.map_or("–".into(), number),
-        number(record.pace),
+        record.pace.map_or("–".into(), number),
         warning.chars().take(60).collect::<String>(),
     )
 }
@@ -315,7 +315,7 @@ pub fn scene(record: &Record) -> String {
         record.particles,
         record.dimension,
         number(record.duration),
-        number(record.pace),
+        record.pace.map_or("–".into(), number),
         record.damped,
         record.moved,
         record.reference_error.map_or("none".into(), number),
