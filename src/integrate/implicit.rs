@@ -3,14 +3,11 @@
 use super::{Softening, Statistics};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Extensions};
-use crate::linear::{
-    BlockJacobi, Definiteness, DiagonalPart, Evidence, LinearSolver, Promise, Solution, SolveFailure, SolverOptions,
-    select,
-};
-use crate::operator::{Combination, SystemOperator};
+use crate::linear::{Definiteness, Evidence, LinearSolver, Promise, Solution, SolveFailure, SolverOptions, select};
+use crate::operator::{BlockDiagonal, Combination, SystemOperator};
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{State, System};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// Which stiffness enters the matrix of each solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -77,8 +74,8 @@ pub(super) struct LinearSystem<'s> {
     /// The relative residual asked of iterative solvers.
     pub tolerance: f64,
     prepared: Prepared,
-    /// Made when first asked for.
-    blocks: Option<BlockJacobi>,
+    /// The matrix's diagonal ones; filled when first asked for.
+    blocks: Vec<Matrix3<f64>>,
     rhs: Vec<f64>,
     solution: Vec<f64>,
 }
@@ -127,7 +124,7 @@ impl<'s> LinearSystem<'s> {
             policy,
             tolerance,
             prepared,
-            blocks: None,
+            blocks: Vec::new(),
             rhs,
             solution,
         })
@@ -206,14 +203,19 @@ impl<'s> LinearSystem<'s> {
     /// `fᵀ D⁻¹ f` with D the 3×3 diagonal blocks of the prepared matrix: about `fᵀ A⁻¹ f`. Infinite where D is not positive
     /// definite.
     pub fn block_energy(&mut self, force: &[Vector3<f64>]) -> f64 {
-        let dofs = self.system.dofs();
-        let blocks = self.blocks.get_or_insert_with(|| BlockJacobi::new(DiagonalPart::Blocks, dofs));
-        if blocks.update(&self.operator).is_err() {
-            return f64::INFINITY;
-        }
-        dofs.gather(force, &mut self.rhs);
-        blocks.apply(&self.rhs, &mut self.solution);
-        self.rhs.iter().zip(&self.solution).map(|(f, d)| f * d).sum()
+        let Self { system, operator, blocks, .. } = self;
+        blocks.resize(system.particles(), Matrix3::zeros());
+        operator.diagonal_blocks(blocks);
+        let energy = |(p, (block, force)): (usize, (&Matrix3<f64>, &Vector3<f64>))| {
+            let free = system.dofs().free_axes(p);
+            let (mut block, mut force) = (*block, *force);
+            for axis in (0..3).filter(|&axis| !free.contains(axis)) {
+                block[(axis, axis)] = 1.0;
+                force[axis] = 0.0;
+            }
+            inverse_energy(&block, &force)
+        };
+        blocks.iter().zip(force).enumerate().map(energy).sum()
     }
 
     /// Whether the prepared matrix is the full one less some terms.
@@ -298,107 +300,20 @@ impl<'s> LinearSystem<'s> {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::{ImplicitOptions, LinearSystem, StiffnessPolicy, Terms};
-    use crate::linear::{SolverChoice, SolverOptions};
-    use crate::operator::Combination;
-    use crate::spring::{Spring, Stiffness};
-    use crate::system::{State, System, SystemBuilder};
-    use nalgebra::Vector3;
-
-    /// Two particles 1 m apart, the first held, on two springs of which one is compressed and one at rest.
-    fn pair() -> (System, State) {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], 1.0);
-        builder.hold(0);
-        for rest_length in [2.0, 1.0] {
-            builder.spring(0, 1, Spring { stiffness: 20.0, rest_length, damping: 0.0 });
-        }
-        builder.build().unwrap()
+/// `fᵀ D⁻¹ f` of a symmetric matrix by its factors L D Lᵀ; infinite where that is not positive definite.
+fn inverse_energy(d: &Matrix3<f64>, f: &Vector3<f64>) -> f64 {
+    let first = d[(0, 0)];
+    let (l1, l2) = (d[(1, 0)] / first, d[(2, 0)] / first);
+    let second = d[(1, 1)] - l1 * d[(1, 0)];
+    let l3 = (d[(2, 1)] - l2 * d[(1, 0)]) / second;
+    let third = d[(2, 2)] - l2 * d[(2, 0)] - l3 * l3 * second;
+    if !(first > 0.0 && second > 0.0 && third > 0.0) {
+        return f64::INFINITY;
     }
-
-    /// The compressed spring takes 10 N/m across, and M/dt² is to outweigh that.
-    #[test]
-    fn matrices_are_softened_where_terms_are_dropped() {
-        let (system, state) = pair();
-        let force = [Vector3::zeros(), Vector3::new(1.0, 2.0, 3.0)];
-        for (policy, dt, terms) in [
-            (StiffnessPolicy::Always(Stiffness::Full), 0.1, 0),
-            (StiffnessPolicy::Always(Stiffness::Tension), 0.1, 1),
-            (StiffnessPolicy::Always(Stiffness::Axial), 0.1, 0),
-            (StiffnessPolicy::OnDemand, 0.1, 0),
-            (StiffnessPolicy::OnDemand, 1.0, 1),
-        ] {
-            let options = ImplicitOptions { stiffness: policy, ..ImplicitOptions::default() };
-            let mut linear = LinearSystem::new(&system, &state, &options).unwrap();
-            for solves in 1..=3 {
-                let mut displacement = [Vector3::zeros(); 2];
-                linear.prepare_and_solve(Combination::step(dt), &force, &mut displacement).unwrap();
-                assert_eq!(linear.is_softened(), terms > 0, "{policy:?} {dt}");
-                // Only what the on-demand policy drops is counted.
-                let counted = if policy == StiffnessPolicy::OnDemand { terms * solves } else { 0 };
-                assert_eq!((linear.statistics.softened_solves, linear.statistics.dropped_terms), (counted, counted));
-            }
-        }
-    }
-
-    /// Newton's method asks for little at first.
-    #[test]
-    fn conjugate_gradients_go_as_far_as_is_asked() {
-        let mut builder = SystemBuilder::new();
-        for p in 0..20 {
-            builder.particle([f64::from(p), 0.0, 0.0], 1.0);
-        }
-        for p in 1..20 {
-            builder.spring(p - 1, p, Spring { stiffness: 1e3, rest_length: 0.9, damping: 0.0 });
-        }
-        builder.hold(0);
-        let (system, state) = builder.build().unwrap();
-        let linear = SolverOptions { solver: SolverChoice::Cg, ..SolverOptions::default() };
-        let options = ImplicitOptions { stiffness: Stiffness::Full.into(), linear };
-        let mut linear = LinearSystem::new(&system, &state, &options).unwrap();
-        linear.prepare(Stiffness::Full.into(), Combination::step(1.0)).unwrap();
-        let mut residual = |tolerance| {
-            linear.set_tolerance(tolerance);
-            let force = vec![Vector3::new(1.0, 2.0, 3.0); 20];
-            linear.solve(&force, &mut vec![Vector3::zeros(); 20]).unwrap().relative_residual
-        };
-        let [coarse, fine] = [residual(0.3), residual(1e-12)];
-        assert!((1e-6..0.3).contains(&coarse) && fine < 1e-12, "{coarse:e} {fine:e}");
-    }
-
-    /// LDLᵀ under the full stiffness solves with an indefinite matrix, and says so; not with a definite one.
-    #[test]
-    fn solves_with_indefinite_matrices_are_counted() {
-        let (system, state) = pair();
-        let linear = SolverOptions { solver: SolverChoice::Ldlt, ..SolverOptions::default() };
-        let options = ImplicitOptions { stiffness: Stiffness::Full.into(), linear };
-        let mut linear = LinearSystem::new(&system, &state, &options).unwrap();
-        for (dt, indefinite) in [(0.1, 0), (1.0, 1), (1.0, 2), (0.1, 2)] {
-            linear.prepare(Stiffness::Full.into(), Combination::step(dt)).unwrap();
-            linear.solve(&[Vector3::zeros(), Vector3::x()], &mut [Vector3::zeros(); 2]).unwrap();
-            assert_eq!(linear.statistics.indefinite_solves, indefinite, "{dt}");
-        }
-    }
-
-    #[test]
-    fn on_demand_ends_with_all_compressed_springs_softened() {
-        let (system, state) = pair();
-        let mut linear = LinearSystem::new(&system, &state, &ImplicitOptions::default()).unwrap();
-        linear.prepared.policy = StiffnessPolicy::OnDemand;
-        for (terms, softer) in [
-            (Terms::Of(Stiffness::Full), Some(Terms::Softened)),
-            (Terms::Softened, Some(Terms::Of(Stiffness::Tension))),
-            (Terms::Of(Stiffness::Tension), None),
-            (Terms::Whole, None),
-        ] {
-            linear.prepared.terms = terms;
-            assert_eq!(linear.softer(), softer);
-        }
-        linear.prepared.policy = StiffnessPolicy::Always(Stiffness::Full);
-        linear.prepared.terms = Terms::Of(Stiffness::Full);
-        assert_eq!(linear.softer(), None);
-    }
+    let y = f.y - l1 * f.x;
+    let z = f.z - l2 * f.x - l3 * y;
+    f.x * f.x / first + y * y / second + z * z / third
 }
+
+#[cfg(test)]
+mod tests;

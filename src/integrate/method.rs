@@ -90,7 +90,7 @@ impl Method {
         let (name, order, equations, moves_by, estimates_errors) = match self {
             Self::LinearBackwardEuler => ("linear-backward-euler", 1, Linear, New, false),
             Self::BackwardEuler => ("backward-euler", 1, Nonlinear, New, false),
-            Self::Bdf2 => ("bdf2", 2, Linear, Other, false),
+            Self::Bdf2 => ("bdf2", 2, Linear, Other, true),
             Self::W2 => ("w2", 2, Linear, Other, true),
             Self::Rodas4 => ("rodas4", 4, LinearExact, Other, true),
             Self::ImplicitMidpoint => ("implicit-midpoint", 2, Nonlinear, Mean, false),
@@ -161,6 +161,7 @@ impl Method {
         options: &ImplicitOptions,
     ) -> Result<Option<Box<dyn AdaptiveStepper + 's>>> {
         Ok(match self {
+            Self::Bdf2 => Some(Box::new(Bdf2::new(system, state, options)?)),
             Self::W2 => Some(Box::new(WMethod::new(system, state, options)?)),
             Self::Rodas4 => Some(Box::new(Rodas4::new(system, state, options)?)),
             Self::Dop853 => Some(Box::new(Dop853::new(system, state)?)),

@@ -66,6 +66,9 @@ const SHORTENINGS: usize = 40;
 /// How often a direction is refined by the change of damping directions.
 const REFINEMENTS: usize = 8;
 
+/// How exactly iterative solvers solve for a single correction, which is of the size of a step's error.
+const CORRECTION: f64 = 1e-6;
+
 /// Digits of φ that rounding leaves, relative to the magnitudes of its terms.
 const NOISE: f64 = 1e-13;
 
@@ -122,16 +125,10 @@ impl<'s> Newton<'s> {
         }
     }
 
-    /// As [`solve`](Self::solve) from the point at hand, or from where the last step of the line search started if there is none, and
-    /// only until a whole step leaves less to correct than it corrected itself.
-    pub fn refine(&mut self, point: Option<Point>, state: &State, dt: f64) -> Result<(), StepFailure> {
-        let point = match point {
-            Some(point) => point,
-            None => {
-                self.move_by(-1.0);
-                self.evaluate(state, dt, 0.0)?
-            }
-        };
+    /// As [`solve`](Self::solve) from where `displacement` is, and only until a whole step leaves less to correct than it corrected
+    /// itself.
+    pub fn refine(&mut self, state: &State, dt: f64) -> Result<(), StepFailure> {
+        let point = self.evaluate(state, dt, 0.0)?;
         self.iterate(point, state, dt, Stiffness::Tension.into(), true)
     }
 
@@ -182,21 +179,37 @@ impl<'s> Newton<'s> {
         }
     }
 
-    /// Evaluates r at `displacement`.
-    pub fn here(&mut self, state: &State, dt: f64) -> Result<Point, StepFailure> {
-        self.evaluate(state, dt, 0.0)
+    /// Evaluates r at `displacement`, without the potential; returns its slope along Δ.
+    pub fn residual(&mut self, state: &State, dt: f64) -> Result<f64, StepFailure> {
+        self.place(state, dt, 0.0)?;
+        let Self { linear, force, direction, trial, .. } = self;
+        let system = linear.system;
+        for (p, mass) in system.masses().iter().enumerate() {
+            force[p] = (trial.velocities[p] - state.velocities[p]) * (-mass / dt) + system.gravity() * *mass;
+        }
+        add_elastic_force(system, &linear.extensions, force);
+        if self.is_damped {
+            add_damping_force(system, &linear.extensions, &trial.velocities, force);
+        }
+        let slope = -dot(force, direction);
+        if free_norm(system, force).is_finite() && slope.is_finite() { Ok(slope) } else { Err(StepFailure::NonFinite) }
     }
 
     /// Moves by `Δ = A⁻¹(−r)` with the matrix last prepared; returns `Δᵀ A Δ`. Prescribed coordinates must be where they are to be.
     pub fn correct(&mut self) -> Result<f64, SolveFailure> {
         let Self { linear, force, direction, .. } = self;
-        linear.set_tolerance(linear.tolerance);
+        linear.set_tolerance(linear.tolerance.max(CORRECTION));
         direction.fill(Vector3::zeros());
         let solution = linear.solve(force, direction)?;
         linear.statistics.record(solution.relative_residual);
         let energy = dot(force, direction);
         self.move_by(1.0);
         Ok(energy)
+    }
+
+    /// Takes the last move back.
+    pub fn take_back(&mut self) {
+        self.move_by(-1.0);
     }
 
     /// Δ.
@@ -221,17 +234,23 @@ impl<'s> Newton<'s> {
         self.evaluate(state, dt, 0.0)
     }
 
-    /// Evaluates r at `displacement + step·direction`, and its slope and work along the direction.
-    fn evaluate(&mut self, state: &State, dt: f64, step: f64) -> Result<Point, StepFailure> {
-        let Self { linear, force, displacement, direction, trial, .. } = self;
-        let system = linear.system;
-        for p in 0..system.particles() {
+    /// Sets the trial state and its extensions to `displacement + step·direction`.
+    fn place(&mut self, state: &State, dt: f64, step: f64) -> Result<(), StepFailure> {
+        let Self { linear, displacement, direction, trial, .. } = self;
+        for p in 0..linear.system.particles() {
             let d = displacement[p] + direction[p] * step;
             trial.positions[p] = state.positions[p] + d;
             trial.velocities[p] = d / dt;
         }
         linear.statistics.work.force_evaluations += 1;
-        linear.set_extensions(&trial.positions)?;
+        Ok(linear.set_extensions(&trial.positions)?)
+    }
+
+    /// Evaluates r at `displacement + step·direction`, and its slope and work along the direction.
+    fn evaluate(&mut self, state: &State, dt: f64, step: f64) -> Result<Point, StepFailure> {
+        self.place(state, dt, step)?;
+        let Self { linear, force, direction, trial, .. } = self;
+        let system = linear.system;
         let (mut potential, mut noise, mut rounding) = (0.0, 0.0, 0.0);
         let mut add = |energy: f64| {
             potential += energy;

@@ -55,9 +55,19 @@ impl History {
         (now || inside) && !(now && before)
     }
 
+    /// The length of the last step, in s.
+    pub fn length(&self) -> Option<f64> {
+        self.step
+    }
+
     /// Where the last step started.
     pub fn before(&self) -> &State {
         &self.before
+    }
+
+    /// Says that what comes has no past.
+    pub fn forget(&mut self) {
+        self.step = None;
     }
 
     /// Takes note of a step of h seconds between two states.

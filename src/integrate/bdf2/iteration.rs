@@ -20,12 +20,14 @@
 
 use super::tension::Tensions;
 use crate::error::Result;
+use crate::force::{add_damping_force, add_elastic_force, add_weight};
 use crate::integrate::implicit::ImplicitOptions;
 use crate::integrate::newton::{Newton, NewtonOptions};
 use crate::integrate::{Statistics, StepFailure, StiffnessPolicy};
 use crate::linear::{LinearSolver, SolveFailure};
 use crate::operator::Combination;
 use crate::system::{State, System};
+use nalgebra::Vector3;
 
 /// The equations of a step and what solves them.
 pub(super) struct Iteration<'s> {
@@ -56,22 +58,44 @@ impl<'s> Iteration<'s> {
         self.tensions.set(self.newton.linear.system, &state.positions);
     }
 
+    /// To count what belongs to the stepper.
+    pub fn statistics_mut(&mut self) -> &mut Statistics {
+        &mut self.newton.linear.statistics
+    }
+
+    /// Sets `accelerations` to M⁻¹f at a state, and to zero where coordinates are prescribed.
+    pub fn accelerations(&mut self, state: &State, accelerations: &mut [Vector3<f64>]) -> Result<(), StepFailure> {
+        let linear = &mut self.newton.linear;
+        let system = linear.system;
+        linear.statistics.work.force_evaluations += 1;
+        linear.set_extensions(&state.positions)?;
+        accelerations.fill(Vector3::zeros());
+        add_elastic_force(system, &linear.extensions, accelerations);
+        add_damping_force(system, &linear.extensions, &state.velocities, accelerations);
+        add_weight(system, accelerations);
+        for (p, (a, mass)) in accelerations.iter_mut().zip(system.masses()).enumerate() {
+            let free = system.dofs().free_axes(p);
+            *a = Vector3::from_fn(|axis, _| if free.contains(axis) { a[axis] / mass } else { 0.0 });
+        }
+        Ok(())
+    }
+
     /// Solves for `next`, which is the prediction on entry, by a backward Euler step over τ seconds from `base`; the step itself
     /// starts at `state`.
     pub fn solve(&mut self, state: &State, base: &State, next: &mut State, tau: f64) -> Result<(), StepFailure> {
         let Self { newton, tensions } = self;
-        let system = newton.linear.system;
         for (p, d) in newton.displacement.iter_mut().enumerate() {
             *d = next.positions[p] - base.positions[p];
         }
-        newton.here(base, tau)?;
+        newton.residual(base, tau)?;
         prepare(newton, tensions, state, next, tau)?;
-        let energy = newton.correct()?;
-        tensions.learn(system, &newton.linear.extensions, newton.direction());
         // A correction that overshoots, or that leads where there are no forces, is taken back.
-        let after = newton.here(base, tau).ok().filter(|point| point.slope < 0.5 * energy);
-        if after.is_none() || newton.left() >= energy {
-            newton.refine(after, base, tau)?;
+        let Outcome { energy, slope, left } = correct(newton, tensions, base, tau)?;
+        if slope >= 0.5 * energy {
+            newton.take_back();
+        }
+        if slope >= 0.5 * energy || left >= energy {
+            newton.refine(base, tau)?;
         }
         for (p, d) in newton.displacement.iter().enumerate() {
             next.positions[p] = base.positions[p] + d;
@@ -79,6 +103,26 @@ impl<'s> Iteration<'s> {
         }
         Ok(())
     }
+}
+
+/// What a correction d did.
+struct Outcome {
+    /// dᵀ A d.
+    energy: f64,
+    /// −r'ᵀ d after it.
+    slope: f64,
+    /// r'ᵀ D⁻¹ r'.
+    left: f64,
+}
+
+/// Corrects once with the matrix at hand, from where the residual was evaluated last.
+fn correct(newton: &mut Newton, tensions: &mut Tensions, base: &State, tau: f64) -> Result<Outcome, StepFailure> {
+    let energy = newton.correct()?;
+    tensions.learn(newton.linear.system, &newton.linear.extensions, newton.direction());
+    Ok(match newton.residual(base, tau) {
+        Ok(slope) => Outcome { energy, slope, left: newton.left() },
+        Err(_) => Outcome { energy, slope: f64::INFINITY, left: f64::INFINITY },
+    })
 }
 
 /// Takes over the matrix at the prediction `next` of a step from `state`.

@@ -56,6 +56,14 @@ fn the_potential_its_slope_and_the_work_of_damping() {
     assert!((newton.force[1] - a).norm() < 1e-12 && (newton.force[2] - b).norm() < 1e-12, "{:?}", newton.force);
     assert!(close(point.residual, a.norm().hypot(b.norm())));
     assert!(close(point.slope, 60.0 + 2.0 * 28.5), "{}", point.slope);
+    // The same without the potential, at the same place.
+    let (force, displacement) = (newton.force.clone(), newton.displacement.clone());
+    for (d, direction) in newton.displacement.iter_mut().zip(&newton.direction) {
+        *d += direction * 0.5;
+    }
+    assert!(close(newton.residual(&state, 0.5).unwrap(), point.slope));
+    assert!(force.iter().zip(&newton.force).all(|(a, b)| (a - b).norm() < 1e-12));
+    newton.displacement = displacement;
     assert!(close(point.damping_slope, 8.0 + 2.0 * 12.0), "{}", point.damping_slope);
     // Magnitudes of the terms; differences of velocities, 2·√5·(1 + 2) and 0.5·√24·(2 + √20); forces of springs on positions.
     let inertia = 6.0 * 5f64.sqrt() + 0.5 * 24f64.sqrt() * (2.0 + 20f64.sqrt());
@@ -117,7 +125,7 @@ fn what_cannot_start_ahead_starts_where_it_is() {
     let mut newton = newton(&system, &state, Stiffness::Full);
     assert!(newton.start(&state, 0.5, 1.0).is_err());
     newton.solve(&state, 0.5).unwrap();
-    let residual = newton.here(&state, 0.5).unwrap().residual;
+    let residual = newton.evaluate(&state, 0.5, 0.0).unwrap().residual;
     assert!(residual < 1e-9, "{residual:e}");
 }
 
@@ -131,11 +139,11 @@ fn loose_solutions_are_left_early() {
         let before = newton.linear.statistics.work.newton_iterations;
         let start = newton.start(&state, 0.5, 1.0).unwrap();
         if is_loose {
-            newton.refine(Some(start), &state, 0.5).unwrap();
+            newton.refine(&state, 0.5).unwrap();
         } else {
             newton.iterate(start, &state, 0.5, Stiffness::Tension.into(), false).unwrap();
         }
-        let residual = newton.here(&state, 0.5).unwrap().residual;
+        let residual = newton.evaluate(&state, 0.5, 0.0).unwrap().residual;
         (newton.linear.statistics.work.newton_iterations - before, residual / start.residual)
     };
     let ((loose, left), (whole, nothing)) = (solve(true), solve(false));

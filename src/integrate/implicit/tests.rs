@@ -1,0 +1,135 @@
+use super::{ImplicitOptions, LinearSystem, StiffnessPolicy, Terms, inverse_energy};
+use crate::linear::{SolverChoice, SolverOptions};
+use crate::operator::Combination;
+use crate::spring::{Spring, Stiffness};
+use crate::system::{State, System, SystemBuilder};
+use nalgebra::{Matrix3, Vector3};
+
+/// Two particles 1 m apart, the first held, on two springs of which one is compressed and one at rest.
+fn pair() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([1.0, 0.0, 0.0], 1.0);
+    builder.hold(0);
+    for rest_length in [2.0, 1.0] {
+        builder.spring(0, 1, Spring { stiffness: 20.0, rest_length, damping: 0.0 });
+    }
+    builder.build().unwrap()
+}
+
+/// The compressed spring takes 10 N/m across, and M/dt² is to outweigh that.
+#[test]
+fn matrices_are_softened_where_terms_are_dropped() {
+    let (system, state) = pair();
+    let force = [Vector3::zeros(), Vector3::new(1.0, 2.0, 3.0)];
+    for (policy, dt, terms) in [
+        (StiffnessPolicy::Always(Stiffness::Full), 0.1, 0),
+        (StiffnessPolicy::Always(Stiffness::Tension), 0.1, 1),
+        (StiffnessPolicy::Always(Stiffness::Axial), 0.1, 0),
+        (StiffnessPolicy::OnDemand, 0.1, 0),
+        (StiffnessPolicy::OnDemand, 1.0, 1),
+    ] {
+        let options = ImplicitOptions { stiffness: policy, ..ImplicitOptions::default() };
+        let mut linear = LinearSystem::new(&system, &state, &options).unwrap();
+        for solves in 1..=3 {
+            let mut displacement = [Vector3::zeros(); 2];
+            linear.prepare_and_solve(Combination::step(dt), &force, &mut displacement).unwrap();
+            assert_eq!(linear.is_softened(), terms > 0, "{policy:?} {dt}");
+            // Only what the on-demand policy drops is counted.
+            let counted = if policy == StiffnessPolicy::OnDemand { terms * solves } else { 0 };
+            assert_eq!((linear.statistics.softened_solves, linear.statistics.dropped_terms), (counted, counted));
+        }
+    }
+}
+
+/// Newton's method asks for little at first.
+#[test]
+fn conjugate_gradients_go_as_far_as_is_asked() {
+    let mut builder = SystemBuilder::new();
+    for p in 0..20 {
+        builder.particle([f64::from(p), 0.0, 0.0], 1.0);
+    }
+    for p in 1..20 {
+        builder.spring(p - 1, p, Spring { stiffness: 1e3, rest_length: 0.9, damping: 0.0 });
+    }
+    builder.hold(0);
+    let (system, state) = builder.build().unwrap();
+    let linear = SolverOptions { solver: SolverChoice::Cg, ..SolverOptions::default() };
+    let options = ImplicitOptions { stiffness: Stiffness::Full.into(), linear };
+    let mut linear = LinearSystem::new(&system, &state, &options).unwrap();
+    linear.prepare(Stiffness::Full.into(), Combination::step(1.0)).unwrap();
+    let mut residual = |tolerance| {
+        linear.set_tolerance(tolerance);
+        let force = vec![Vector3::new(1.0, 2.0, 3.0); 20];
+        linear.solve(&force, &mut vec![Vector3::zeros(); 20]).unwrap().relative_residual
+    };
+    let [coarse, fine] = [residual(0.3), residual(1e-12)];
+    assert!((1e-6..0.3).contains(&coarse) && fine < 1e-12, "{coarse:e} {fine:e}");
+}
+
+/// LDLᵀ under the full stiffness solves with an indefinite matrix, and says so; not with a definite one.
+#[test]
+fn solves_with_indefinite_matrices_are_counted() {
+    let (system, state) = pair();
+    let linear = SolverOptions { solver: SolverChoice::Ldlt, ..SolverOptions::default() };
+    let options = ImplicitOptions { stiffness: Stiffness::Full.into(), linear };
+    let mut linear = LinearSystem::new(&system, &state, &options).unwrap();
+    for (dt, indefinite) in [(0.1, 0), (1.0, 1), (1.0, 2), (0.1, 2)] {
+        linear.prepare(Stiffness::Full.into(), Combination::step(dt)).unwrap();
+        linear.solve(&[Vector3::zeros(), Vector3::x()], &mut [Vector3::zeros(); 2]).unwrap();
+        assert_eq!(linear.statistics.indefinite_solves, indefinite, "{dt}");
+    }
+}
+
+#[test]
+fn on_demand_ends_with_all_compressed_springs_softened() {
+    let (system, state) = pair();
+    let mut linear = LinearSystem::new(&system, &state, &ImplicitOptions::default()).unwrap();
+    linear.prepared.policy = StiffnessPolicy::OnDemand;
+    for (terms, softer) in [
+        (Terms::Of(Stiffness::Full), Some(Terms::Softened)),
+        (Terms::Softened, Some(Terms::Of(Stiffness::Tension))),
+        (Terms::Of(Stiffness::Tension), None),
+        (Terms::Whole, None),
+    ] {
+        linear.prepared.terms = terms;
+        assert_eq!(linear.softer(), softer);
+    }
+    linear.prepared.policy = StiffnessPolicy::Always(Stiffness::Full);
+    linear.prepared.terms = Terms::Of(Stiffness::Full);
+    assert_eq!(linear.softer(), None);
+}
+
+#[test]
+fn inverses_of_blocks_are_those_of_matrices() {
+    let root = Matrix3::new(2.0, 0.5, -1.0, 0.25, 3.0, 0.75, -0.5, 1.0, 1.5);
+    let (d, f) = (root * root.transpose(), Vector3::new(1.0, -2.0, 3.0));
+    let expected = f.dot(&(d.try_inverse().unwrap() * f));
+    assert!((inverse_energy(&d, &f) - expected).abs() < 1e-12 * expected);
+    for sign in [Vector3::new(-1.0, 1.0, 1.0), Vector3::new(1.0, -1.0, 1.0), Vector3::new(1.0, 1.0, -1.0)] {
+        assert_eq!(inverse_energy(&Matrix3::from_diagonal(&sign), &f), f64::INFINITY);
+    }
+}
+
+/// The held particle's force, and every force along an axis that is held, does not count.
+#[test]
+fn what_is_left_counts_on_free_axes() {
+    let (system, state) = pair();
+    let mut linear = LinearSystem::new(&system, &state, &ImplicitOptions::default()).unwrap();
+    // One across the springs of 20 N each, without transverse terms: M/dt² = 4, and 20/2 + 20/1 along.
+    linear.prepare(Stiffness::Axial.into(), Combination::step(0.5)).unwrap();
+    let energy = linear.block_energy(&[Vector3::repeat(9.0), Vector3::new(6.0, 2.0, 4.0)]);
+    assert!((energy - (36.0 / 34.0 + 4.0 / 4.0 + 16.0 / 4.0)).abs() < 1e-12, "{energy}");
+}
+
+/// In place of an option: the axial block, and across it what is given, by position.
+#[test]
+fn transverse_coefficients_can_be_given() {
+    let (system, state) = pair();
+    let mut linear = LinearSystem::new(&system, &state, &ImplicitOptions::default()).unwrap();
+    linear.prepare_with(Combination::step(0.5), |position, _, _| [1.0, 3.0][position]).unwrap();
+    let mut displacement = [Vector3::zeros(); 2];
+    linear.solve(&[Vector3::zeros(), Vector3::new(34.0, 8.0, 16.0)], &mut displacement).unwrap();
+    assert!((displacement[1] - Vector3::new(1.0, 1.0, 2.0)).norm() < 1e-14, "{displacement:?}");
+    assert_eq!((linear.statistics.work.assemblies, linear.statistics.softened_solves), (1, 0));
+}
