@@ -54,6 +54,10 @@ struct Arguments {
     #[arg(long)]
     resume: bool,
 
+    /// Writes the page even when it is about a part of the study
+    #[arg(long)]
+    write: bool,
+
     /// Makes the page anew from the records of the last study
     #[arg(long)]
     page: bool,
@@ -86,8 +90,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let page = tables::page(&records);
     print!("{page}");
-    // A part of the study is not what the page is about.
-    if arguments.first == 0 && records.iter().filter(|record| record.seed.is_some()).count() >= 1000 {
+    // A part of the study is not what the page is about, unless it is asked for.
+    if arguments.write || records.iter().filter(|record| record.seed.is_some()).count() >= 1000 {
         std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/study.md"), page)?;
     }
     Ok(())

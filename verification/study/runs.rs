@@ -129,7 +129,12 @@ impl Subject<'_> {
                     .ok_or_else(|| Error::Usage(format!("{} has no error estimate", method.name())))?;
                 // As the command does where no step is given.
                 let first_step = (1.0 / 60.0f64).min(self.duration / 100.0);
-                let how = Adaptivity { duration: self.duration, rtol, first_step, sampling: Sampling::Steps };
+                let how = Adaptivity {
+                    duration: self.duration,
+                    rtol,
+                    first_step: Some(first_step),
+                    sampling: Sampling::Steps,
+                };
                 let outcome =
                     run_adaptive_monitored(&mut *stepper, self.system, &mut state, &how, &mut monitor, observe);
                 (outcome, *stepper.statistics(), Some(rtol))

@@ -71,13 +71,17 @@ pub fn cases(records: &[Record]) -> Vec<Case<'_>> {
 
 /// The page.
 pub fn page(records: &[Record]) -> String {
-    let mut page = String::from(
-        "# A thousand random scenes\n\n\
-         Made by `cargo run --release --example study`, which writes this page. Networks, cloths, chains, rods, lattices and columns in one\n\
-         to three dimensions, soft to stiff, damped or not, held or moved, one scene for each seed; the hard cases of `scenes/hard`; and\n\
-         ready scenes. Errors are relative position errors at the end against DOP853 (the crate `ode_solvers`, tolerance 10⁻¹³) on a second\n\
-         writing of the forces; the same at 10⁻¹¹ tells how well they are known. `--export SEED FILE` writes a scene for the command.\n\n",
+    let random = records.iter().filter(|record| record.seed.is_some()).count();
+    let mut page = format!(
+        "# Random scenes\n\n\
+         Made by `cargo run --release --example study`, which writes this page: {random} random scenes and {} with names. Networks, cloths,\n\
+         chains, rods, lattices and columns in one to three dimensions, soft to stiff, damped or not, held or moved, one scene for each\n\
+         seed; the hard cases of `scenes/hard`; and ready scenes. Errors are relative position errors at the end against DOP853 (the\n\
+         crate `ode_solvers`, tolerance 10⁻¹³) on a second writing of the forces; the same at 10⁻¹¹ tells how well they are known. `--export SEED\n\
+         FILE` writes a scene for the command, `--only SEED` shows it run by run.\n\n",
+        records.len() - random,
     );
+    page.push_str(&promises(records));
     let cases = cases(records);
     let of = |want: fn(&Ask) -> bool| cases.iter().copied().filter(|case| want(&case.run.ask)).collect::<Vec<_>>();
     page.push_str(&scenes(records));
@@ -85,6 +89,81 @@ pub fn page(records: &[Record]) -> String {
     page.push_str(&tolerances(&of(|ask| matches!(ask, Ask::Rtol(_)))));
     page.push_str(&accuracies(&of(|ask| matches!(ask, Ask::Accuracy(_)))));
     page
+}
+
+/// What is promised, and whether it is kept.
+fn promises(records: &[Record]) -> String {
+    let cases = cases(records);
+    let of = |what: &dyn Fn(&Case) -> bool| cases.iter().copied().filter(|case| what(case)).collect::<Vec<_>>();
+    let count = |cases: &[Case], what: &dyn Fn(&Case) -> bool| cases.iter().filter(|case| what(case)).count();
+    let fixed = of(&|case| matches!(case.run.ask, Ask::Dt(_)));
+    let wrong = of(&|case| {
+        matches!(case.run.ask, Ask::Dt(_)) && case.run.is_completed() && case.run.error() > WRONG && case.tells(WRONG)
+    });
+    let right = of(&|case| matches!(case.run.ask, Ask::Dt(_)) && case.is_right());
+    let known = of(&|case| matches!(case.run.ask, Ask::Dt(_)) && case.ratio().is_some());
+    let adaptive = of(&|case| {
+        matches!(case.run.ask, Ask::Rtol(_)) && case.tells(5.0 * asked(case)) && case.run.status != "too-long"
+    });
+    let ordinary = of(&|case| {
+        matches!(case.run.ask, Ask::Rtol(_))
+            && case.tells(5.0 * asked(case))
+            && case.is_ordinary()
+            && case.run.is_completed()
+    });
+    let accurate = |accuracy: f64| of(&|case: &Case| case.run.ask == Ask::Accuracy(accuracy) && case.tells(accuracy));
+    let within = |case: &Case, times: f64| case.run.is_completed() && case.run.error() <= times * asked(case);
+    let mut text = String::from("## Promises\n\n| of | promised | measured |\n|---|---|---|\n");
+    let mut line = |of: String, promised: &str, measured: String| {
+        let _ = writeln!(text, "| {of} | {promised} | {measured} |");
+    };
+    if !fixed.is_empty() {
+        line(
+            format!("{} completed runs of fixed steps with an error above 30 %", wrong.len()),
+            "none without a warning",
+            format!("{}", count(&wrong, &|case| case.is_silent())),
+        );
+        line(
+            format!("{} with an error below 1 %", right.len()),
+            "at most 5 % with a warning",
+            share(count(&right, &|case| case.is_false_alarm()), right.len()),
+        );
+        line(
+            format!("{} estimates of the error", known.len()),
+            "at least 80 % within ten times",
+            share(count(&known, &|case| case.ratio().is_some_and(|r| (0.1..=10.0).contains(&r))), known.len()),
+        );
+    }
+    if !adaptive.is_empty() {
+        line(
+            format!("{} runs with `--rtol`", adaptive.len()),
+            "at least 95 % within 5 times",
+            share(count(&adaptive, &|case| within(case, 5.0)), adaptive.len()),
+        );
+        line(
+            format!("{} of them on ordinary scenes", ordinary.len()),
+            "none above 20 times",
+            format!("{}", count(&ordinary, &|case| !within(case, 20.0))),
+        );
+    }
+    for accuracy in [1e-2, 1e-4] {
+        let cases = accurate(accuracy);
+        if !cases.is_empty() {
+            let completed: Vec<_> = cases.iter().copied().filter(|case| case.run.is_completed()).collect();
+            line(
+                format!("{} runs with `--accuracy {accuracy:e}`", cases.len()),
+                "at most 0.5 % above R, none above 3 R, at most 5 % unconfirmed",
+                format!(
+                    "{}, {}, {}",
+                    share(count(&completed, &|case| !within(case, 1.0)), cases.len()),
+                    count(&completed, &|case| !within(case, 3.0)),
+                    share(cases.len() - completed.len(), cases.len()),
+                ),
+            );
+        }
+    }
+    text.push('\n');
+    text
 }
 
 fn scenes(records: &[Record]) -> String {
