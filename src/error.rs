@@ -17,7 +17,7 @@ pub enum Error {
     #[error(transparent)]
     Invalid(#[from] Invalid),
     /// A file does not follow its format (TOML, JSON, OBJ).
-    #[error("{}: {message}", file.display())]
+    #[error("{}: {}", file.display(), shortened(message))]
     Format {
         /// The file.
         file: PathBuf,
@@ -35,6 +35,16 @@ pub enum Error {
     /// A configuration in which a spring has no direction.
     #[error(transparent)]
     DegenerateSpring(#[from] DegenerateSpring),
+    /// Something does not fit the memory, limits included: nothing of it was allocated.
+    #[error("{what} takes {}, and there is room for {}", readable(*bytes), readable(*room))]
+    TooLarge {
+        /// What.
+        what: &'static str,
+        /// About how many bytes it takes.
+        bytes: u64,
+        /// How many there are.
+        room: u64,
+    },
     /// The command's arguments do not fit together or do not fit the scene.
     #[error("{0}")]
     Usage(String),
@@ -61,6 +71,31 @@ impl Error {
             other => other,
         }
     }
+}
+
+/// Bytes as people read them.
+fn readable(bytes: u64) -> String {
+    let bytes = bytes as f64;
+    match bytes {
+        _ if bytes < 1e6 => format!("{:.1} kB", bytes / 1e3),
+        _ if bytes < 1e9 => format!("{:.1} MB", bytes / 1e6),
+        _ => format!("{:.1} GB", bytes / 1e9),
+    }
+}
+
+/// Characters of a text that a message quotes at most at each end.
+const QUOTED: usize = 200;
+
+/// A text as a message quotes it. What is wrong with a file may be as long as the file; its beginning and its end, which has the
+/// position, tell enough.
+fn shortened(text: &str) -> std::borrow::Cow<'_, str> {
+    let count = text.chars().count();
+    if count <= 3 * QUOTED {
+        return text.into();
+    }
+    let head: String = text.chars().take(QUOTED).collect();
+    let tail: String = text.chars().skip(count - QUOTED).collect();
+    format!("{head} … ({} characters left out) … {tail}", count - 2 * QUOTED).into()
 }
 
 /// A value that breaks a rule: file, key, index, value and the rule.
@@ -97,11 +132,11 @@ impl fmt::Display for Invalid {
         if let Some(file) = &self.file {
             write!(f, "{}: ", file.display())?;
         }
-        write!(f, "{}", self.key)?;
+        write!(f, "{}", shortened(&self.key))?;
         if let Some(index) = self.index {
             write!(f, "[{index}]")?;
         }
-        write!(f, " = {}: {}", self.value, self.rule)
+        write!(f, " = {}: {}", shortened(&self.value), shortened(&self.rule))
     }
 }
 
@@ -115,4 +150,28 @@ pub struct DegenerateSpring {
     pub spring: usize,
     /// Its ends.
     pub pair: [usize; 2],
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Error, Invalid, readable};
+
+    /// Texts of any length make messages of a few lines, with both ends of the text.
+    #[test]
+    fn long_texts_are_quoted_by_their_ends() {
+        let long = format!("begin{}end", "é".repeat(1 << 20));
+        let invalid = Invalid::new(long.clone(), long.clone(), long.clone());
+        for error in [Error::Format { file: "f".into(), message: long }, invalid.into()] {
+            let message = error.to_string();
+            assert!(message.len() < 5000 && message.contains("begin") && message.ends_with("end"), "{message}");
+            assert!(message.contains("(1048184 characters left out)"), "{message}");
+        }
+        let short = "x".repeat(600);
+        assert_eq!(Error::Format { file: "f".into(), message: short.clone() }.to_string(), format!("f: {short}"));
+    }
+
+    #[test]
+    fn bytes_are_readable() {
+        assert_eq!([999, 1_500_000, 3_400_000_000].map(readable), ["1.0 kB", "1.5 MB", "3.4 GB"]);
+    }
 }

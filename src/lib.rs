@@ -21,7 +21,7 @@
 //! | [`report`] | checks and pictures as HTML, SVG, JSON, JUnit and text |
 //! | [`output`] | results of runs as files, whole or not at all |
 //!
-//! [`error`] and [`work`] (counters) serve all rooms.
+//! [`error`], [`interrupt`] (requests to stop), [`memory`] (how much there is) and [`work`] (counters) serve all rooms.
 //!
 //! `K = ∂f_el/∂x` and `G = ∂f_d/∂v` are negative (semidefinite) where the system is stable, `K^s` is the positive block
 //! of one spring, and `A = M/dt² − G/dt − K`. SI units everywhere; particles and springs are numbered from 0.
@@ -42,7 +42,9 @@ pub mod figure;
 pub mod force;
 pub mod inspect;
 pub mod integrate;
+pub mod interrupt;
 pub mod linear;
+pub mod memory;
 pub mod multigrid;
 pub mod operator;
 #[cfg(feature = "report")]

@@ -1,9 +1,9 @@
 //! Counters of work: what a computation did, whatever machine it ran on.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// How often each expensive thing was done. Tests lock these numbers; charts put them beside time.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Work {
     /// Evaluations of f_el (with f_d and gravity where the method needs them).
     pub force_evaluations: u64,

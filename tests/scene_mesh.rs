@@ -93,13 +93,31 @@ fn an_empty_mesh_is_an_empty_scene() {
 fn wrong_meshes_are_rejected_with_the_line() {
     let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
     for (obj, message) in [
-        ("v 0 0 0\nv 1 0\nf 1 2", "/shape.obj: position parse error: \"v 1 0\""),
-        ("v 0 0 0\nv 1 zero 0\n", "/shape.obj: position parse error: \"v 1 zero 0\""),
-        (&format!("{vertices}f 1 2 3\nf 3 2 4\nf 1 2 9"), "/shape.obj: face vertex index out of bounds: \"f 3 2 4\""),
-        (&format!("{vertices}f 1 2 0"), "/shape.obj: face vertex index out of bounds: \"f 1 2 0\""),
-        (&format!("{vertices}f 1 2 -4"), "/shape.obj: face vertex index out of bounds: \"f 1 2 -4\""),
-        (&format!("{vertices}f 1 two 3"), "/shape.obj: face parse error: \"f 1 two 3\""),
-        ("v 0 0 0\nv 0 inf 0\n", "/shape.obj: v[1] = [0.0, inf, 0.0]: must be finite"),
+        ("v 0 0 0\nv 1 0\nf 1 2", "/s.toml: mesh.file = \"shape.obj\": /shape.obj: position parse error: \"v 1 0\""),
+        (
+            "v 0 0 0\nv 1 zero 0\n",
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: position parse error: \"v 1 zero 0\"",
+        ),
+        (
+            &format!("{vertices}f 1 2 3\nf 3 2 4\nf 1 2 9"),
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: face vertex index out of bounds: \"f 3 2 4\"",
+        ),
+        (
+            &format!("{vertices}f 1 2 0"),
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: face vertex index out of bounds: \"f 1 2 0\"",
+        ),
+        (
+            &format!("{vertices}f 1 2 -4"),
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: face vertex index out of bounds: \"f 1 2 -4\"",
+        ),
+        (
+            &format!("{vertices}f 1 two 3"),
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: face parse error: \"f 1 two 3\"",
+        ),
+        (
+            "v 0 0 0\nv 0 inf 0\n",
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: v[1] = [0.0, inf, 0.0]: must be finite",
+        ),
         (&format!("{vertices}f 1 1 2"), "/s.toml: springs.pairs[0] = [0, 0]: joins a particle to itself"),
         ("v 0 0 0\nv 0 0 0\nf 1 2", "/s.toml: springs.pairs[0] = [0, 1]: is a spring of zero current length"),
         ("v 1e300 0 0\n", "/s.toml: particles.positions[0] = [inf, 0.0, 0.0]: must be finite"),
@@ -120,7 +138,8 @@ fn a_scale_that_is_not_positive_is_rejected() {
 fn a_mesh_that_is_not_there_is_named_with_its_folder() {
     let scene = Scene { file: Some("scenes/s.toml".into()), ..Scene::from_toml("mesh.file = \"none.obj\"").unwrap() };
     let error = scene.build().unwrap_err().to_string();
-    assert!(error.starts_with(&format!("{}: ", Path::new("scenes/none.obj").display())), "{error}");
+    let mesh = Path::new("scenes/none.obj");
+    assert!(error.starts_with(&format!("scenes/s.toml: mesh.file = \"none.obj\": {}: ", mesh.display())), "{error}");
 }
 
 #[test]

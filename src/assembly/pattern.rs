@@ -76,11 +76,22 @@ impl BlockPattern {
 
     /// The slot of block (i, j); `None` when the pair is not in the pattern.
     pub fn slot(&self, i: usize, j: usize) -> Option<BlockSlot> {
+        let at = self.block_below(i, j)?;
         let (row, column) = (i.max(j) as u32, i.min(j) as u32);
-        let range = *self.starts.get(column as usize)? as usize..*self.starts.get(column as usize + 1)? as usize;
-        let below = self.neighbours.get(range)?;
-        let at = below.binary_search_by_key(&row, |&(particle, _)| particle).ok()?;
-        Some(BlockSlot { row, column, offset: below[at].1, transposed: i < j })
+        Some(BlockSlot { row, column, offset: self.neighbours.get(at)?.1, transposed: i < j })
+    }
+
+    /// The number of block (i, j) among the blocks below the diagonal; `None` when the pair is not in the pattern.
+    pub(super) fn block_below(&self, i: usize, j: usize) -> Option<usize> {
+        let (row, column) = (i.max(j) as u32, i.min(j));
+        let start = *self.starts.get(column)? as usize;
+        let below = self.neighbours.get(start..*self.starts.get(column + 1)? as usize)?;
+        Some(start + below.binary_search_by_key(&row, |&(particle, _)| particle).ok()?)
+    }
+
+    /// Number of blocks below the diagonal.
+    pub(super) fn blocks_below(&self) -> usize {
+        self.neighbours.len()
     }
 
     /// The particles of higher number that a particle is coupled to, ascending.

@@ -4,6 +4,8 @@ use super::SymmetricMatrix;
 use super::fill::Filling;
 use super::spring_pattern::SpringPattern;
 use super::triplets::{BlockTriplet, assemble};
+use crate::error::Result;
+use crate::memory;
 use crate::operator::SystemOperator;
 use nalgebra::Matrix3;
 use std::sync::Arc;
@@ -20,6 +22,15 @@ impl SystemMatrix {
     pub fn zeros(springs: Arc<SpringPattern>) -> Self {
         let matrix = SymmetricMatrix::zeros(springs.shared_pattern());
         Self { springs, matrix }
+    }
+
+    /// As [`zeros`](Self::zeros), if there is room for it.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`](crate::Error::TooLarge).
+    pub fn try_zeros(springs: Arc<SpringPattern>) -> Result<Self> {
+        memory::ensure(8 * springs.pattern().entries() as u64, "the matrix")?;
+        Ok(Self::zeros(springs))
     }
 
     /// The assembled operator, on the pattern that fits its blocks.

@@ -9,6 +9,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use sprung::Result;
 use sprung::chart::{Reference, Run, SizeRun, StabilityMap, SweepOptions, WorkPrecision};
+use sprung::integrate::Schedule;
 use sprung::output::AtomicFile;
 use sprung::report::{chart_html, plot, tiles};
 use std::io::{self, Write};
@@ -71,9 +72,10 @@ impl Chart {
     pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
         let scene = self.scene.load()?;
         let dt = scene.step_or_default(console, self.dt);
-        let duration = scene.or_given(self.duration, scene.time.duration, "duration")?;
+        let duration = scene.motion_length(self.duration, "a chart")?;
+        Schedule::check(dt, duration).map_err(|error| scene.not_countable(error))?;
         let folder = scene.folder(&self.out);
-        check_writable(&folder, &FILES)?;
+        let _claimed = check_writable(&folder, &FILES)?;
         let budget = Duration::try_from_secs_f64(self.budget).unwrap_or(Duration::MAX / 16);
         let options = SweepOptions { duration, dt, budget, par: parallelism(&scene.system) };
         let bar = progress_bar(console, budget);

@@ -2,7 +2,9 @@
 
 use super::Stop;
 use super::console::Console;
-use sprung::output::AtomicFile;
+use sprung::error::Invalid;
+use sprung::integrate::Schedule;
+use sprung::output::{AtomicFile, OutputFolder};
 use sprung::scene::{Scene, TimeSettings};
 use sprung::{Error, Result, State, System};
 use std::io::{self, Read};
@@ -87,18 +89,57 @@ impl LoadedScene {
         })
     }
 
+    /// The length of a motion that is to be compared with itself: there must be one.
+    ///
+    /// # Errors
+    /// A duration that is neither given nor in the scene, or is zero.
+    pub fn motion_length(&self, option: Option<f64>, what: &str) -> Result<f64> {
+        let duration = self.or_given(option, self.time.duration, "duration")?;
+        if duration > 0.0 {
+            return Ok(duration);
+        }
+        let invalid = Invalid::new("time.duration", duration, format!("must be positive: {what} needs a motion"));
+        Err(Error::from(invalid).in_file(&self.file))
+    }
+
+    /// Steps of dt seconds to the end of a run.
+    ///
+    /// # Errors
+    /// Those that cannot be counted.
+    pub fn schedule(&self, dt: f64, duration: f64) -> Result<Schedule> {
+        Schedule::check(dt, duration).map_err(|error| self.not_countable(error))?;
+        Ok(Schedule::duration(dt, duration))
+    }
+
+    /// A step or length of time that makes no schedule, with the file that it may come from.
+    pub fn not_countable(&self, invalid: Invalid) -> Error {
+        let key = format!("time.{}", invalid.key);
+        Error::from(Invalid { key, ..invalid }).in_file(&self.file)
+    }
+
     /// The folder for results: the one asked for, or `out/<scene name>`, with hyphens for spaces.
     pub fn folder(&self, asked: &Option<PathBuf>) -> PathBuf {
         asked.clone().unwrap_or_else(|| folder_of(&self.name))
     }
 }
 
-/// Makes sure, before anything is computed, that files of these names can be written in a folder; makes the folder.
+/// Makes sure, before results are written, that files of these names can be written in a folder, and that nobody else is at work
+/// there as long as the value is kept; makes the folder.
 ///
 /// # Errors
-/// The first name that cannot be written.
-pub fn check_writable(folder: &Path, names: &[&str]) -> Result<()> {
-    names.iter().try_for_each(|name| AtomicFile::create(folder.join(name)).map(drop))
+/// The first name that cannot be written; a folder that is in use.
+pub fn check_writable(folder: &Path, names: &[&str]) -> Result<OutputFolder> {
+    claim(folder, names, false)
+}
+
+/// As [`check_writable`]; what a killed run has left unfinished stays where it is to be gone on with.
+///
+/// # Errors
+/// As for [`check_writable`].
+pub fn claim(folder: &Path, names: &[&str], goes_on: bool) -> Result<OutputFolder> {
+    let claimed = OutputFolder::claim(folder, goes_on)?;
+    names.iter().try_for_each(|name| AtomicFile::create(folder.join(name)).map(drop))?;
+    Ok(claimed)
 }
 
 /// How many threads compute.

@@ -86,7 +86,7 @@ impl Inspect {
             error(format_args!("A has entries that are not finite numbers (dt = {dt:?} s)"));
             return Ok(Outcome::Failed);
         }
-        check_writable(&folder, &FILES)?;
+        let _claimed = check_writable(&folder, &FILES)?;
         let images = Pictures::of(system, state, &inspection, par).map_err(in_file)?;
         let losses = arrival.losses.as_ref();
         let page = html(name, arrival.steps, state.time, &inspection, losses, &images);

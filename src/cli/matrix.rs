@@ -87,7 +87,7 @@ impl Matrix {
             return Ok(Outcome::Failed);
         }
         let folder = scene.folder(&self.out);
-        check_writable(&folder, &FILES)?;
+        let _claimed = check_writable(&folder, &FILES)?;
         write(&folder, &scene, &matrices, &format!("dt = {dt:?} s, stiffness {}", self.stiffness.name()))
             .map_err(Stop::Broken)?;
         self.report(console, &scene, &matrices, dt, &folder)?;

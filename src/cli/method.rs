@@ -1,6 +1,7 @@
 //! Which method, stiffness and linear solver: the arguments of commands that simulate.
 
 use super::console::Console;
+use super::interrupt;
 use super::values::{choice, fraction};
 use faer::Par;
 use sprung::accuracy::{Configuration, Requirement, preset};
@@ -194,20 +195,24 @@ pub enum Stepper<'s> {
 }
 
 impl Stepper<'_> {
-    /// Runs; `observe` sees the state after every step, with error control at every multiple of dt.
+    /// Runs a schedule or a part of one; `observe` sees the state after every step, with error control at every multiple of dt.
     pub fn run(
         &mut self,
         system: &System,
         state: &mut State,
         schedule: &Schedule,
         monitor: &mut Monitor,
-        observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
+        mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
     ) -> Outcome {
         match self {
             Self::Scheduled(stepper) => run_monitored(&mut **stepper, state, schedule, monitor, observe),
             Self::Adaptive { stepper, rtol } => {
-                let (duration, dt) = (schedule.elapsed(schedule.len()), schedule.dt());
-                let how = Adaptivity { duration, rtol: *rtol, first_step: Some(dt), sampling: Sampling::Every(dt) };
+                let (first, dt) = (schedule.first(), schedule.dt());
+                let duration = schedule.elapsed(schedule.len()) - schedule.elapsed(first);
+                // A later part of a run begins with a step that the forces suggest.
+                let first_step = (first == 0).then_some(dt);
+                let how = Adaptivity { duration, rtol: *rtol, first_step, sampling: Sampling::Every(dt) };
+                let observe = |count, state: &State, monitor: &Monitor| observe(first + count, state, monitor);
                 run_adaptive_monitored(&mut **stepper, system, state, &how, monitor, observe)
             }
         }
@@ -310,6 +315,7 @@ impl MethodArguments {
             preconditioner: self.preconditioner.and_then(PreconditionerChoice::kind),
             tolerance: self.tolerance.unwrap_or(defaults.tolerance),
             par: parallelism(system),
+            interrupt: interrupt::request(),
         }
     }
 

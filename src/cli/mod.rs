@@ -12,6 +12,7 @@ mod man;
 mod matrix;
 mod method;
 mod new;
+mod parts;
 mod recorder;
 mod run;
 mod time;

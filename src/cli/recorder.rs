@@ -4,7 +4,7 @@ use super::console::Console;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sprung::force::Energy;
 use sprung::integrate::{Monitor, Schedule};
-use sprung::output::{EnergyLog, Frames};
+use sprung::output::{Checkpoint, EnergyLog, Frames, LogPosition};
 use sprung::{Result, State, System};
 use std::path::Path;
 
@@ -28,14 +28,40 @@ impl Recorder {
         system: &System,
         state: &State,
         monitor: &Monitor,
+        resumable: bool,
     ) -> Result<Self> {
-        let mut recorder = Self {
-            energies: EnergyLog::create(folder.join("energy.csv"))?,
-            frames,
-            progress: progress_bar(console, schedule.len()),
-        };
+        let energies = folder.join("energy.csv");
+        let energies = if resumable { EnergyLog::create_resumable(energies)? } else { EnergyLog::create(energies)? };
+        let mut recorder = Self { energies, frames, progress: progress_bar(console, schedule.len()) };
         recorder.record(system, state, 0, monitor)?;
         Ok(recorder)
+    }
+
+    /// Goes on where a checkpoint was written.
+    ///
+    /// # Errors
+    /// An `energy.csv` that is not there, or not the one that the checkpoint knows.
+    pub fn resume(
+        console: &Console,
+        folder: &Path,
+        frames: Option<Frames>,
+        schedule: &Schedule,
+        checkpoint: &Checkpoint,
+    ) -> Result<Self> {
+        Ok(Self {
+            energies: EnergyLog::resume(folder.join("energy.csv"), &checkpoint.energies)?,
+            frames,
+            progress: progress_bar(console, schedule.len()),
+        })
+    }
+
+    /// How far the files are, for a checkpoint.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn position(&mut self) -> Result<(LogPosition, Vec<(f64, u64)>)> {
+        let frames = self.frames.as_mut().map_or_else(|| Ok(Vec::new()), Frames::position)?;
+        Ok((self.energies.position()?, frames))
     }
 
     /// Records a state, as a rule the one that the monitor entered last; of one between two steps it has the energy computed.

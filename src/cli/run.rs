@@ -1,28 +1,27 @@
 //! `sprung run`: simulate a scene.
 
-use super::common::{DEFAULT_STEP, LoadedScene, SceneFile, Threads, check_writable};
+use super::common::{DEFAULT_STEP, LoadedScene, SceneFile, Threads, claim};
 use super::console::{Console, error, help, warning};
 use super::doubts::{advice, doubts};
 use super::failure::Failed;
 use super::method::{MethodArguments, Plan};
+use super::parts::{Checkpoints, Ended, Parts};
 use super::recorder::Recorder;
 use super::time::in_words;
 use super::values::{count, positive, positive_count};
 use super::view::{self, PAGE};
 use super::{Outcome, Stop, interrupt};
 use sprung::accuracy::{Pace, Reduction, choose, reduce};
-use sprung::integrate::{Balance, Method, Monitor, MonitorOptions, Schedule, Status, percent};
+use sprung::integrate::{Balance, Method, MonitorOptions, Schedule, Status, percent};
 use sprung::linear::{CostModel, LinearSolver};
 use sprung::output::{
-    ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, Summary, TRAJECTORY, playback,
-    write_final_state,
+    BUNDLE, CHECKPOINT, Checkpoint, ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport,
+    OutputFolder, Summary, TRAJECTORY, WAITING, clear_frames, fingerprint, playback, write_final_state,
 };
 use sprung::{Error, Result};
 use std::num::NonZeroU64;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 
 /// Simulate a scene
 ///
@@ -65,6 +64,15 @@ pub struct Run {
     /// Go on when energy appears from nowhere: to see it blow up
     #[arg(long)]
     allow_unstable: bool,
+
+    /// Write a checkpoint every N steps, from which --resume goes on. Solvers forget what they have learnt at each of them
+    #[arg(long, value_name = "N", value_parser = positive_count)]
+    checkpoint: Option<NonZeroU64>,
+
+    /// Go on in the output folder from its last checkpoint: every file in the end is that of a run that nothing interrupted, with
+    /// the same arguments. Where there is none yet and --checkpoint is given the run begins anew
+    #[arg(long)]
+    resume: bool,
 
     #[command(flatten)]
     threads: Threads,
@@ -132,16 +140,19 @@ impl Run {
                 None => scene.or_given(self.duration, scene.time.duration, "duration")?,
             };
             let interval = RECORDS_EVERY.min(duration / RECORDS);
-            return Ok(Pacing { schedule: Schedule::duration(interval, duration), rtol: Some(rtol), is_chosen: true });
+            return Ok(Pacing { schedule: scene.schedule(interval, duration)?, rtol: Some(rtol), is_chosen: true });
         }
         let duration = |dt| -> Result<Schedule> {
-            Ok(Schedule::duration(dt, scene.or_given(self.duration, scene.time.duration, "duration")?))
+            scene.schedule(dt, scene.or_given(self.duration, scene.time.duration, "duration")?)
         };
         let dt = self.dt.or(scene.time.dt);
         // What is missing altogether is said before what is put in its place.
         let schedule = self.steps.map_or_else(
             || duration(dt.unwrap_or(DEFAULT_STEP)),
-            |steps| Ok(Schedule::steps(dt.unwrap_or(DEFAULT_STEP), steps)),
+            |steps| {
+                let dt = dt.unwrap_or(DEFAULT_STEP);
+                scene.schedule(dt, steps as f64 * dt).map(|_| Schedule::steps(dt, steps))
+            },
         )?;
         scene.step_or_default(console, self.dt);
         Ok(Pacing { schedule, rtol: self.method.rtol(), is_chosen: false })
@@ -159,7 +170,7 @@ impl Run {
                 (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) });
             return Ok(Prepared { schedule, plan, choice });
         }
-        let duration = scene.or_given(self.duration, scene.time.duration, "duration")?;
+        let duration = scene.motion_length(self.duration, "--accuracy")?;
         let Some(requirement) = self.method.requirement(system, duration) else {
             return Err(Error::Usage("--accuracy is missing".into()).into());
         };
@@ -192,36 +203,54 @@ impl Run {
         let folder = scene.folder(&self.out);
         let Prepared { schedule, plan, choice } = prepared;
         let schedule = &schedule;
-        let LoadedScene { file, name, system, mut state, triangles, .. } = scene;
-        let start = Instant::now();
-        let mut stepper = plan.stepper(&system, &state).map_err(|error| error.in_file(&file))?;
-        check_writable(&folder, &FILES)?;
-        let method = plan.configuration.method;
-        // Only its linearisation is in question: the others solve their equations, or have none.
-        let forces = method == Method::LinearBackwardEuler;
-        let options = MonitorOptions { stops_unstable: !self.allow_unstable, forces };
-        let mut monitor =
-            Monitor::new(&system, &state, options).map_err(|spring| Error::from(spring).in_file(&file))?;
-        let kept = view::frames(&folder, self.frames, self.view, schedule, &system)?;
-        let kept = kept.map(|frames| frames.with_triangles(triangles));
-        let mut recorder = Recorder::start(console, &folder, kept, schedule, &system, &state, &monitor)?;
-
-        let mut unwritten = None;
-        let outcome = stepper.run(&system, &mut state, schedule, &mut monitor, |number, state, monitor| {
-            unwritten = recorder.record(&system, state, number, monitor).err();
-            if unwritten.is_some() || interrupted.load(Ordering::Relaxed) {
-                return ControlFlow::Break(());
-            }
-            ControlFlow::Continue(())
-        });
-        if let Some(error) = unwritten {
-            return Err(Stop::Broken(error));
+        let LoadedScene { file, name, system, state: start, triangles, .. } = scene;
+        let found = if self.resume { Checkpoint::read(&folder)? } else { None };
+        let every = self.checkpoint.or_else(|| NonZeroU64::new(found.as_ref()?.every));
+        if self.resume && every.is_none() {
+            let folder = folder.display();
+            return Err(Error::Usage(format!("{folder}: no checkpoint to resume from: give --checkpoint N")).into());
         }
-
+        let parts = Parts {
+            system: &system,
+            start: &start,
+            plan: &plan,
+            schedule,
+            // Only its linearisation is in question: the others solve their equations, or have none.
+            monitor: MonitorOptions {
+                stops_unstable: !self.allow_unstable,
+                forces: plan.configuration.method == Method::LinearBackwardEuler,
+            },
+            interrupted,
+            checkpoints: every.map(|every| Checkpoints {
+                every,
+                folder: &folder,
+                run: fingerprint(&system, &start, &self.how(&plan, schedule)),
+            }),
+        };
+        let from = found.map(|found| parts.accept(found, &folder)).transpose()?;
+        let mut state = from.as_ref().map_or_else(|| start.clone(), Checkpoint::state);
+        let begun = parts.begin(from.as_ref(), &state).map_err(|error| error.in_file(&file))?;
+        let claimed = claim(&folder, &FILES, self.resume)?;
+        if from.is_none() {
+            claimed.remove(CHECKPOINT)?;
+            if self.frames.is_some() {
+                clear_frames(&claimed)?;
+            }
+        }
+        let resumable = every.is_some();
+        let kept = view::frames(&folder, self.frames, self.view, schedule, &system, from.as_ref())?;
+        let kept = kept.map(|frames| frames.with_triangles(triangles));
+        let kept = kept.map(|frames| if resumable { frames.resumable() } else { frames });
+        let mut recorder = match &from {
+            Some(checkpoint) => Recorder::resume(console, &folder, kept, schedule, checkpoint)?,
+            None => Recorder::start(console, &folder, kept, schedule, &system, &state, &begun.0, resumable)?,
+        };
+        let ended = parts.run(from, begun, &mut state, &mut recorder).map_err(Stop::Broken)?;
+        let Ended { stepper, monitor, outcome, statistics, wall_seconds } = ended;
         let stepper = stepper.get();
         let solver = stepper.linear_solver();
         let factor = solver.and_then(LinearSolver::factor);
-        let effort = CostModel::of(&system).cost(&stepper.statistics().work, factor.map(|factor| factor.size));
+        let effort = CostModel::of(&system).cost(&statistics.work, factor.map(|factor| factor.size));
         let status = match &choice {
             Some(ChoiceReport { accuracy: Some(accuracy), estimated_error: Some(estimate), .. })
                 if outcome.status() == Status::Completed && accuracy < estimate =>
@@ -247,8 +276,8 @@ impl Run {
             particles: system.particles(),
             springs: system.springs().len(),
             dofs: system.dofs().len(),
-            wall_seconds: start.elapsed().as_secs_f64(),
-            statistics: *stepper.statistics(),
+            wall_seconds,
+            statistics,
             factor,
             energy: EnergyChange::between(&monitor.initial(), &monitor.energy(), monitor.balance()),
             error: doubt,
@@ -256,14 +285,16 @@ impl Run {
             effort: Effort { run: effort, total: effort + spent },
             choice,
             reductions: reductions.iter().map(ToString::to_string).collect(),
-            failure: outcome.end.as_ref().err().map(FailureReport::from),
+            failure: FailureReport::of(&outcome, state.time),
         };
         let written = recorder
             .finish(&system)
             .and_then(|()| {
                 write_final_state(folder.join("final.json"), &summary.scene, system.dimension(), summary.steps, &state)
             })
-            .and_then(|()| summary.write(folder.join("summary.json")));
+            .and_then(|()| self.clear_older(&claimed))
+            .and_then(|()| summary.write(folder.join("summary.json")))
+            .and_then(|()| if summary.status == Status::Completed { forget_checkpoint(&claimed) } else { Ok(()) });
         written.map_err(Stop::Broken)?;
         let mut names = FILES.to_vec();
         if self.frames.is_some() {
@@ -298,6 +329,34 @@ impl Run {
         }
         Ok(summary)
     }
+}
+
+impl Run {
+    /// Everything but the scene that decides about the bits of the files.
+    fn how(&self, plan: &Plan, schedule: &Schedule) -> String {
+        let Plan { configuration, rtol, .. } = plan;
+        format!("{configuration:?} {rtol:?} {schedule:?} {:?} {} {}", self.frames, self.view, self.allow_unstable)
+    }
+
+    /// Removes what an earlier run has left that this one has nothing in place of.
+    fn clear_older(&self, folder: &OutputFolder) -> Result<()> {
+        if self.frames.is_none() {
+            clear_frames(folder)?;
+        }
+        if self.frames.is_none() && !self.view {
+            folder.remove(TRAJECTORY)?;
+        }
+        if !self.view {
+            folder.remove(PAGE)?;
+        }
+        folder.remove_inside("failure", |name| BUNDLE.contains(&name))
+    }
+}
+
+/// A run that came to its end has nothing to go on with.
+fn forget_checkpoint(folder: &OutputFolder) -> Result<()> {
+    folder.remove(CHECKPOINT)?;
+    folder.remove(WAITING)
 }
 
 /// The summary for people.

@@ -35,7 +35,7 @@ impl Verify {
     pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
         let subjects = self.subjects()?;
         let folder = self.folder(&subjects);
-        check_writable(&folder, &FILES)?;
+        let _claimed = check_writable(&folder, &FILES)?;
         let results = self.threads.install(|| Ok(measure(&subjects, console)))?;
         report::write(&folder, &results).map_err(Stop::Broken)?;
         let json = report::json(&results).map_err(|source| Stop::Broken(Error::io(folder.join(FILES[1]), source)))?;

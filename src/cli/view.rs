@@ -6,7 +6,7 @@ use super::{Outcome, Stop};
 use serde::Serialize;
 use sprung::figure::{Animation, Cast};
 use sprung::integrate::Schedule;
-use sprung::output::{AtomicFile, Frames, TRAJECTORY, playback};
+use sprung::output::{AtomicFile, Checkpoint, Frames, TRAJECTORY, playback};
 use sprung::report::view::html;
 use sprung::{Error, Result, System};
 use std::io::Write;
@@ -85,9 +85,14 @@ pub fn frames(
     view: bool,
     schedule: &Schedule,
     system: &System,
+    from: Option<&Checkpoint>,
 ) -> Result<Option<Frames>> {
+    let frames = |every| match from {
+        Some(checkpoint) => Frames::resume(folder, every, checkpoint.frames.clone(), system),
+        None => Frames::create(folder, every),
+    };
     if let Some(every) = every {
-        return Frames::create(folder, every).map(Some);
+        return frames(every).map(Some);
     }
     if !view {
         return Ok(None);
@@ -95,7 +100,7 @@ pub fn frames(
     let frame = 6 * size_of::<f64>() * system.particles().max(1);
     let wanted = (SPACE / frame).clamp(FEWEST, SMOOTH) as u64;
     let every = NonZeroU64::new(schedule.len().div_ceil(wanted)).unwrap_or(NonZeroU64::MIN);
-    Ok(Some(Frames::create(folder, every)?.without_vtk()))
+    Ok(Some(frames(every)?.without_vtk()))
 }
 
 /// Writes the page; returns its size.

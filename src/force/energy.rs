@@ -3,9 +3,10 @@
 use crate::spring::Extension;
 use crate::system::{State, System};
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// The energy of a state by kind, in J.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Energy {
     /// `Σ ½ m v²`, prescribed particles included.
     pub kinetic: f64,
@@ -32,6 +33,8 @@ impl Energy {
                 spring.elastic_energy(&Extension::between(xi, xj).unwrap_or(collapsed))
             })
             .sum();
+        // An empty sum is −0, which reads as if it were something; with 0 added it is 0, and every other sum itself.
+        let [kinetic, elastic, gravitational] = [kinetic, elastic, gravitational].map(|sum: f64| sum + 0.0);
         Self { kinetic, elastic, gravitational }
     }
 

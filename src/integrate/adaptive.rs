@@ -41,7 +41,7 @@ mod control;
 mod samples;
 mod scales;
 
-use super::{Monitor, Outcome, Statistics, StepFailure, TimeStepper};
+use super::{Monitor, Outcome, Statistics, Status, StepFailure, TimeStepper};
 use crate::system::{State, System};
 use control::Control;
 use nalgebra::Vector3;
@@ -227,6 +227,9 @@ fn drive(
             Ok(Tried { error, .. }) => {
                 control.rejected(error, h, stepper.estimate_order());
                 StepFailure::Tolerance
+            }
+            Err(failure) if failure.status() == Status::Interrupted => {
+                return Outcome { steps, end: Ok(ControlFlow::Break(())) };
             }
             Err(failure) => {
                 control.failed(h);

@@ -106,6 +106,7 @@ impl StepFailure {
             Self::Solve(SolveFailure::Indefinite(_)) => Status::Indefinite,
             Self::Solve(SolveFailure::NotConverged { .. } | SolveFailure::Untrusted { .. }) => Status::NotConverged,
             Self::Solve(SolveFailure::NonFinite) | Self::NonFinite => Status::NonFinite,
+            Self::Solve(SolveFailure::Interrupted) => Status::Interrupted,
             Self::DegenerateSpring(_) => Status::DegenerateSpring,
             Self::Newton { .. } | Self::Tolerance => Status::NotConverged,
             Self::Unstable { .. } => Status::Unstable,

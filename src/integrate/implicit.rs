@@ -3,7 +3,9 @@
 use super::{Softening, Statistics};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Extensions};
+use crate::interrupt::Interrupt;
 use crate::linear::{Definiteness, Evidence, LinearSolver, Promise, Solution, SolveFailure, SolverOptions, select};
+use crate::memory;
 use crate::operator::{BlockDiagonal, Combination, SystemOperator};
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{State, System};
@@ -60,6 +62,11 @@ impl Default for ImplicitOptions {
     }
 }
 
+/// Bytes that a stepper with conjugate gradients holds at most for a spring (its block, its extension, its option) and for a particle
+/// (some thirty vectors). Found by lowering the limit on memory until a run failed.
+const SPRING: u64 = 200;
+const PARTICLE: u64 = 1000;
+
 /// The linear systems of a stepper: extensions, operator, solver and reduced vectors, all allocated once.
 pub(super) struct LinearSystem<'s> {
     pub system: &'s System,
@@ -73,6 +80,7 @@ pub(super) struct LinearSystem<'s> {
     pub policy: StiffnessPolicy,
     /// The relative residual asked of iterative solvers.
     pub tolerance: f64,
+    interrupt: Interrupt,
     prepared: Prepared,
     /// The matrix's diagonal ones; filled when first asked for.
     blocks: Vec<Matrix3<f64>>,
@@ -103,6 +111,8 @@ enum Terms {
 
 impl<'s> LinearSystem<'s> {
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
+        let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
+        memory::ensure(SPRING * springs + PARTICLE * particles, "the state of the method")?;
         let extensions = Extensions::at(system, &state.positions)?;
         let (option, combination) = (Stiffness::Full, Combination::STIFFNESS);
         let operator = SystemOperator::new(system, &extensions, option, combination);
@@ -123,6 +133,7 @@ impl<'s> LinearSystem<'s> {
             solver,
             policy,
             tolerance,
+            interrupt: options.linear.interrupt,
             prepared,
             blocks: Vec::new(),
             rhs,
@@ -260,7 +271,13 @@ impl<'s> LinearSystem<'s> {
         }
     }
 
+    /// Where there is much to do, it is asked for again and again: here a request to stop is answered.
+    fn go_on(&self) -> Result<(), SolveFailure> {
+        if self.interrupt.is_requested() { Err(SolveFailure::Interrupted) } else { Ok(()) }
+    }
+
     fn take_over(&mut self, terms: Terms) -> Result<(), SolveFailure> {
+        self.go_on()?;
         let work = &mut self.statistics.work;
         work.assemblies += 1;
         self.prepared.terms = terms;
@@ -292,6 +309,7 @@ impl<'s> LinearSystem<'s> {
     }
 
     fn attempt(&mut self, force: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Result<Solution, SolveFailure> {
+        self.go_on()?;
         self.system.dofs().gather(force, &mut self.rhs);
         self.operator.subtract_coupling(displacement, &mut self.rhs);
         self.solution.fill(0.0);

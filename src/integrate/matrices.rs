@@ -3,6 +3,7 @@
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::error::Result;
 use crate::force::{Extensions, add_elastic_force, add_weight};
+use crate::memory;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -24,12 +25,18 @@ pub struct StepMatrices {
     pub b: Vec<f64>,
 }
 
+/// Bytes of four matrices and their patterns, at most, for a spring and for a particle.
+const SPRING: u64 = 800;
+const PARTICLE: u64 = 800;
+
 impl StepMatrices {
     /// Assembles the linearised backward Euler step of length dt from a state.
     ///
     /// # Errors
     /// Coincident ends of a spring; a matrix that is too large.
     pub fn assemble(system: &System, state: &State, option: Stiffness, dt: f64) -> Result<Self> {
+        let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
+        memory::ensure(SPRING * springs + PARTICLE * particles, "the matrices of a step")?;
         let extensions = Extensions::at(system, &state.positions)?;
         let stiffness = Arc::new(SpringPattern::of_stiffness(system)?);
         let matrix = |pattern: Arc<SpringPattern>, combination| {

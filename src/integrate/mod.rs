@@ -36,7 +36,7 @@ pub use implicit_midpoint::ImplicitMidpoint;
 pub use linear_backward_euler::LinearBackwardEuler;
 pub use matrices::StepMatrices;
 pub use method::{Equations, Method, MovesBy};
-pub use monitor::{Balance, Figures, Monitor, MonitorOptions, Warning, percent};
+pub use monitor::{Account, Balance, Figures, Monitor, MonitorOptions, Warning, percent};
 pub use newton::NewtonOptions;
 pub use rodas4::Rodas4;
 pub use run::{Outcome, RunFailure, run, run_monitored};

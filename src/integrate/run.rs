@@ -45,8 +45,8 @@ impl Outcome {
         monitor: Option<&mut Monitor>,
     ) -> Self {
         let grown = monitor.as_ref().and_then(|monitor| monitor.growth());
-        let steps = match (grown, monitor) {
-            (Some(_), Some(monitor)) => monitor.restore(state),
+        let steps = match monitor {
+            Some(monitor) if grown.is_some() || monitor.has_overflowed() => monitor.restore(state),
             _ => steps,
         };
         Self { steps, end: Err(RunFailure { step, time, failure: grown.unwrap_or(failure) }) }
@@ -85,19 +85,22 @@ fn drive(
     mut monitor: Option<&mut Monitor>,
     mut observe: impl FnMut(u64, &State, Option<&Monitor>) -> ControlFlow<()>,
 ) -> Outcome {
-    let start = state.time;
-    let mut steps = 0;
+    // Of a part of a schedule the time at which the whole began: exactly, for what was added is taken off.
+    let start = state.time - schedule.elapsed(schedule.first());
+    let mut steps = schedule.first();
     while let Some(dt) = schedule.step(steps) {
-        let before = state.time;
+        let (before, number) = (state.time, steps + 1);
         let mut done = stepper.step(state, dt);
+        if done.as_ref().is_err_and(|failure| failure.status() == Status::Interrupted) {
+            return Outcome { steps, end: Ok(ControlFlow::Break(())) };
+        }
         if done.is_ok() {
             steps += 1;
             state.time = start + schedule.elapsed(steps);
             done = monitor.as_mut().map_or(Ok(()), |monitor| monitor.enter(steps, state, dt, None));
         }
         if let Err(failure) = done {
-            let step = if matches!(failure, StepFailure::Unstable { .. }) { steps } else { steps + 1 };
-            return Outcome::failed(step, before, failure, steps, state, monitor);
+            return Outcome::failed(number, before, failure, steps, state, monitor);
         }
         if observe(steps, state, monitor.as_deref()).is_break() && steps < schedule.len() {
             return Outcome { steps, end: Ok(ControlFlow::Break(())) };

@@ -1,5 +1,7 @@
 //! When a run ends, and how long each step is.
 
+use crate::error::Invalid;
+
 /// Length of a run in steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Schedule {
@@ -8,37 +10,87 @@ pub struct Schedule {
     /// A shorter last step, when dt does not divide the duration.
     remainder: Option<f64>,
     duration: f64,
+    /// The steps of it to do: from the one after so many up to so many.
+    first: u64,
+    last: u64,
 }
 
 /// How near to a whole number `duration/dt` must be, relatively, for dt to divide the duration.
 const DIVIDES: f64 = 1e-9;
 
+/// The most steps of a run: more than can be done in a lifetime, and the most that a double counts one by one, so that the time
+/// after so many steps is still a product without gaps.
+const MOST_STEPS: f64 = 9_007_199_254_740_992.0;
+
 impl Schedule {
     /// A number of steps of length dt > 0.
     pub fn steps(dt: f64, steps: u64) -> Self {
-        Self { dt, whole_steps: steps, remainder: None, duration: steps as f64 * dt }
+        Self::whole(dt, steps, None, steps as f64 * dt)
     }
 
-    /// Ends exactly at `duration` ≥ 0: the last step is shorter where dt > 0 does not divide it.
+    /// Ends exactly at `duration` ≥ 0: the last step is shorter where dt > 0 does not divide it. What is no schedule, see
+    /// [`check`](Self::check), has the most steps there are, or none.
     pub fn duration(dt: f64, duration: f64) -> Self {
         let ratio = duration / dt;
         let nearest = ratio.round();
-        if (ratio - nearest).abs() <= DIVIDES * nearest.max(1.0) {
-            return Self { dt, whole_steps: nearest as u64, remainder: None, duration };
+        // A run that is short beside dt is one short step, not none.
+        let divides = (ratio - nearest).abs() <= DIVIDES * nearest.max(1.0) && (nearest > 0.0 || ratio == 0.0);
+        if divides || ratio.is_nan() || ratio >= MOST_STEPS {
+            return Self::whole(dt, nearest as u64, None, duration);
         }
         let whole_steps = ratio.floor();
         let remainder = Some(duration - whole_steps * dt);
-        Self { dt, whole_steps: whole_steps as u64, remainder, duration }
+        Self::whole(dt, whole_steps as u64, remainder, duration)
     }
 
-    /// Number of steps.
+    fn whole(dt: f64, whole_steps: u64, remainder: Option<f64>, duration: f64) -> Self {
+        let last = whole_steps + u64::from(remainder.is_some());
+        Self { dt, whole_steps, remainder, duration, first: 0, last }
+    }
+
+    /// The part of the same schedule that begins when `first` steps are done and ends with at most `count` more. Steps keep their
+    /// numbers and times.
+    pub fn part(&self, first: u64, count: u64) -> Self {
+        Self { first, last: self.last.min(first.saturating_add(count)), ..*self }
+    }
+
+    /// Length of the whole of which it is a part, in s.
+    pub fn duration_of_whole(&self) -> f64 {
+        self.duration
+    }
+
+    /// Steps that are done before it begins.
+    pub fn first(&self) -> u64 {
+        self.first
+    }
+
+    /// Makes sure that steps of dt seconds end at `duration` and can be counted.
+    ///
+    /// # Errors
+    /// A dt that is not positive, a duration that is negative, either not finite; more than 2⁵³ steps, with which the run would
+    /// never end.
+    pub fn check(dt: f64, duration: f64) -> Result<(), Invalid> {
+        if !(dt.is_finite() && dt > 0.0) {
+            return Err(Invalid::new("dt", format!("{dt:e}"), "must be finite and positive"));
+        }
+        if !(duration.is_finite() && duration >= 0.0) {
+            return Err(Invalid::new("duration", format!("{duration:e}"), "must be finite and not negative"));
+        }
+        if duration / dt < MOST_STEPS {
+            return Ok(());
+        }
+        let rule = format!("is too short for a run of {duration:e} s: it would take more than 2^53 steps");
+        Err(Invalid::new("dt", format!("{dt:e}"), rule))
+    }
+
+    /// Number of steps that are done when it ends.
     pub fn len(&self) -> u64 {
-        self.whole_steps + u64::from(self.remainder.is_some())
+        self.last
     }
 
     /// Whether there is nothing to do.
     pub fn is_empty(&self) -> bool {
-        self.len() == 0
+        self.first >= self.last
     }
 
     /// The step size of all steps but perhaps the last.
@@ -49,6 +101,7 @@ impl Schedule {
     /// Length of step `index`, from 0; `None` when there is no such step.
     pub fn step(&self, index: u64) -> Option<f64> {
         match self.remainder {
+            _ if index >= self.last => None,
             _ if index < self.whole_steps => Some(self.dt),
             Some(remainder) if index == self.whole_steps => Some(remainder),
             _ => None,
@@ -57,7 +110,8 @@ impl Schedule {
 
     /// Time since the start after `done` steps: no sum of rounding errors, and the duration itself at the end.
     pub fn elapsed(&self, done: u64) -> f64 {
-        if done >= self.len() { self.duration } else { done as f64 * self.dt }
+        let whole = self.whole_steps + u64::from(self.remainder.is_some());
+        if done >= whole { self.duration } else { done as f64 * self.dt }
     }
 }
 
@@ -76,7 +130,52 @@ mod tests {
     fn steps_divide_a_duration_up_to_rounding() {
         assert_eq!(Schedule::duration(1.0, 1e6 + 0.9e-3).len(), 1_000_000);
         assert_eq!(Schedule::duration(1.0, 1e6 + 1.1e-3).len(), 1_000_001);
-        assert_eq!(Schedule::duration(1.0, 0.9e-9).len(), 0);
-        assert_eq!(Schedule::duration(1.0, 1.1e-9).len(), 1);
+    }
+
+    /// The parts of a schedule have its steps, with their numbers and times.
+    #[test]
+    fn parts_are_the_schedule() {
+        let whole = Schedule::duration(0.1, 0.75);
+        let parts = [whole.part(0, 3), whole.part(3, 3), whole.part(6, 3), whole.part(8, 3)];
+        assert_eq!(
+            parts.map(|part| (part.first(), part.len(), part.is_empty())),
+            [(0, 3, false), (3, 6, false), (6, 8, false), (8, 8, true)]
+        );
+        let steps = parts
+            .iter()
+            .flat_map(|part| (part.first()..).map_while(|step| Some((step, part.step(step)?, part.elapsed(step + 1)))));
+        let expected = (0..8).map(|step| (step, whole.step(step).unwrap(), whole.elapsed(step + 1)));
+        assert!(steps.eq(expected));
+        assert_eq!(whole.part(6, 3).elapsed(8), 0.75);
+    }
+
+    /// However short beside dt, a run goes to its end.
+    #[test]
+    fn short_runs_are_one_short_step() {
+        for duration in [1.1e-9, 0.9e-9, 1e-10, 1e-300, 5e-324] {
+            let schedule = Schedule::duration(1.0, duration);
+            assert_eq!((schedule.len(), schedule.step(0), schedule.elapsed(1)), (1, Some(duration), duration));
+        }
+    }
+
+    /// What would take for ever, or is no number at all, is refused with its value, and ends where it is not.
+    #[test]
+    fn steps_that_cannot_be_counted_are_refused() {
+        for (dt, duration, value) in [
+            (1e-310, 1.0, "dt = 1e-310: is too short for a run of 1e0 s"),
+            (1.0, 9_007_199_254_740_992.0, "dt = 1e0: is too short"),
+            (0.0, 1.0, "dt = 0e0: must be finite and positive"),
+            (0.0, 0.0, "dt = 0e0: must be finite and positive"),
+            (f64::INFINITY, 1.0, "dt = inf"),
+            (1.0, f64::NAN, "duration = NaN"),
+            (1.0, -1.0, "duration = -1e0: must be finite and not negative"),
+        ] {
+            let error = Schedule::check(dt, duration).unwrap_err().to_string();
+            assert!(error.starts_with(value), "{error}");
+        }
+        for (dt, duration) in [(1.0, 9_007_199_254_740_991.0), (1.0, 0.0), (1.0, 1e-300)] {
+            assert_eq!(Schedule::check(dt, duration), Ok(()));
+        }
+        assert!(Schedule::duration(0.0, 0.0).is_empty());
     }
 }

@@ -1,10 +1,10 @@
 //! What a time stepper has done so far.
 
 use crate::work::Work;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Work and quality of the steps done so far.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
     /// Counters of work.
     pub work: Work,
@@ -22,6 +22,18 @@ pub struct Statistics {
 }
 
 impl Statistics {
+    /// Adds what an earlier part of the same run did.
+    pub fn add(&mut self, other: &Self) {
+        let Self { work, max_relative_residual, softened_solves, dropped_terms, rejected_steps, indefinite_solves } =
+            *other;
+        self.work.add(&work);
+        self.record(max_relative_residual);
+        self.softened_solves += softened_solves;
+        self.dropped_terms += dropped_terms;
+        self.rejected_steps += rejected_steps;
+        self.indefinite_solves += indefinite_solves;
+    }
+
     pub(super) fn record(&mut self, relative_residual: f64) {
         self.max_relative_residual = self.max_relative_residual.max(relative_residual);
     }

@@ -12,15 +12,20 @@
 //! Whatever a scene is like, this wastes at most the cost of an analysis and two factorizations (the argument of renting or buying
 //! skis).
 //!
-//! Effort is [counted](CostModel), not timed: the same run makes the same choice, and gives the same bits, on every machine and for
-//! any number of threads.
+//! Effort is [counted](CostModel), not timed: the same run makes the same choice, and gives the same bits, as often as it is repeated
+//! and for any number of threads. (Another kind of processor rounds differently where its vector registers are wider, which may cost an
+//! iteration more or less and so, where it is close, decide otherwise.)
+//!
+//! A factor takes memory only when the choice has fallen on it, and only as much as leaves room for everything else: one that would
+//! take more than half of what the process may hold is not considered, whatever it costs.
 
 use super::LinearSolver;
 use super::cost::CostModel;
-use super::direct::CholeskySolver;
+use super::direct::{CholeskyPlan, CholeskySolver};
 use super::factorization::FactorReport;
 use super::iterative::CgSolver;
 use super::outcome::{Definiteness, Solution, SolveFailure};
+use crate::memory;
 use crate::operator::SystemOperator;
 use crate::system::System;
 use crate::work::Work;
@@ -35,8 +40,10 @@ const HOPELESS: f64 = 2000.0;
 enum Direct {
     /// Not analysed.
     Unseen,
-    /// Analysed.
-    Seen(Box<CholeskySolver>),
+    /// Analysed, and without memory yet.
+    Seen(Box<CholeskyPlan>),
+    /// Chosen.
+    Chosen(Box<CholeskySolver>),
     /// Far too expensive, or too large.
     Hopeless,
 }
@@ -54,6 +61,11 @@ impl DirectCost {
     }
 }
 
+/// Whether a factor of so many bytes leaves as much room for everything else, in what the process may ever hold.
+pub(super) fn fits(bytes: u64) -> bool {
+    memory::limit().is_none_or(|limit| bytes <= limit / 2)
+}
+
 /// Sparse Cholesky and conjugate gradients for one system; one of them solves.
 pub struct AutomaticSolver {
     iterative: CgSolver,
@@ -62,7 +74,6 @@ pub struct AutomaticSolver {
     costs: CostModel,
     /// Of factorizations, as far as known.
     cost: DirectCost,
-    is_direct: bool,
     /// By how much conjugate gradients have cost more than factorizations since they last cost less.
     lost: f64,
     /// Matrices that conjugate gradients were tried on.
@@ -74,12 +85,12 @@ impl AutomaticSolver {
     pub fn new(system: &System, iterative: CgSolver, par: Par) -> Self {
         let costs = CostModel::of(system);
         let cost = DirectCost { factor: costs.least_factorization(), solve: costs.least_direct_solve() };
-        Self { iterative, direct: Direct::Unseen, par, costs, cost, is_direct: false, lost: 0.0, tried: 0 }
+        Self { iterative, direct: Direct::Unseen, par, costs, cost, lost: 0.0, tried: 0 }
     }
 
     fn chosen(&self) -> &dyn LinearSolver {
         match &self.direct {
-            Direct::Seen(direct) if self.is_direct => &**direct,
+            Direct::Chosen(direct) => &**direct,
             _ => &self.iterative,
         }
     }
@@ -94,30 +105,36 @@ impl AutomaticSolver {
         match self.direct {
             Direct::Unseen => self.costs.analysis(None) + self.cost.step(),
             Direct::Seen(_) => self.cost.step(),
-            Direct::Hopeless => f64::INFINITY,
+            Direct::Chosen(_) | Direct::Hopeless => f64::INFINITY,
         }
     }
 
     /// Out of patience: analyses the pattern, or changes to factorizations.
     fn reconsider(&mut self, system: &System, work: &mut Work) {
-        match self.direct {
+        match std::mem::replace(&mut self.direct, Direct::Hopeless) {
             Direct::Unseen => {
-                let direct = CholeskySolver::new(system, self.par, work).ok();
-                let priced = direct.map(|direct| {
-                    let (factor, solve) =
-                        (self.costs.factorization(direct.size()), self.costs.direct_solve(direct.size()));
-                    (direct, DirectCost { factor, solve })
+                let plan = CholeskyPlan::new(system, self.par, work).ok();
+                let priced = plan.map(|plan| {
+                    let (factor, solve) = (self.costs.factorization(plan.size()), self.costs.direct_solve(plan.size()));
+                    (plan, DirectCost { factor, solve })
                 });
-                let affordable = priced.filter(|(_, cost)| cost.step() <= HOPELESS);
-                self.direct = Direct::Hopeless;
-                if let Some((direct, cost)) = affordable {
-                    (self.direct, self.cost) = (Direct::Seen(Box::new(direct)), cost);
-                    self.is_direct = self.mean_effort() > cost.step();
+                let affordable = priced.filter(|(plan, cost)| cost.step() <= HOPELESS && fits(plan.bytes()));
+                if let Some((plan, cost)) = affordable {
+                    self.cost = cost;
                     self.lost = 0.0;
+                    self.direct = Direct::Seen(Box::new(plan));
+                    if self.mean_effort() > cost.step() {
+                        self.reconsider(system, work);
+                    }
                 }
             }
-            Direct::Seen(_) => self.is_direct = true,
-            Direct::Hopeless => {}
+            // Where there is no room for the factor after all, there is nothing to consider any more.
+            Direct::Seen(plan) => {
+                if let Ok(direct) = plan.solver(system) {
+                    self.direct = Direct::Chosen(Box::new(direct));
+                }
+            }
+            settled => self.direct = settled,
         }
     }
 }
@@ -133,7 +150,8 @@ impl LinearSolver for AutomaticSolver {
 
     fn factor(&self) -> Option<FactorReport> {
         match &self.direct {
-            Direct::Seen(direct) => direct.factor(),
+            Direct::Seen(plan) => Some(plan.report()),
+            Direct::Chosen(direct) => direct.factor(),
             Direct::Unseen | Direct::Hopeless => None,
         }
     }
@@ -144,8 +162,12 @@ impl LinearSolver for AutomaticSolver {
             format!("conjugate gradients took the work of {:.1} force evaluations a matrix", self.mean_effort());
         Some(match self.direct {
             Direct::Unseen => format!("{name}: {tried}, which does not pay for a look at factorizations"),
-            Direct::Seen(_) => format!("{name}: {tried}, factoring and solving take that of {:.1}", self.cost.step()),
-            Direct::Hopeless => format!("{name}: {tried}, factorizations are far more expensive"),
+            Direct::Seen(_) | Direct::Chosen(_) => {
+                format!("{name}: {tried}, factoring and solving take that of {:.1}", self.cost.step())
+            }
+            Direct::Hopeless => {
+                format!("{name}: {tried}, factorizations are far more expensive, or too large for the memory")
+            }
         })
     }
 
@@ -154,12 +176,10 @@ impl LinearSolver for AutomaticSolver {
     }
 
     fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
-        if !self.is_direct && self.lost > self.patience() {
+        if self.lost > self.patience() {
             self.reconsider(a.system(), work);
         }
-        if let Direct::Seen(direct) = &mut self.direct
-            && self.is_direct
-        {
+        if let Direct::Chosen(direct) = &mut self.direct {
             return direct.prepare(a, work);
         }
         self.tried += 1;
@@ -181,9 +201,7 @@ impl LinearSolver for AutomaticSolver {
         work: &mut Work,
     ) -> Result<Solution, SolveFailure> {
         loop {
-            if let Direct::Seen(direct) = &mut self.direct
-                && self.is_direct
-            {
+            if let Direct::Chosen(direct) = &mut self.direct {
                 return direct.solve(a, b, x, work);
             }
             let before = self.iterative.effort();
@@ -195,9 +213,7 @@ impl LinearSolver for AutomaticSolver {
                 (solved, _) => return solved,
             }
             self.reconsider(a.system(), work);
-            if let Direct::Seen(direct) = &mut self.direct
-                && self.is_direct
-            {
+            if let Direct::Chosen(direct) = &mut self.direct {
                 direct.prepare(a, work)?;
             }
             x.fill(0.0);

@@ -4,10 +4,14 @@
 //! `α = rᵀz/pᵀAp`, `x += α p`, `r −= α A p`, `z = P⁻¹ r`, `β = rᵀz/(rᵀz)_old`, `p = z + β p`.
 //! The recurrence's r drifts away from `b − A x`. When it says "converged" the true residual is computed; if that is
 //! still too large, the iteration restarts from it, as long as this at least halves it from one restart to the next.
+//!
+//! A right-hand side so small or large that `pᵀAp` would under- or overflow (a motion that has come to rest but for 10⁻¹⁶⁰ m/s)
+//! is multiplied by a power of two first, and the solution divided by it: the same iteration, digit by digit.
 
-use super::norms::{dot, norm};
+use super::norms::{dot, norm, scaling};
 use super::preconditioner::Preconditioner;
 use super::vector::{conjugate, descend, subtract};
+use crate::interrupt::Interrupt;
 use crate::operator::LinearOperator;
 
 /// How conjugate gradients ended.
@@ -29,6 +33,8 @@ pub enum CgOutcome {
     IterationLimit,
     /// An infinite or undefined number appeared.
     NonFinite,
+    /// It was asked to stop.
+    Interrupted,
 }
 
 /// Outcome, effort and true residual of a solve.
@@ -51,6 +57,8 @@ pub struct ConjugateGradient {
     pub tolerance: f64,
     /// The most iterations a solve may take.
     pub iteration_limit: u64,
+    /// A request to stop is looked at in every iteration.
+    pub interrupt: Interrupt,
     residual: Vec<f64>,
     preconditioned: Vec<f64>,
     direction: Vec<f64>,
@@ -64,6 +72,7 @@ impl ConjugateGradient {
         Self {
             tolerance,
             iteration_limit: 10 * order as u64 + 100,
+            interrupt: Interrupt::NEVER,
             residual: zeros(),
             preconditioned: zeros(),
             direction: zeros(),
@@ -84,7 +93,27 @@ impl ConjugateGradient {
         b: &[f64],
         x: &mut [f64],
     ) -> CgReport {
-        let scale = norm(b);
+        let factor = scaling(b);
+        if factor != 1.0 {
+            x.iter_mut().for_each(|x| *x *= factor);
+        }
+        self.product.fill(0.0);
+        let size = if factor == 1.0 { norm(b) } else { subtract(factor, b, &self.product, &mut self.residual).sqrt() };
+        let report = self.solve_scaled(a, preconditioner, &Scaled { factor, b, norm: size }, x);
+        if factor != 1.0 {
+            x.iter_mut().for_each(|x| *x /= factor);
+        }
+        report
+    }
+
+    fn solve_scaled(
+        &mut self,
+        a: &impl LinearOperator,
+        preconditioner: &mut Preconditioner,
+        b: &Scaled,
+        x: &mut [f64],
+    ) -> CgReport {
+        let scale = b.norm;
         let target = self.tolerance * scale;
         let mut iterations = 0;
         let mut residual = self.set_true_residual(a, b, x);
@@ -123,7 +152,7 @@ impl ConjugateGradient {
         target: f64,
         iterations: &mut u64,
     ) -> Option<CgOutcome> {
-        let Self { residual: r, preconditioned: z, direction: p, product: q, .. } = self;
+        let Self { residual: r, preconditioned: z, direction: p, product: q, interrupt, .. } = self;
         preconditioner.apply(r, z);
         p.copy_from_slice(z);
         let mut rz = dot(r, z);
@@ -133,6 +162,9 @@ impl ConjugateGradient {
         while size > floor {
             if *iterations >= self.iteration_limit {
                 return Some(CgOutcome::IterationLimit);
+            }
+            if interrupt.is_requested() {
+                return Some(CgOutcome::Interrupted);
             }
             a.apply(p, q);
             let curvature = dot(p, q);
@@ -155,10 +187,17 @@ impl ConjugateGradient {
     }
 
     /// `r = b − A x`; returns its norm. The search direction is left alone: it may be asked for.
-    fn set_true_residual(&mut self, a: &impl LinearOperator, b: &[f64], x: &[f64]) -> f64 {
+    fn set_true_residual(&mut self, a: &impl LinearOperator, b: &Scaled, x: &[f64]) -> f64 {
         a.apply(x, &mut self.product);
-        subtract(b, &self.product, &mut self.residual).sqrt()
+        subtract(b.factor, b.b, &self.product, &mut self.residual).sqrt()
     }
+}
+
+/// A right-hand side times a factor, and its norm.
+struct Scaled<'a> {
+    factor: f64,
+    b: &'a [f64],
+    norm: f64,
 }
 
 #[cfg(test)]

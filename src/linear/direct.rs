@@ -2,7 +2,7 @@
 
 use super::LinearSolver;
 use super::factorization::{Cholesky, FactorReport, FactorSize, Ldlt, NonPositivePivot};
-use super::norms::{backward_error, norm};
+use super::norms::{backward_error, norm, scaling};
 use super::outcome::{Definiteness, Evidence, Solution, SolveFailure};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
@@ -24,26 +24,87 @@ const REFINEMENTS: usize = 3;
 struct Assembled {
     matrix: SystemMatrix,
     residual: Vec<f64>,
+    /// The right-hand side times a power of two that keeps its products from under- and overflow, and that power.
+    scaled: Vec<f64>,
+    factor: f64,
 }
 
 impl Assembled {
-    fn new(system: &System) -> Result<Self> {
-        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
-        Ok(Self { matrix: SystemMatrix::zeros(pattern), residual: vec![0.0; system.dofs().len()] })
+    fn new(system: &System, pattern: Arc<SpringPattern>) -> Result<Self> {
+        let zeros = || vec![0.0; system.dofs().len()];
+        Ok(Self { matrix: SystemMatrix::try_zeros(pattern)?, residual: zeros(), scaled: zeros(), factor: 1.0 })
+    }
+
+    /// Takes over a right-hand side.
+    fn scale(&mut self, b: &[f64]) {
+        self.factor = scaling(b);
+        for (scaled, b) in self.scaled.iter_mut().zip(b) {
+            *scaled = b * self.factor;
+        }
+    }
+
+    /// Gives the solution for the scaled right-hand side the size of that for the one taken over.
+    fn unscale(&self, x: &mut [f64]) {
+        if self.factor != 1.0 {
+            x.iter_mut().for_each(|x| *x /= self.factor);
+        }
     }
 
     /// `r = b − A x` with the matrix-free product, which shares no entry of the assembled matrix.
-    fn set_residual(&mut self, a: &SystemOperator, b: &[f64], x: &[f64]) {
+    fn set_residual(&mut self, a: &SystemOperator, x: &[f64]) {
         a.apply(x, &mut self.residual);
-        for (r, b) in self.residual.iter_mut().zip(b) {
+        for (r, b) in self.residual.iter_mut().zip(&self.scaled) {
             *r = b - *r;
         }
     }
 
-    fn solution(&self, b: &[f64]) -> Result<Solution, SolveFailure> {
+    fn solution(&self) -> Result<Solution, SolveFailure> {
         let residual = norm(&self.residual);
-        let relative_residual = if residual == 0.0 { 0.0 } else { residual / norm(b) };
+        let relative_residual = if residual == 0.0 { 0.0 } else { residual / norm(&self.scaled) };
         if relative_residual.is_finite() { Ok(Solution { relative_residual }) } else { Err(SolveFailure::NonFinite) }
+    }
+}
+
+/// A sparse Cholesky factorization that is known but has no memory yet: what it would take can be asked.
+pub struct CholeskyPlan {
+    pattern: Arc<SpringPattern>,
+    factorization: Cholesky,
+}
+
+impl CholeskyPlan {
+    /// Analyses the system's pattern; counts one symbolic factorization.
+    ///
+    /// # Errors
+    /// When the factor does not fit 32-bit indices, or its analysis the memory.
+    pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
+        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+        let factorization = Cholesky::plan(pattern.pattern(), par)?;
+        work.symbolic_factorizations += 1;
+        Ok(Self { pattern, factorization })
+    }
+
+    /// Entries and operations of the factor.
+    pub fn size(&self) -> FactorSize {
+        self.factorization.size()
+    }
+
+    /// Size, and times so far.
+    pub fn report(&self) -> FactorReport {
+        self.factorization.report()
+    }
+
+    /// Bytes that the factor, its work space and the matrix take.
+    pub fn bytes(&self) -> u64 {
+        self.factorization.bytes() + 8 * self.pattern.pattern().entries() as u64
+    }
+
+    /// The solver, with its memory.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`](crate::Error::TooLarge) when the factor does not fit the memory.
+    pub fn solver(mut self, system: &System) -> Result<CholeskySolver> {
+        self.factorization.allocate()?;
+        Ok(CholeskySolver { assembled: Assembled::new(system, self.pattern)?, factorization: self.factorization })
     }
 }
 
@@ -59,10 +120,7 @@ impl CholeskySolver {
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
-        let assembled = Assembled::new(system)?;
-        let factorization = Cholesky::analyse(assembled.matrix.matrix().pattern(), par)?;
-        work.symbolic_factorizations += 1;
-        Ok(Self { assembled, factorization })
+        CholeskyPlan::new(system, par, work)?.solver(system)
     }
 
     /// Entries and operations of the factor.
@@ -97,10 +155,12 @@ impl LinearSolver for CholeskySolver {
         work: &mut Work,
     ) -> Result<Solution, SolveFailure> {
         work.solves += 1;
-        x.copy_from_slice(b);
+        self.assembled.scale(b);
+        x.copy_from_slice(&self.assembled.scaled);
         self.factorization.solve_in_place(x);
-        self.assembled.set_residual(a, b, x);
-        self.assembled.solution(b)
+        self.assembled.set_residual(a, x);
+        self.assembled.unscale(x);
+        self.assembled.solution()
     }
 }
 
@@ -118,7 +178,7 @@ impl LdltSolver {
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
-        let assembled = Assembled::new(system)?;
+        let assembled = Assembled::new(system, Arc::new(SpringPattern::of_stiffness(system)?))?;
         let factorization = Ldlt::analyse(assembled.matrix.matrix().pattern(), par)?;
         work.symbolic_factorizations += 1;
         let correction = vec![0.0; system.dofs().len()];
@@ -156,10 +216,13 @@ impl LinearSolver for LdltSolver {
         work: &mut Work,
     ) -> Result<Solution, SolveFailure> {
         work.solves += 1;
-        x.copy_from_slice(b);
+        self.assembled.scale(b);
+        x.copy_from_slice(&self.assembled.scaled);
         self.factorization.solve_in_place(x);
-        self.assembled.set_residual(a, b, x);
-        let mut error = backward_error(&self.assembled.residual, self.matrix_norm, x, b);
+        self.assembled.set_residual(a, x);
+        let error_of =
+            |assembled: &Assembled, norm, x: &[f64]| backward_error(&assembled.residual, norm, x, &assembled.scaled);
+        let mut error = error_of(&self.assembled, self.matrix_norm, x);
         for _ in 0..REFINEMENTS {
             if error <= TRUSTED_BACKWARD_ERROR {
                 break;
@@ -169,10 +232,11 @@ impl LinearSolver for LdltSolver {
             for (x, c) in x.iter_mut().zip(&self.correction) {
                 *x += c;
             }
-            self.assembled.set_residual(a, b, x);
-            error = backward_error(&self.assembled.residual, self.matrix_norm, x, b);
+            self.assembled.set_residual(a, x);
+            error = error_of(&self.assembled, self.matrix_norm, x);
         }
-        let solution = self.assembled.solution(b)?;
+        self.assembled.unscale(x);
+        let solution = self.assembled.solution()?;
         if error <= TRUSTED_BACKWARD_ERROR {
             Ok(solution)
         } else {

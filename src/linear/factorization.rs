@@ -3,12 +3,12 @@
 //! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that
 //! both take microseconds, and only one convention for the index of a failed pivot is then in play.
 
-use super::memory;
 use super::ordering::{Ordering, OrderingMethod};
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::system::Dof;
-use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::ldlt::factor::LdltError;
 use faer::linalg::cholesky::llt::factor::LltError;
 use faer::mat::MatMut;
@@ -67,18 +67,36 @@ pub struct FactorReport {
     pub times: FactorTimes,
 }
 
+/// What an error calls the factor.
+const FACTOR: &str = "the factor of the matrix";
+
+/// Bytes that ordering and analysis hold at most for an entry or a row of the matrix: lists of its pattern in both orders and its
+/// graph's coarser copies. Found by lowering the limit on memory until a run failed.
+const ANALYSIS: u64 = 64;
+
 /// Ordering, symbolic analysis and memory, shared by both factorizations.
 pub(super) struct Analysis {
     ordering: OrderingMethod,
     times: FactorTimes,
     pub symbolic: SymbolicCholesky<u32>,
+    /// Empty until [`allocate`](Self::allocate), as is the memory.
     pub values: Vec<f64>,
     pub memory: MemBuffer,
+    scratch: StackReq,
     pub par: Par,
 }
 
 impl Analysis {
+    /// Orders and analyses, and takes the memory for the factor.
     pub fn new(pattern: &BlockPattern, par: Par) -> Result<Self> {
+        let mut analysis = Self::plan(pattern, par)?;
+        analysis.allocate()?;
+        Ok(analysis)
+    }
+
+    /// Orders and analyses. [`allocate`](Self::allocate) must come before anything is factored.
+    pub fn plan(pattern: &BlockPattern, par: Par) -> Result<Self> {
+        memory::ensure(ANALYSIS * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")?;
         let params = CholeskySymbolicParams {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             ..Default::default()
@@ -87,23 +105,37 @@ impl Analysis {
         let Ordering { method, forward, inverse } = Ordering::of(pattern);
         let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
         let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, ordering, params)
-            .map_err(|error| Error::Usage(format!("the matrix is too large to factor: {error:?}")))?;
-        let bytes = symbolic.len_val().saturating_mul(size_of::<f64>());
-        if !memory::fits(bytes) {
-            let gigabytes = bytes as f64 / 1e9;
-            return Err(Error::Usage(format!("the matrix is too large to factor: its factor takes {gigabytes:.1} GB")));
-        }
-        let values = vec![0.0; symbolic.len_val()];
+            .map_err(|_| Error::TooLarge { what: FACTOR, bytes: u64::MAX, room: memory::room() })?;
         // One buffer serves numeric factorization of any kind and solves.
         let scratch = symbolic
             .factorize_numeric_llt_scratch::<f64>(par, Spec::default())
             .or(symbolic.factorize_numeric_ldlt_scratch::<f64>(par, Spec::default()))
             .or(symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(par, Spec::default()))
             .or(symbolic.solve_in_place_scratch::<f64>(SOLVE_COLUMNS, par));
-        let memory = MemBuffer::try_new(scratch)
-            .map_err(|_| Error::Usage("the matrix is too large to factor: out of memory".into()))?;
         let times = FactorTimes { analysis_seconds: start.elapsed().as_secs_f64(), ..FactorTimes::default() };
-        Ok(Self { ordering: method, times, symbolic, values, memory, par })
+        let memory = MemBuffer::new(StackReq::EMPTY);
+        Ok(Self { ordering: method, times, symbolic, values: Vec::new(), memory, scratch, par })
+    }
+
+    /// Bytes of the factor and of what factoring takes beside it.
+    pub fn bytes(&self) -> u64 {
+        8 * self.symbolic.len_val() as u64 + self.scratch.unaligned_bytes_required() as u64
+    }
+
+    /// Takes the memory for the factor.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] when it does not fit.
+    pub fn allocate(&mut self) -> Result<()> {
+        memory::ensure_with_dense_products(self.bytes(), FACTOR)?;
+        self.values = memory::filled(0.0, self.symbolic.len_val(), FACTOR)?;
+        let bytes = self.bytes();
+        self.memory = MemBuffer::try_new(self.scratch).map_err(|_| Error::TooLarge {
+            what: FACTOR,
+            bytes,
+            room: memory::room(),
+        })?;
+        Ok(())
     }
 
     fn report(&self) -> FactorReport {
@@ -111,7 +143,7 @@ impl Analysis {
     }
 
     fn size(&self) -> FactorSize {
-        FactorSize { entries: self.values.len(), flops: flops(&self.symbolic), ordering: self.ordering }
+        FactorSize { entries: self.symbolic.len_val(), flops: flops(&self.symbolic), ordering: self.ordering }
     }
 
     /// `forward[k]` is the row of A that is eliminated as number k; `None` when the order is A's own.
@@ -174,6 +206,22 @@ fn flops(symbolic: &SymbolicCholesky<u32>) -> f64 {
 pub struct Cholesky(Analysis);
 
 impl Cholesky {
+    /// As [`analyse`](Self::analyse), without the memory for the factor: [`allocate`](Self::allocate) must come before
+    /// anything is factored.
+    pub(super) fn plan(pattern: &BlockPattern, par: Par) -> Result<Self> {
+        Analysis::plan(pattern, par).map(Self)
+    }
+
+    /// Takes the memory for the factor.
+    pub(super) fn allocate(&mut self) -> Result<()> {
+        self.0.allocate()
+    }
+
+    /// Bytes of the factor and of what factoring takes beside it.
+    pub(super) fn bytes(&self) -> u64 {
+        self.0.bytes()
+    }
+
     /// Orders (approximate minimum degree or nested dissection, whichever costs less) and analyses a pattern.
     ///
     /// # Errors

@@ -9,6 +9,7 @@ use super::preconditioner_kind::PreconditionerKind;
 use super::warm_start::WarmStart;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
+use crate::interrupt::Interrupt;
 use crate::operator::SystemOperator;
 use crate::system::System;
 use crate::work::Work;
@@ -58,7 +59,7 @@ impl CgSolver {
     /// # Errors
     /// More entries than 32-bit indices can count.
     pub fn assembled(system: &System, preconditioner: Option<PreconditionerKind>, tolerance: f64) -> Result<Self> {
-        let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
+        let matrix = SystemMatrix::try_zeros(Arc::new(SpringPattern::of_stiffness(system)?))?;
         Self::new(system, preconditioner, tolerance, Application::Assembled(Box::new(matrix)))
     }
 
@@ -96,6 +97,12 @@ impl CgSolver {
 
     fn iteration(&self) -> f64 {
         self.costs.iteration(self.preconditioner.kind())
+    }
+
+    /// Makes iterations end when asked to.
+    pub fn interrupted_by(mut self, interrupt: Interrupt) -> Self {
+        self.method.interrupt = interrupt;
+        self
     }
 
     /// What it has cost so far, counted, not timed, in [force evaluations](CostModel).
@@ -232,6 +239,7 @@ fn accept(report: &CgReport) -> Result<Solution, SolveFailure> {
         CgOutcome::Stagnated => not_converged(NotConverged::Stagnated),
         CgOutcome::IterationLimit => not_converged(NotConverged::IterationLimit),
         CgOutcome::NonFinite => Err(SolveFailure::NonFinite),
+        CgOutcome::Interrupted => Err(SolveFailure::Interrupted),
     }
 }
 

@@ -13,7 +13,6 @@ mod factorization;
 #[cfg(test)]
 mod fixtures;
 mod iterative;
-mod memory;
 mod norms;
 mod ordering;
 mod outcome;
@@ -29,7 +28,7 @@ pub use automatic::AutomaticSolver;
 pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
 pub use cost::CostModel;
-pub use direct::{CholeskySolver, LdltSolver};
+pub use direct::{CholeskyPlan, CholeskySolver, LdltSolver};
 pub use factorization::{Cholesky, FactorReport, FactorSize, FactorTimes, Ldlt, NonPositivePivot, SOLVE_COLUMNS};
 pub use iterative::{Application, CgSolver};
 pub use norms::{backward_error, dot, norm};

@@ -52,6 +52,9 @@ pub enum SolveFailure {
     /// The matrix, the right-hand side or the solution has an infinite or undefined entry.
     #[error("the linear system has entries that are not finite")]
     NonFinite,
+    /// It was asked to stop.
+    #[error("interrupted")]
+    Interrupted,
 }
 
 /// What proves that A is not positive definite.

@@ -3,7 +3,7 @@
 //! The finest level always has the matrix at hand. The coarse levels are recomputed when the iterations that their age has
 //! cost since they were new add up to what recomputing costs: whatever comes next, this is at most twice the work of the
 //! best choice of moments (the argument of renting or buying skis). All is counted in iterations, never in seconds: a run
-//! does the same on every machine.
+//! does the same as often as it is repeated (see `docs/robustness.md` for what another kind of processor may change).
 
 use super::outcome::{Evidence, SolveFailure};
 use crate::error::Result;

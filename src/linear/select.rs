@@ -1,7 +1,9 @@
 //! Choosing a solver.
 
-use super::{AutomaticSolver, CgSolver, CholeskySolver, LdltSolver, LinearSolver, PreconditionerKind};
+use super::automatic::fits;
+use super::{AutomaticSolver, CgSolver, CholeskyPlan, CholeskySolver, LdltSolver, LinearSolver, PreconditionerKind};
 use crate::error::Result;
+use crate::interrupt::Interrupt;
 use crate::system::System;
 use crate::work::Work;
 use faer::Par;
@@ -45,11 +47,19 @@ pub struct SolverOptions {
     pub tolerance: f64,
     /// Parallelism of the factorizations.
     pub par: Par,
+    /// When to give up: iterations look at it.
+    pub interrupt: Interrupt,
 }
 
 impl Default for SolverOptions {
     fn default() -> Self {
-        Self { solver: SolverChoice::Auto, preconditioner: None, tolerance: 1e-10, par: Par::Seq }
+        Self {
+            solver: SolverChoice::Auto,
+            preconditioner: None,
+            tolerance: 1e-10,
+            par: Par::Seq,
+            interrupt: Interrupt::NEVER,
+        }
     }
 }
 
@@ -74,8 +84,8 @@ const SMALL: usize = 60;
 /// Degrees of freedom beyond which `Auto` does not even analyse: the analysis alone would take seconds.
 const LARGEST_ANALYSED: usize = 1_500_000;
 
-/// Makes the solver. `Auto` factors what is small, or where a proof of definiteness is worth it; elsewhere it tries
-/// conjugate gradients and keeps what costs less, see [`AutomaticSolver`].
+/// Makes the solver. `Auto` factors what is small, or where a proof of definiteness is worth it, and what fits half of the memory;
+/// elsewhere it tries conjugate gradients and keeps what costs less, see [`AutomaticSolver`].
 ///
 /// # Errors
 /// When the matrix or its factor is too large.
@@ -86,19 +96,24 @@ pub fn select(
     work: &mut Work,
 ) -> Result<Box<dyn LinearSolver>> {
     let preconditioner = options.preconditioner;
-    let matrix_free = || CgSolver::matrix_free(system, preconditioner, options.tolerance);
+    let interrupted = |solver: CgSolver| solver.interrupted_by(options.interrupt);
+    let matrix_free = || CgSolver::matrix_free(system, preconditioner, options.tolerance).map(interrupted);
     let dofs = system.dofs().len();
     Ok(match options.solver {
         SolverChoice::Llt => Box::new(CholeskySolver::new(system, options.par, work)?),
         SolverChoice::Ldlt => Box::new(LdltSolver::new(system, options.par, work)?),
         SolverChoice::Cg => Box::new(matrix_free()?),
-        SolverChoice::CgAssembled => Box::new(CgSolver::assembled(system, preconditioner, options.tolerance)?),
+        SolverChoice::CgAssembled => {
+            Box::new(CgSolver::assembled(system, preconditioner, options.tolerance).map(interrupted)?)
+        }
         SolverChoice::Auto if dofs > LARGEST_ANALYSED => Box::new(matrix_free()?),
         SolverChoice::Auto if dofs <= SMALL => Box::new(CholeskySolver::new(system, options.par, work)?),
         SolverChoice::Auto if promise == Promise::Unknown => {
             let springs = system.active_springs().len().max(1) as f64;
-            match CholeskySolver::new(system, options.par, work) {
-                Ok(direct) if direct.size().flops <= WORTH_PROVING * springs => Box::new(direct),
+            let plan = CholeskyPlan::new(system, options.par, work);
+            let is_worth = |plan: &CholeskyPlan| plan.size().flops <= WORTH_PROVING * springs && fits(plan.bytes());
+            match plan.ok().filter(is_worth).map(|plan| plan.solver(system)) {
+                Some(Ok(direct)) => Box::new(direct),
                 _ => Box::new(matrix_free()?),
             }
         }

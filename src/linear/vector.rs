@@ -77,17 +77,17 @@ pub fn conjugate(beta: f64, z: &[f64], p: &mut [f64]) {
     rayon::join(|| conjugate(beta, z0, p0), || conjugate(beta, z1, p1));
 }
 
-/// `r = b − q`; returns `rᵀr`.
-pub fn subtract(b: &[f64], q: &[f64], r: &mut [f64]) -> f64 {
+/// `r = s b − q`; returns `rᵀr`.
+pub fn subtract(s: f64, b: &[f64], q: &[f64], r: &mut [f64]) -> f64 {
     if r.len() <= PIECE {
         for ((r, b), q) in r.iter_mut().zip(b).zip(q) {
-            *r = b - q;
+            *r = s * b - q;
         }
         return dot_piece(r, r);
     }
     let at = middle(r.len());
     let ((b0, b1), (q0, q1), (r0, r1)) = (b.split_at(at), q.split_at(at), r.split_at_mut(at));
-    let (first, second) = both(b.len(), || subtract(b0, q0, r0), || subtract(b1, q1, r1));
+    let (first, second) = both(b.len(), || subtract(s, b0, q0, r0), || subtract(s, b1, q1, r1));
     first + second
 }
 
@@ -119,8 +119,8 @@ mod tests {
             let mut direction = p.clone();
             conjugate(beta, &q, &mut direction);
             assert!((0..length).all(|i| direction[i] == q[i] + beta * p[i]));
-            assert_eq!(subtract(&b, &q, &mut r), dot(&r, &r));
-            assert!((0..length).all(|i| r[i] == b[i] - q[i]));
+            assert_eq!(subtract(beta, &b, &q, &mut r), dot(&r, &r));
+            assert!((0..length).all(|i| r[i] == beta * b[i] - q[i]));
         }
     }
 

@@ -11,7 +11,8 @@
 //!
 //! **Once a matrix.** An aggregate moves like a rigid body: the near-null space of A is that of K, translations and
 //! rotations, restricted to the axes that are free. Their orthonormal bases on the aggregates are the columns of the
-//! tentative prolongator T; a step of block Jacobi makes it `P = (I − ω D⁻¹A) T`, and the next level's matrix is `Pᵀ A P`.
+//! tentative prolongator T; a step of block Jacobi makes it `P = (I − ω D⁻¹A) T`, and the next level's matrix is
+//! `Pᵀ A P + ε Tᵀ A T`, the second term for motions that P smooths away, see `galerkin`.
 //!
 //! **Once an iteration**, a cycle from zero: a forward sweep of block Gauss–Seidel, the coarse correction
 //! `x += P A_c⁻¹ Pᵀ (b − A x)` by the next level, a backward sweep. On the coarsest level a dense Cholesky factorization. Coarse levels
@@ -71,6 +72,7 @@ mod sparse;
 mod stage;
 
 use crate::error::Result;
+use crate::memory;
 use crate::operator::SystemOperator;
 use crate::system::{Dof, System};
 use finest::{Finest, near_one};
@@ -79,6 +81,11 @@ use stage::{Cycle, Refusal, Stage};
 
 /// Unknowns that are solved for directly: a dense factorization of this order takes a few milliseconds.
 const LARGEST_DENSE: usize = 400;
+
+/// Bytes that all levels and their making hold at most for a spring and for a particle. Found by lowering the limit on memory until
+/// a run failed.
+const SPRING: u64 = 500;
+const PARTICLE: u64 = 3000;
 
 /// Size of one level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -145,6 +152,8 @@ impl Multigrid {
     /// # Errors
     /// More matrix blocks than 32-bit indices can count.
     pub fn down_to(system: &System, largest_dense: usize) -> Result<Self> {
+        let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
+        memory::ensure_with_dense_products(SPRING * springs + PARTICLE * particles, "multigrid")?;
         Ok(Self(match system.dimension() {
             1 => Dimension::Line(Hierarchy::new(system, largest_dense)?),
             2 => Dimension::Plane(Hierarchy::new(system, largest_dense)?),

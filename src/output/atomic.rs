@@ -1,9 +1,10 @@
 //! Files that appear whole or not at all.
 
 use crate::error::{Error, Result};
-use std::io::{self, BufWriter, Write};
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempPath};
 
 /// A file that gets its name only when it is complete.
 ///
@@ -38,6 +39,50 @@ impl AtomicFile {
         Ok(Self { target, file: BufWriter::with_capacity(1 << 16, file) })
     }
 
+    /// As [`create`](Self::create), with a fixed name for as long as the file is unfinished: what was written stays when the
+    /// process ends before it is complete, and [`resume`](Self::resume) can go on with it.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when it cannot be written.
+    pub fn create_resumable(target: impl Into<PathBuf>) -> Result<Self> {
+        // What create looks at: the folder and the name.
+        let Self { target, .. } = Self::create(target)?;
+        let unfinished = unfinished(&target);
+        let file = File::create(&unfinished).map_err(|source| Error::io(&unfinished, source))?;
+        Self::unfinished_at(target, unfinished.clone(), file).map_err(|source| Error::io(unfinished, source))
+    }
+
+    /// Goes on with a file behind its first `length` bytes, which `is_right` accepts: those of one that was left unfinished, or
+    /// else of the complete one.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when neither is there with these bytes.
+    pub fn resume(target: impl Into<PathBuf>, length: u64, is_right: impl Fn(&[u8]) -> bool) -> Result<Self> {
+        let target = target.into();
+        let unfinished = unfinished(&target);
+        let right = |path: &Path| read_first(path, length).ok().filter(|bytes| is_right(bytes));
+        let file = if right(&unfinished).is_some() {
+            File::options().write(true).open(&unfinished).and_then(|mut file| {
+                file.set_len(length)?;
+                file.seek(SeekFrom::End(0))?;
+                Ok(file)
+            })
+        } else if let Some(bytes) = right(&target) {
+            File::create(&unfinished).and_then(|mut file| file.write_all(&bytes).map(|()| file))
+        } else {
+            let missing = "what the checkpoint goes on from is not there any more";
+            return Err(Error::io(target, io::Error::new(io::ErrorKind::NotFound, missing)));
+        };
+        file.and_then(|file| Self::unfinished_at(target, unfinished.clone(), file))
+            .map_err(|source| Error::io(unfinished, source))
+    }
+
+    fn unfinished_at(target: PathBuf, unfinished: PathBuf, file: File) -> io::Result<Self> {
+        let mut path = TempPath::try_from_path(unfinished)?;
+        path.disable_cleanup(true);
+        Ok(Self { target, file: BufWriter::with_capacity(1 << 16, NamedTempFile::from_parts(file, path)) })
+    }
+
     /// Writes a whole file.
     ///
     /// # Errors
@@ -48,6 +93,11 @@ impl AtomicFile {
             Ok(()) => file.commit(),
             Err(source) => Err(Error::io(file.target, source)),
         }
+    }
+
+    /// The name that the file has as long as it is unfinished.
+    pub(super) fn unfinished(&self) -> &Path {
+        self.file.get_ref().path()
     }
 
     /// The name that the file will have.
@@ -77,10 +127,32 @@ impl Write for AtomicFile {
     }
 }
 
+/// The name of an unfinished file that can be gone on with.
+fn unfinished(target: &Path) -> PathBuf {
+    let name = target.file_name().unwrap_or_default().to_string_lossy();
+    target.with_file_name(format!("{PREFIX}{name}{SUFFIX}"))
+}
+
+/// The first bytes of a file that has at least so many.
+fn read_first(path: &Path, length: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(length).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 == length { Ok(bytes) } else { Err(io::ErrorKind::UnexpectedEof.into()) }
+}
+
+/// How the names of unfinished files begin and end.
+const PREFIX: &str = ".sprung-";
+const SUFFIX: &str = ".part";
+
+/// Whether a name is that of an unfinished file.
+pub(super) fn is_part(name: &str) -> bool {
+    name.starts_with(PREFIX) && name.ends_with(SUFFIX)
+}
+
 /// Temporary files are made readable by their owner alone; results get the permissions of any other new file.
 fn temporary() -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".sprung-").suffix(".part");
+    builder.prefix(PREFIX).suffix(SUFFIX);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;

@@ -1,10 +1,11 @@
 //! `energy.csv`: the energies over time.
 
 use super::AtomicFile;
+use super::checksum::{Checksum, Tally};
 use crate::error::{Error, Result};
 use crate::force::Energy;
 use crate::integrate::Balance;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::PathBuf;
 
@@ -14,7 +15,16 @@ use std::path::PathBuf;
 #[derive(Debug)]
 pub struct EnergyLog {
     target: PathBuf,
-    rows: csv::Writer<AtomicFile>,
+    rows: csv::Writer<Tally<AtomicFile>>,
+}
+
+/// How far an `energy.csv` is that a checkpoint goes on with.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LogPosition {
+    /// Its length.
+    pub bytes: u64,
+    /// The checksum of these bytes.
+    pub checksum: String,
 }
 
 #[derive(Serialize)]
@@ -36,8 +46,44 @@ impl EnergyLog {
     /// [`Error::Io`] when its folder cannot be written.
     pub fn create(target: impl Into<PathBuf>) -> Result<Self> {
         let target = target.into();
-        let rows = csv::Writer::from_writer(AtomicFile::create(&target)?);
+        let rows = csv::Writer::from_writer(Tally::new(AtomicFile::create(&target)?));
         Ok(Self { target, rows })
+    }
+
+    /// Starts a file that a later process can go on with.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when its folder cannot be written.
+    pub fn create_resumable(target: impl Into<PathBuf>) -> Result<Self> {
+        let target = target.into();
+        let rows = csv::Writer::from_writer(Tally::new(AtomicFile::create_resumable(&target)?));
+        Ok(Self { target, rows })
+    }
+
+    /// Goes on with a file behind a position.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when it is not there, or has other bytes.
+    pub fn resume(target: impl Into<PathBuf>, position: &LogPosition) -> Result<Self> {
+        let target = target.into();
+        let mut sum = Checksum::default();
+        let file =
+            AtomicFile::resume(&target, position.bytes, |bytes| Checksum::of(bytes).text() == position.checksum)?;
+        let before = std::fs::read(file.unfinished()).map_err(|source| Error::io(&target, source))?;
+        sum.add(&before);
+        let rows = Tally::after(file, position.bytes, sum);
+        let rows = csv::WriterBuilder::new().has_headers(position.bytes == 0).from_writer(rows);
+        Ok(Self { target, rows })
+    }
+
+    /// Where it is: everything before that is in the file, whatever happens to the process.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when it cannot be written.
+    pub fn position(&mut self) -> Result<LogPosition> {
+        self.rows.flush().map_err(|source| Error::io(&self.target, source))?;
+        let (bytes, checksum) = self.rows.get_ref().so_far();
+        Ok(LogPosition { bytes, checksum: checksum.text() })
     }
 
     /// Adds the row of a time, in s: the energy of the state, and where it went since the start.
@@ -65,6 +111,6 @@ impl EnergyLog {
     /// [`Error::Io`] when it cannot be written or renamed.
     pub fn finish(self) -> Result<()> {
         let Self { target, rows } = self;
-        rows.into_inner().map_err(|failed| Error::io(target, failed.into_error()))?.commit()
+        rows.into_inner().map_err(|failed| Error::io(target, failed.into_error()))?.into_inner().commit()
     }
 }

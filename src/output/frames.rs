@@ -3,7 +3,7 @@
 //! A `.pvd` file lists the frames with their times, and opens as one time series; [`write_frame`] says what a frame holds.
 
 use super::vtk::write_frame;
-use super::{AtomicFile, Trajectory};
+use super::{AtomicFile, OutputFolder, Trajectory};
 use crate::error::Result;
 use crate::system::{State, System};
 use quick_xml::events::{BytesDecl, Event};
@@ -21,14 +21,15 @@ pub struct Frames {
     trajectory: Trajectory,
     /// Whether there are files for VTK.
     vtk: bool,
-    /// Time and file of every frame written.
-    series: Vec<(f64, String)>,
+    /// Time and step of every frame.
+    series: Vec<(f64, u64)>,
     /// Length of the series at which the list is written next.
     list_at: usize,
 }
 
 impl Frames {
-    /// Frames of the steps that `every` divides, in an output folder, which is created.
+    /// Frames of the steps that `every` divides, in an output folder, which is created. Those of an earlier run must be gone, see
+    /// [`clear_frames`].
     ///
     /// # Errors
     /// [`Error::Io`](crate::Error::Io) when the folder cannot be written.
@@ -36,6 +37,36 @@ impl Frames {
         let folder = folder.into();
         let trajectory = Trajectory::create(&folder)?;
         Ok(Self { folder, every, triangles: Vec::new(), trajectory, vtk: true, series: Vec::new(), list_at: 1 })
+    }
+
+    /// Goes on behind frames of which [`position`](Self::position) gave the list.
+    ///
+    /// # Errors
+    /// [`Error::Io`](crate::Error::Io) when what waited for the end is not there any more.
+    pub fn resume(
+        folder: impl Into<PathBuf>,
+        every: NonZeroU64,
+        series: Vec<(f64, u64)>,
+        system: &System,
+    ) -> Result<Self> {
+        let folder = folder.into();
+        let trajectory = Trajectory::resume(&folder, &series, system)?;
+        Ok(Self { folder, every, triangles: Vec::new(), trajectory, vtk: true, series, list_at: 1 })
+    }
+
+    /// What a later process can go on with stays when this goes.
+    pub fn resumable(mut self) -> Self {
+        self.trajectory.keep();
+        self
+    }
+
+    /// Time, in s, and step of every frame so far: all of them are in files, whatever happens to the process.
+    ///
+    /// # Errors
+    /// [`Error::Io`](crate::Error::Io) when they cannot be written.
+    pub fn position(&mut self) -> Result<Vec<(f64, u64)>> {
+        self.trajectory.flush()?;
+        Ok(self.series.clone())
     }
 
     /// With the triangles of a mesh in every frame.
@@ -57,12 +88,11 @@ impl Frames {
             return Ok(());
         }
         self.trajectory.push(system, state, step)?;
+        self.series.push((state.time, step));
         if !self.vtk {
             return Ok(());
         }
-        let name = format!("frames/frame_{step:06}.vtp");
-        write_frame(self.folder.join(&name), system, state, &self.triangles)?;
-        self.series.push((state.time, name));
+        write_frame(self.folder.join(name(step)), system, state, &self.triangles)?;
         // Rewriting the list whenever it has grown by an eighth keeps it valid at every moment, even when the process
         // is killed, for a total cost in proportion to its length.
         if self.series.len() >= self.list_at {
@@ -90,9 +120,9 @@ impl Frames {
             let root = xml.create_element("VTKFile").with_attributes([("type", "Collection"), ("version", "0.1")]);
             root.write_inner_content(|xml| {
                 let list = xml.create_element("Collection").write_inner_content(|xml| {
-                    for (time, file) in &self.series {
-                        let timestep = format!("{time:?}");
-                        let attributes = [("timestep", timestep.as_str()), ("part", "0"), ("file", file)];
+                    for &(time, step) in &self.series {
+                        let (timestep, file) = (format!("{time:?}"), name(step));
+                        let attributes = [("timestep", timestep.as_str()), ("part", "0"), ("file", &file)];
                         xml.create_element("DataSet").with_attributes(attributes).write_empty()?;
                     }
                     Ok(())
@@ -102,4 +132,19 @@ impl Frames {
             xml.into_inner().write_all(b"\n")
         })
     }
+}
+
+/// The file of a step's frame.
+fn name(step: u64) -> String {
+    format!("frames/frame_{step:06}.vtp")
+}
+
+/// Removes the frames of an earlier run, and their list.
+///
+/// # Errors
+/// [`Error::Io`](crate::Error::Io) when a file cannot be removed.
+pub fn clear_frames(folder: &OutputFolder) -> Result<()> {
+    folder.remove("frames.pvd")?;
+    let is_frame = |name: &str| name.starts_with("frame_") && name.ends_with(".vtp");
+    folder.remove_inside("frames", is_frame)
 }

@@ -3,9 +3,12 @@
 //! Every number is written in the shortest decimal form that reads back to the same bits.
 
 mod atomic;
+mod checkpoint;
+mod checksum;
 mod energy;
 mod failure_bundle;
 mod final_state;
+mod folder;
 mod frames;
 mod matrix_market;
 mod playback;
@@ -14,12 +17,14 @@ mod trajectory;
 mod vtk;
 
 pub use atomic::AtomicFile;
-pub use energy::EnergyLog;
+pub use checkpoint::{CHECKPOINT, Checkpoint, fingerprint, rows};
+pub use energy::{EnergyLog, LogPosition};
 pub use failure_bundle::{BUNDLE, FailedStep};
 pub use final_state::write_final_state;
-pub use frames::Frames;
+pub use folder::OutputFolder;
+pub use frames::{Frames, clear_frames};
 pub use matrix_market::{write_dofs, write_symmetric, write_vector};
 pub use playback::playback;
 pub use summary::{ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, Summary};
-pub use trajectory::{TRAJECTORY, Trajectory};
+pub use trajectory::{TRAJECTORY, Trajectory, WAITING};
 pub use vtk::write_frame;

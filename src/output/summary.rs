@@ -4,10 +4,11 @@ use super::AtomicFile;
 use crate::accuracy::{Choice, Pace};
 use crate::error::Result;
 use crate::force::Energy;
-use crate::integrate::{Balance, RunFailure, Statistics, Status};
+use crate::integrate::{Balance, Outcome, RunFailure, Statistics, Status};
 use crate::linear::FactorReport;
 use serde::Serialize;
 use std::io::{self, Write};
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 /// What a run did and how it ended.
@@ -195,6 +196,17 @@ pub struct FailureReport {
     pub time: f64,
     /// Why it could not be done.
     pub message: String,
+}
+
+impl FailureReport {
+    /// Of a run that did not come to its end, by itself or because it was asked to stop; `time` is that of its last good state.
+    pub fn of(outcome: &Outcome, time: f64) -> Option<Self> {
+        match &outcome.end {
+            Err(failed) => Some(failed.into()),
+            Ok(ControlFlow::Continue(())) => None,
+            Ok(ControlFlow::Break(())) => Some(Self { step: outcome.steps + 1, time, message: "asked to stop".into() }),
+        }
+    }
 }
 
 impl From<&RunFailure> for FailureReport {

@@ -15,7 +15,7 @@
 //! | `gravity` | float64 | (d) | in m/s² |
 //!
 //! F frames, N particles, S springs, d modelled axes. A zip holds one array after the other, a run gives one frame after the other: frames
-//! wait in `trajectory.part` until the run ends.
+//! wait in a file of their own until the run ends.
 
 use super::AtomicFile;
 use crate::error::{Error, Result};
@@ -40,16 +40,22 @@ pub struct Trajectory {
     steps: Vec<u64>,
 }
 
-/// Frames in a file of their own, which goes when this goes: positions, then velocities, in doubles of the machine's order.
+/// The name of the file in which frames wait.
+pub const WAITING: &str = ".sprung-trajectory.part";
+
+/// Frames in a file of their own, which goes when this goes, unless it is to be gone on with: positions, then velocities, in doubles of the machine's order.
 #[derive(Debug)]
 struct Waiting {
     path: PathBuf,
     file: BufWriter<File>,
+    is_kept: bool,
 }
 
 impl Drop for Waiting {
     fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.path);
+        if !self.is_kept {
+            let _ = std::fs::remove_file(&self.path);
+        }
     }
 }
 
@@ -60,11 +66,47 @@ impl Trajectory {
     /// [`Error::Io`] when the folder or a file in it cannot be written.
     pub fn create(folder: &Path) -> Result<Self> {
         std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
-        let path = folder.join("trajectory.part");
+        let path = folder.join(WAITING);
         let file = File::options().read(true).write(true).create(true).truncate(true).open(&path);
         let file = BufWriter::with_capacity(1 << 18, file.map_err(|source| Error::io(&path, source))?);
-        let waiting = Waiting { path, file };
+        let waiting = Waiting { path, file, is_kept: false };
         Ok(Self { target: folder.join(TRAJECTORY), waiting, times: Vec::new(), steps: Vec::new() })
+    }
+
+    /// Goes on behind frames of these times and steps, which wait in the folder.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when they do not.
+    pub fn resume(folder: &Path, frames: &[(f64, u64)], system: &System) -> Result<Self> {
+        let path = folder.join(WAITING);
+        let length = (2 * 8 * system.particles() * system.dimension() * frames.len()) as u64;
+        let open = || -> io::Result<File> {
+            let mut file = File::options().read(true).write(true).open(&path)?;
+            if file.metadata()?.len() < length {
+                return Err(io::ErrorKind::UnexpectedEof.into());
+            }
+            file.set_len(length)?;
+            file.seek(SeekFrom::End(0))?;
+            Ok(file)
+        };
+        let file = BufWriter::with_capacity(1 << 18, open().map_err(|source| Error::io(&path, source))?);
+        let waiting = Waiting { path, file, is_kept: true };
+        let (times, steps) = frames.iter().copied().unzip();
+        Ok(Self { target: folder.join(TRAJECTORY), waiting, times, steps })
+    }
+
+    /// The frames that wait stay when this goes.
+    pub fn keep(&mut self) {
+        self.waiting.is_kept = true;
+    }
+
+    /// Makes sure that all frames are in the file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when they cannot be written.
+    pub fn flush(&mut self) -> Result<()> {
+        let Waiting { path, file, .. } = &mut self.waiting;
+        file.flush().map_err(|source| Error::io(&*path, source))
     }
 
     /// Adds the state after `step` steps.
@@ -73,7 +115,7 @@ impl Trajectory {
     /// [`Error::Io`] when it cannot be written.
     pub fn push(&mut self, system: &System, state: &State, step: u64) -> Result<()> {
         let axes = system.dimension();
-        let Waiting { path, file } = &mut self.waiting;
+        let Waiting { path, file, .. } = &mut self.waiting;
         for row in state.positions.iter().chain(&state.velocities) {
             for value in row.iter().take(axes) {
                 file.write_all(&value.to_le_bytes()).map_err(|source| Error::io(&*path, source))?;

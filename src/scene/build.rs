@@ -3,17 +3,22 @@
 use super::MeshGeometry;
 use super::schema::{Axis, ConstraintEntry, TimeSettings};
 use super::{Row, Scene, Values};
-use crate::error::{Invalid, Result};
+use crate::error::{Error, Invalid, Result};
+use crate::memory;
 use crate::spring::{Extension, Spring};
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder, check_length};
 use nalgebra::Vector3;
+
+/// Bytes of a particle and of a spring, with what checking and sorting holds beside them.
+const PARTICLE: u64 = 400;
+const SPRING: u64 = 160;
 
 impl Scene {
     /// Checks every value and builds the system and its state at time zero.
     ///
     /// # Errors
-    /// [`Error::Invalid`](crate::Error::Invalid) for the first value that breaks a rule, with file, key, index and
-    /// value; [`Error::Io`](crate::Error::Io) and [`Error::Format`](crate::Error::Format) for a mesh that cannot be read.
+    /// [`Error::Invalid`] for the first value that breaks a rule, with file, key, index and value; a mesh that cannot be read is the
+    /// value of `mesh.file`. [`Error::TooLarge`] for a scene that does not fit the memory.
     pub fn build(&self) -> Result<(System, State)> {
         self.build_with_triangles().map(|(system, state, _)| (system, state))
     }
@@ -44,6 +49,7 @@ impl Scene {
     fn parts(&self) -> Result<(SystemBuilder, Vec<[u32; 3]>)> {
         let (dimension, MeshGeometry { vertices: positions, edges: pairs, triangles }) = self.geometry()?;
         let n = positions.len();
+        memory::ensure(PARTICLE * n as u64 + SPRING * pairs.len() as u64, "the scene")?;
         let velocities = match &self.particles.velocities {
             Some(rows) => vectors("particles.velocities", rows, dimension)?,
             None => vec![Vector3::zeros(); n],
@@ -83,7 +89,8 @@ impl Scene {
         let scale = mesh.scale.unwrap_or(1.0);
         Rule::Positive.check("mesh.scale", scale)?;
         let folder = self.file.as_deref().and_then(std::path::Path::parent).unwrap_or("".as_ref());
-        let mesh = MeshGeometry::load(&folder.join(&mesh.file))?;
+        let named = |error: Error| Invalid::new("mesh.file", format!("{:?}", mesh.file), error.to_string());
+        let mesh = MeshGeometry::load(&folder.join(&mesh.file)).map_err(named)?;
         Ok((3, MeshGeometry { vertices: mesh.vertices.into_iter().map(|x| x * scale).collect(), ..mesh }))
     }
 

@@ -3,7 +3,13 @@
 use super::Scene;
 use super::read::{check_name, table};
 use crate::error::{Error, Invalid, Result};
+use crate::memory;
 use std::path::Path;
+
+/// Bytes that reading holds at most for a byte of a file: of JSON the text and the numbers, of TOML a tree too. Found by lowering
+/// the limit on memory until reading failed.
+const JSON: u64 = 8;
+const TOML: u64 = 60;
 
 impl Scene {
     /// Reads a scene file, TOML or JSON by its extension. Without a name in the file the scene has the file's stem.
@@ -23,6 +29,9 @@ impl Scene {
             Some("json") => parse_json,
             _ => return Err(Error::Usage(format!("{}: a scene file must end in .toml or .json", path.display()))),
         };
+        let bytes = std::fs::metadata(path).map_or(0, |file| file.len());
+        let share = if extension.as_deref() == Some("json") { JSON } else { TOML };
+        memory::ensure(bytes.saturating_mul(share), "the scene file")?;
         let text = std::fs::read_to_string(path).map_err(|source| Error::io(path, source))?;
         let scene = parse(&text).map_err(|message| Error::Format { file: path.into(), message })?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();

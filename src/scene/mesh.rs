@@ -1,6 +1,7 @@
 //! Meshes from Wavefront OBJ files.
 
 use crate::error::{Error, Invalid, Result};
+use crate::memory;
 use nalgebra::Vector3;
 use std::path::Path;
 use tobj::{LoadError, LoadOptions};
@@ -16,6 +17,9 @@ pub struct MeshGeometry {
     pub triangles: Vec<[u32; 3]>,
 }
 
+/// Bytes that reading holds at most for a byte of a file.
+const BYTES: u64 = 30;
+
 impl MeshGeometry {
     /// Reads the vertices (`v`) and faces (`f`) of an OBJ file and passes over everything else in it.
     ///
@@ -23,6 +27,8 @@ impl MeshGeometry {
     /// [`Error::Io`] for an unreadable file, [`Error::Format`] with the line for one that is not OBJ,
     /// [`Error::Invalid`] for a vertex that is not finite.
     pub fn load(path: &Path) -> Result<Self> {
+        let bytes = std::fs::metadata(path).map_or(0, |file| file.len());
+        memory::ensure(bytes.saturating_mul(BYTES), "the mesh")?;
         let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
         let text = String::from_utf8_lossy(&bytes);
         let lines: Vec<&str> = text.lines().filter(|line| is_vertex(line) || is_face(line)).collect();

@@ -188,7 +188,15 @@ impl SystemBuilder {
                         return Err(Invalid::new(times_key, time, "times must increase").at(at));
                     }
                 }
-                offsets.iter().enumerate().try_for_each(|(at, x)| self.check_vector(&offsets_key, Some(at), x))
+                offsets.iter().enumerate().try_for_each(|(at, x)| self.check_vector(&offsets_key, Some(at), x))?;
+                for at in 1..times.len() {
+                    let speed = (offsets[at] - offsets[at - 1]) / (times[at] - times[at - 1]);
+                    if speed.iter().any(|c| !c.is_finite()) {
+                        let rule = "is not reached at a finite speed from the entry before";
+                        return Err(Invalid::new(times_key, times[at], rule).at(at));
+                    }
+                }
+                Ok(())
             }
         }
     }

@@ -9,6 +9,7 @@ mod state;
 pub use builder::SystemBuilder;
 #[cfg(feature = "scene")]
 pub(crate) use builder::check_length;
+pub(crate) use constraint::SAME_TIME;
 pub use constraint::{Axes, Constraint, Motion, Prescribed};
 pub use dofs::{Dof, DofMap};
 pub(crate) use shares::{Share, shares};

@@ -15,9 +15,18 @@ pub struct State {
 }
 
 impl State {
-    /// Whether every coordinate and velocity is a finite number.
+    /// The largest coordinate, in m, and velocity, in m/s, that states may have: beyond it their squares, and with them energies,
+    /// are no numbers any more.
+    pub const LARGEST: f64 = 1e150;
+
+    /// Whether the time is finite, and no coordinate or velocity is beyond [`LARGEST`](Self::LARGEST), infinite or undefined.
     pub fn is_finite(&self) -> bool {
-        self.positions.iter().chain(&self.velocities).all(|v| v.iter().all(|c| c.is_finite()))
+        self.time.is_finite() && self.positions.iter().chain(&self.velocities).all(Self::is_finite_vector)
+    }
+
+    /// Whether no component is beyond [`LARGEST`](Self::LARGEST), infinite or undefined.
+    pub(crate) fn is_finite_vector(v: &Vector3<f64>) -> bool {
+        v.iter().all(|c| c.abs() <= Self::LARGEST)
     }
 
     /// Puts every prescribed coordinate where its motion has it at `self.time`, with that motion's velocity.

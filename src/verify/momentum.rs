@@ -28,19 +28,21 @@ struct Part {
 fn parts(subject: &Subject) -> Vec<Part> {
     let system = &subject.system;
     let mut label: Vec<usize> = (0..system.particles()).collect();
-    let root = |label: &[usize], mut p: usize| {
+    // Every second particle on the way is hung one higher, so that no way stays long, in whatever order springs come.
+    let root = |label: &mut [usize], mut p: usize| {
         while label[p] != p {
+            label[p] = label[label[p]];
             p = label[p];
         }
         p
     };
     for spring in 0..system.pairs().len() {
-        let [i, j] = system.pair(spring).map(|p| root(&label, p));
+        let [i, j] = system.pair(spring).map(|p| root(&mut label, p));
         label[i.max(j)] = i.min(j);
     }
     let mut parts: std::collections::BTreeMap<usize, Vec<usize>> = std::collections::BTreeMap::new();
     for p in 0..system.particles() {
-        parts.entry(root(&label, p)).or_default().push(p);
+        parts.entry(root(&mut label, p)).or_default().push(p);
     }
     let is_free = |p: &usize, axis: usize| system.dofs().free_axes(*p).contains(axis);
     let part = |particles: Vec<usize>| {
@@ -146,4 +148,21 @@ fn rounding(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
     // x × v: the arm may be as long as the scene has become.
     let arm = (extent / subject.extent()).max(1.0);
     arm * n * dt * U * (reference::step_matrix_norm(subject, before, dt) * displacement + inertia + weight + pull)
+}
+
+#[cfg(all(test, feature = "scene"))]
+mod tests {
+    use super::parts;
+    use crate::scene::builtin;
+    use crate::verify::Subject;
+
+    /// Links given from the far end on hang every particle under the next: without halving, the way to the root of the last ones
+    /// is the whole chain, for every particle.
+    #[test]
+    fn long_chains_are_one_part() {
+        let mut scene = builtin::chain(100_000).unwrap();
+        scene.springs.pairs.reverse();
+        let parts = parts(&Subject::of_scene(&scene).unwrap());
+        assert_eq!((parts.len(), parts[0].particles.len()), (1, 100_001));
+    }
 }

@@ -7,7 +7,7 @@ use super::measured::Measured;
 use super::runs::{Way, direct};
 use super::{Check, Claim, Subject, U, worst};
 use crate::integrate::MovesBy;
-use crate::system::{Dof, Motion, State};
+use crate::system::{Dof, Motion, SAME_TIME, State};
 
 const STEPS: usize = 10;
 
@@ -104,12 +104,13 @@ fn offset(motion: &Motion, t: f64, axis: usize) -> f64 {
     }
 }
 
-/// How fast the motion is just after time t.
+/// How fast the motion is just after time t, or after the kink from which t differs by rounding.
 fn velocity_after(motion: &Motion, t: f64, axis: usize) -> f64 {
     match motion {
         Motion::Held => 0.0,
         Motion::Velocity(v) => v[axis],
         Motion::Path { times, offsets } => {
+            let t = times.iter().copied().find(|kink| (kink - t).abs() <= SAME_TIME * t.abs()).unwrap_or(t);
             let segment = (1..times.len()).find(|&n| times[n - 1] <= t && t < times[n]);
             segment.map_or(0.0, |n| (offsets[n][axis] - offsets[n - 1][axis]) / (times[n] - times[n - 1]))
         }

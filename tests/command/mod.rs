@@ -41,6 +41,11 @@ impl Sandbox {
     }
 
     /// Rows of numbers; an empty field is not a number.
+    /// The second line of a file as JSON.
+    pub fn json_line(&self, name: &str) -> Value {
+        serde_json::from_str(self.read(name).lines().nth(1).unwrap()).unwrap()
+    }
+
     pub fn csv(&self, name: &str) -> Vec<Vec<f64>> {
         let text = self.read(name);
         let rows = csv::Reader::from_reader(text.as_bytes()).into_deserialize::<Vec<Option<f64>>>();
@@ -58,6 +63,13 @@ impl Sandbox {
     pub fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_sprung"));
         command.args(arguments).current_dir(self.0.path()).stdin(Stdio::null());
+        command
+    }
+
+    /// A shell in the folder.
+    pub fn shell(&self, script: &str) -> Command {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]).current_dir(self.0.path()).stdin(Stdio::null());
         command
     }
 

@@ -20,6 +20,7 @@ use super::Sides;
 use super::springs::{Span, resolved_step, span};
 use crate::system::{Motion, State, System};
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// A moving prescribed coordinate at the last state.
 struct Coordinate {
@@ -61,7 +62,7 @@ pub(super) struct Drive<'s> {
 }
 
 /// Energy of the moving coordinates themselves, in J.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Led {
     pub kinetic: f64,
     pub gravitational: f64,

@@ -1,7 +1,7 @@
 //! The raw figures of a run, from which its indicators are made.
 
 use super::{particles, springs};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Figures of a run that cost next to nothing, for what it cannot know otherwise: how wrong it is.
 ///
@@ -46,7 +46,7 @@ pub struct Figures {
 }
 
 /// The sums that figures are made of.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Trail {
     steps: u64,
     duration: f64,

@@ -18,6 +18,7 @@
 
 use super::ledger::{Free, Ledger};
 use crate::system::State;
+use serde::{Deserialize, Serialize};
 
 /// Growth beyond which a run is unstable, in units of the energy exchanged.
 const MOST_GROWTH: f64 = 4.0;
@@ -48,6 +49,18 @@ pub(super) struct Growth {
     kept: Kept,
 }
 
+/// What is known of the energy exchanged so far.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Past {
+    start: Free,
+    lowest: f64,
+    released: f64,
+    work: [f64; 2],
+    gained: f64,
+    above: u32,
+}
+
 /// A state from before the growth.
 #[derive(Debug, Clone)]
 pub(super) struct Kept {
@@ -70,6 +83,19 @@ impl Growth {
         let start = ledger.free();
         let kept = Kept { steps: 0, state: state.clone(), ledger: *ledger };
         Self { start, lowest: 0.0, released: 0.0, work: [0.0; 2], gained: 0.0, above: 0, kept }
+    }
+
+    /// What a later process needs to go on.
+    pub fn past(&self) -> Past {
+        let Self { start, lowest, released, work, gained, above, .. } = *self;
+        Past { start, lowest, released, work, gained, above }
+    }
+
+    /// Goes on at a state, which is then the one that is kept.
+    pub fn continued(past: &Past, ledger: &Ledger, steps: u64, state: &State) -> Self {
+        let Past { start, lowest, released, work, gained, above } = *past;
+        let kept = Kept { steps, state: state.clone(), ledger: *ledger };
+        Self { start, lowest, released, work, gained, above, kept }
     }
 
     /// S, in J.

@@ -11,7 +11,7 @@
 use super::driven::{Exchange, Led};
 use super::{particles, springs};
 use crate::force::Energy;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Where the energy of a run went since its start, in J.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -26,7 +26,7 @@ pub struct Balance {
 }
 
 /// The account of a run so far.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Ledger {
     pub initial: Energy,
     pub energy: Energy,
@@ -40,7 +40,7 @@ pub(super) struct Ledger {
 }
 
 /// The part of the scene that exchanges energy: without the moving coordinates themselves. In J.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Free {
     pub kinetic: f64,
     /// Elastic and gravitational.
@@ -94,5 +94,5 @@ impl Ledger {
 }
 
 fn energy(springs: &springs::Sums, particles: &particles::Sums) -> Energy {
-    Energy { kinetic: particles.kinetic, elastic: springs.elastic, gravitational: -particles.weight }
+    Energy { kinetic: particles.kinetic, elastic: springs.elastic, gravitational: 0.0 - particles.weight }
 }

@@ -21,10 +21,11 @@ use crate::force::{DegenerateSpring, Energy, Extensions, add_damping_force, add_
 use crate::system::{State, System};
 use driven::Drive;
 use figures::Trail;
-use growth::{Growth, Unstable};
+use growth::{Growth, Past, Unstable};
 use ledger::Ledger;
 use nalgebra::Vector3;
 use particles::Particles;
+use serde::{Deserialize, Serialize};
 use springs::Springs;
 
 /// What a monitor is to do.
@@ -40,6 +41,15 @@ impl Default for MonitorOptions {
     fn default() -> Self {
         Self { forces: false, stops_unstable: true }
     }
+}
+
+/// What a monitor knows of a run: enough to go on from a state.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Account {
+    ledger: Ledger,
+    past: Past,
+    trail: Trail,
 }
 
 /// Accompanies a run; see the module.
@@ -113,6 +123,9 @@ impl<'s> Monitor<'s> {
         let (springs, particles) = (self.springs.pass(state, dt), self.particles.pass(state, dt, force));
         let exchange = self.drive.pass(state, dt);
         self.ledger.enter(&springs, &particles, self.drive.energy(state), &exchange);
+        if self.has_overflowed() {
+            return Err(StepFailure::NonFinite);
+        }
         self.trail.enter(dt, &springs, &particles, local_error);
         match self.growth.enter(&self.ledger, steps, state) {
             Some(Unstable { gained, exchanged }) if self.options.stops_unstable => {
@@ -120,6 +133,34 @@ impl<'s> Monitor<'s> {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Whether the energy of the state entered last is no number.
+    pub(super) fn has_overflowed(&self) -> bool {
+        !self.ledger.energy.total().is_finite()
+    }
+
+    /// What it knows of the run so far, to go on with.
+    pub fn account(&self) -> Account {
+        Account { ledger: self.ledger, past: self.growth.past(), trail: self.trail }
+    }
+
+    /// Goes on with a run that began with the first of two states and has come to the second, after so many steps: with what it
+    /// knew of it, but for the last step, of which the figures that compare two steps begin anew.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring.
+    pub fn continued(
+        system: &'s System,
+        [start, state]: [&State; 2],
+        steps: u64,
+        account: &Account,
+        options: MonitorOptions,
+    ) -> Result<Self, DegenerateSpring> {
+        let Account { ledger, ref past, trail } = *account;
+        let fresh = Self::new(system, state, options)?;
+        let growth = Growth::continued(past, &ledger, steps, state);
+        Ok(Self { ledger, before: ledger, growth, trail, start: start.positions.clone(), ..fresh })
     }
 
     /// The failure that energy from nowhere makes of a run at its last state, where it has grown and is to end the run.

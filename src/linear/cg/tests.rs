@@ -73,3 +73,22 @@ fn negative_curvature_comes_with_its_rayleigh_quotient() {
     assert_eq!(report.outcome, CgOutcome::NegativeCurvature { curvature: -18.0, rayleigh_quotient: -2.0 });
     assert_eq!((report.iterations, report.relative_residual), (0, 1.0));
 }
+
+/// The same iteration, digit by digit, whatever the size of the right-hand side: products of two numbers of 10⁻¹⁶⁰ or 10¹⁶⁰ would
+/// vanish or overflow, and a curvature of zero look like an indefinite matrix.
+#[test]
+fn the_size_of_the_right_hand_side_does_not_matter() {
+    let a =
+        Products(3, |w: &[f64], y: &mut [f64]| y.copy_from_slice(&[2.0 * w[0] + w[1], w[0] + 3.0 * w[1], 5.0 * w[2]]));
+    let run = |size: f64| {
+        let mut method = ConjugateGradient::new(3, 1e-12);
+        let mut x = [0.0, 0.25 * size, 0.0];
+        let report = method.solve(&a, &mut Preconditioner::Identity, &[size, -3.0 * size, 0.7 * size], &mut x);
+        (report, x.map(|x| x / size))
+    };
+    let plain = run(1.0);
+    assert_eq!(plain.0.outcome, CgOutcome::Converged);
+    for exponent in [-1000, -540, -500, 500, 540, 1000] {
+        assert_eq!(run(2f64.powi(exponent)), plain, "2^{exponent}");
+    }
+}

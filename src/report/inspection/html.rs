@@ -55,7 +55,9 @@ fn banner(inspection: &Inspection) -> Markup {
         pretty(inspection.examined().largest)
     );
     html! {
-        @if inertia.is_definite() {
+        @if inertia.negative + inertia.zero + inertia.positive == 0 {
+            div.banner { strong { "No coordinate is free" } p { "A has no rows, and there is nothing to inspect." } }
+        } @else if inertia.is_definite() {
             div.banner.passed { strong { "✓ A is positive definite" } p { (counts) } }
         } @else {
             div.banner.failed {

@@ -22,6 +22,9 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
     } else {
         " at this state".into()
     };
+    if inertia.negative + inertia.zero + inertia.positive == 0 {
+        return format!("{scene}{at}: no coordinate is free, so A has no rows, and there is nothing to inspect");
+    }
     let mut lines = vec![format!("{scene}{at}: A is {verdict} (stiffness {}, dt = {dt:?} s)", option.name())];
     lines.push(format!(
         "  eigenvalues  {} negative, {} zero, {} positive; from {} to {} N/m, condition {}",

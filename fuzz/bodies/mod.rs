@@ -1,0 +1,209 @@
+//! What the fuzz targets do with their bytes. They panic where a claim does not hold; `cargo fuzz` runs them with coverage, and
+//! `cargo run --release --example stress -- fuzz` without.
+#![allow(dead_code, reason = "every target uses its own part")]
+
+mod system;
+
+use sprung::Scene;
+use sprung::force::Extensions;
+use sprung::inspect::Inspection;
+use sprung::integrate::{ImplicitOptions, StepMatrices, TimeStepper};
+use sprung::operator::{Combination, LinearOperator, SystemOperator};
+use sprung::output::{Checkpoint, write_symmetric};
+use sprung::scene::MeshGeometry;
+use sprung::{State, Stiffness, System};
+use std::sync::OnceLock;
+use system::Bytes;
+
+/// A body by its name.
+pub fn body(name: &str) -> Option<fn(&[u8])> {
+    let bodies: [(&str, fn(&[u8])); 7] = [
+        ("scene_toml", scene_toml),
+        ("scene_json", scene_json),
+        ("steps", steps),
+        ("inspect", inspect),
+        ("mesh", mesh),
+        ("matrix_market", matrix_market),
+        ("checkpoint", checkpoint),
+    ];
+    bodies.into_iter().find(|(other, _)| *other == name).map(|(_, body)| body)
+}
+
+/// Any text is a scene or an error; a scene that builds is written and read back to itself.
+pub fn scene_toml(data: &[u8]) {
+    let Ok(text) = str::from_utf8(data) else { return };
+    if let Ok(scene) = Scene::from_toml(text) {
+        same_after(&scene, Scene::from_toml(&scene.to_toml()));
+        built(&scene);
+    }
+}
+
+/// The same in JSON.
+pub fn scene_json(data: &[u8]) {
+    let Ok(text) = str::from_utf8(data) else { return };
+    if let Ok(scene) = Scene::from_json(text) {
+        same_after(&scene, Scene::from_json(&scene.to_json()));
+        built(&scene);
+    }
+}
+
+fn same_after(scene: &Scene, again: sprung::Result<Scene>) {
+    // Texts have NaN and infinities that are refused only when a scene is built, and that JSON cannot say.
+    if scene.build().is_ok() {
+        let again = again.unwrap_or_else(|error| panic!("what was written is refused: {error}"));
+        assert_eq!(format!("{scene:?}"), format!("{again:?}"));
+    }
+}
+
+/// A scene from outside: built, or an error that can be shown. Meshes are left out: their files are not the fuzzer's.
+fn built(scene: &Scene) {
+    if scene.mesh.is_some() {
+        return;
+    }
+    match scene.build() {
+        Ok((system, state)) => {
+            assert!(state.positions.iter().chain(&state.velocities).flatten().all(|x| x.is_finite()));
+            if system.particles() <= 12 && system.springs().len() <= 40 {
+                one_step(&system, &state, 0.01);
+            }
+        }
+        Err(error) => assert!(error.to_string().len() < 5000),
+    }
+}
+
+/// One step of the default method: a finite state, or a failure that leaves the old one.
+fn one_step(system: &System, state: &State, dt: f64) {
+    let options = ImplicitOptions::default();
+    let Ok(mut stepper) = sprung::integrate::LinearBackwardEuler::new(system, state, &options) else { return };
+    let mut moved = state.clone();
+    match stepper.step(&mut moved, dt) {
+        Ok(()) => assert!(moved.is_finite()),
+        Err(_) => assert_eq!(&moved, state),
+    }
+}
+
+/// Pools of one thread and of three.
+fn pools() -> &'static [rayon::ThreadPool; 2] {
+    static POOLS: OnceLock<[rayon::ThreadPool; 2]> = OnceLock::new();
+    POOLS.get_or_init(|| {
+        [1, 3].map(|threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads"))
+    })
+}
+
+/// A system, a method, an option, a solver, a step, all from the bytes: every step ends in a finite state with the same bits for one
+/// thread and three, or in a failure with a status, which leaves the state as it was.
+pub fn steps(data: &[u8]) {
+    let mut bytes = Bytes::new(data);
+    let Some((system, state)) = bytes.system() else { return };
+    let (method, options, dt) = (bytes.method(), bytes.options(), bytes.number(1e-6, 1e6));
+    let run = |pool: &rayon::ThreadPool| {
+        pool.install(|| {
+            let mut state = state.clone();
+            let mut stepper = method.stepper(&system, &state, &options).ok()?;
+            for _ in 0..4 {
+                let before = state.clone();
+                match stepper.step(&mut state, dt) {
+                    Ok(()) => assert!(state.is_finite(), "{} {options:?} {dt:e}", method.name()),
+                    Err(failure) => {
+                        assert_eq!(before, state, "a step that failed has moved");
+                        assert!(!failure.to_string().is_empty() && !failure.status().name().is_empty());
+                        break;
+                    }
+                }
+            }
+            assert!(stepper.statistics().max_relative_residual.is_finite());
+            Some((bits(&state), stepper.statistics().work))
+        })
+    };
+    let [one, three] = pools();
+    assert_eq!(run(one), run(three), "the bits depend on the number of threads: {} {options:?} {dt:e}", method.name());
+    symmetric(&system, &state, dt);
+}
+
+fn bits(state: &State) -> Vec<u64> {
+    state.positions.iter().chain(&state.velocities).flatten().map(|x| x.to_bits()).collect()
+}
+
+/// The assembled A and its products are those of the operator, whose `uᵀAw` is `wᵀAu`.
+fn symmetric(system: &System, state: &State, dt: f64) {
+    let Ok(matrices) = StepMatrices::assemble(system, state, Stiffness::Full, dt) else { return };
+    let n = system.dofs().len();
+    let Ok(extensions) = Extensions::at(system, &state.positions) else { return };
+    let operator = SystemOperator::new(system, &extensions, Stiffness::Full, Combination::step(dt));
+    let [u, w] = [0.7, 1.9].map(|seed: f64| (0..n).map(|i| ((i + 1) as f64 * seed).sin()).collect::<Vec<f64>>());
+    let [mut au, mut aw, mut assembled] = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+    operator.apply(&u, &mut au);
+    operator.apply(&w, &mut aw);
+    matrices.a.apply(&w, &mut assembled);
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let scale = matrices.a.values().iter().map(|value| value.abs()).sum::<f64>();
+    if scale.is_finite() && scale < 1e290 {
+        let bound = 1e-12 * scale * (n as f64 + 1.0) + f64::MIN_POSITIVE;
+        assert!((dot(&w, &au) - dot(&u, &aw)).abs() <= bound, "not symmetric");
+        assert!(aw.iter().zip(&assembled).all(|(a, b)| (a - b).abs() <= bound), "two products differ");
+    }
+}
+
+/// Everything about definiteness at a state: numbers, or an error.
+pub fn inspect(data: &[u8]) {
+    let mut bytes = Bytes::new(data);
+    let Some((system, state)) = bytes.system() else { return };
+    let (dt, option) = (bytes.number(1e-6, 1e6), bytes.pick(&Stiffness::ALL));
+    let Ok(inspection) = Inspection::at(&system, &state, dt, option, faer::Par::Seq) else { return };
+    for examined in &inspection.options {
+        let signs = &examined.inertia;
+        assert_eq!(signs.negative + signs.zero + signs.positive, system.dofs().len());
+        if signs.is_definite() && !system.dofs().is_empty() {
+            assert!(examined.smallest > 0.0, "definite, and λ_min = {:e}", examined.smallest);
+        }
+    }
+}
+
+fn in_file(name: &str, data: &[u8]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join(name), data).expect("a file");
+    folder
+}
+
+/// Any bytes are a mesh or an error; edges name vertices that are there.
+pub fn mesh(data: &[u8]) {
+    let folder = in_file("m.obj", data);
+    match MeshGeometry::load(&folder.path().join("m.obj")) {
+        Ok(mesh) => assert!(mesh.edges.iter().flatten().all(|&p| (p as usize) < mesh.vertices.len())),
+        Err(error) => assert!(error.to_string().len() < 5000),
+    }
+}
+
+/// A matrix that is written is read back to the bit, by the few lines that the format takes.
+pub fn matrix_market(data: &[u8]) {
+    let mut bytes = Bytes::new(data);
+    let Some((system, state)) = bytes.system() else { return };
+    let dt = bytes.number(1e-6, 1e6);
+    let Ok(StepMatrices { a, .. }) = StepMatrices::assemble(&system, &state, Stiffness::Full, dt) else { return };
+    if !a.values().iter().all(|value| value.is_finite()) {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("A.mtx");
+    let entries = || a.iter().filter(|(_, _, value)| *value != 0.0);
+    write_symmetric(&file, "a\ncomment", a.order(), entries().count(), entries()).expect("written");
+    let text = std::fs::read_to_string(file).expect("read");
+    let mut lines = text.lines().filter(|line| !line.starts_with('%'));
+    let size = format!("{n} {n} {}", entries().count(), n = a.order());
+    assert_eq!(lines.next(), Some(size.as_str()));
+    for (row, column, value) in entries() {
+        let line = lines.next().expect("an entry");
+        let parts: Vec<&str> = line.split(' ').collect();
+        let numbers = (parts[0].parse::<usize>(), parts[1].parse::<usize>(), parts[2].parse::<f64>().map(f64::to_bits));
+        assert_eq!(numbers, (Ok(row + 1), Ok(column + 1), Ok(value.to_bits())));
+    }
+    assert_eq!(lines.next(), None);
+}
+
+/// Any bytes are a checkpoint or are refused; one that is read is written to the same bytes.
+pub fn checkpoint(data: &[u8]) {
+    let Ok(checkpoint) = Checkpoint::parse(data) else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    checkpoint.write(folder.path()).expect("written");
+    assert_eq!(Checkpoint::read(folder.path()).expect("read"), Some(checkpoint));
+}

@@ -1,0 +1,158 @@
+//! How much memory there is, limits included, and whether something fits.
+//!
+//! An allocation that fails ends the process, and one that succeeds beyond what a container may have ends it later, without a
+//! word. So what grows with a scene is held to the room there is before it is allocated. The room is what the machine has, or the
+//! control groups of the process allow, or the limit on its address space (`ulimit -v`), less what the process holds. What other
+//! processes hold is not looked at: the same run on the same machine shall do the same. Where the system says nothing (it is asked
+//! through `/proc`) there is no limit.
+
+use crate::error::{Error, Result};
+use std::fs::read_to_string;
+use std::path::Path;
+
+/// Bytes that this process may ever hold.
+pub fn limit() -> Option<u64> {
+    [physical(), address_space()].into_iter().flatten().min()
+}
+
+/// Bytes that this process may hold in addition to what it does.
+pub fn room() -> u64 {
+    let [size, resident] = held();
+    let beyond = |limit: Option<u64>, held: u64| limit.map_or(u64::MAX, |limit| limit.saturating_sub(held));
+    beyond(physical(), resident).min(beyond(address_space(), size))
+}
+
+/// Makes sure that there is room for so many bytes, and a little for everything that is small.
+///
+/// # Errors
+/// [`Error::TooLarge`] with the bytes needed and the room there is.
+pub fn ensure(bytes: u64, what: &'static str) -> Result<()> {
+    let room = room().saturating_sub(SMALL_THINGS);
+    if bytes <= room { Ok(()) } else { Err(Error::TooLarge { what, bytes, room }) }
+}
+
+/// As [`ensure`], for something that products of dense blocks are made with.
+///
+/// # Errors
+/// [`Error::TooLarge`].
+pub(crate) fn ensure_with_dense_products(bytes: u64, what: &'static str) -> Result<()> {
+    ensure(bytes, what)?;
+    let Some(limit) = address_space() else { return Ok(()) };
+    let room = limit.saturating_sub(held()[0]).saturating_sub(SMALL_THINGS);
+    let bytes = bytes.saturating_add(DENSE_PRODUCTS * rayon::current_num_threads() as u64);
+    if bytes <= room { Ok(()) } else { Err(Error::TooLarge { what, bytes, room }) }
+}
+
+/// A list of zeros, or of whatever `value` is, if there is room for it.
+///
+/// # Errors
+/// [`Error::TooLarge`].
+pub(crate) fn filled<T: Clone>(value: T, length: usize, what: &'static str) -> Result<Vec<T>> {
+    let bytes = (length as u64).saturating_mul(size_of::<T>() as u64);
+    // The question costs a file read, which small lists are not worth.
+    if bytes > SMALL {
+        ensure(bytes, what)?;
+    }
+    let mut list = Vec::new();
+    list.try_reserve_exact(length).map_err(|_| Error::TooLarge { what, bytes, room: room() })?;
+    list.resize(length, value);
+    Ok(list)
+}
+
+/// What nobody asks for: messages, buffers of files, lists of a few numbers, and what an allocator rounds up.
+const SMALL_THINGS: u64 = 8 << 20;
+
+/// What faer's products of dense blocks reserve for every thread that makes one, whatever their size. Little of it is ever touched,
+/// so it counts against the address space alone.
+const DENSE_PRODUCTS: u64 = 64 << 20;
+
+/// Bytes that are not worth a question.
+const SMALL: u64 = 1 << 20;
+
+/// The memory of the machine, or of the control groups.
+fn physical() -> Option<u64> {
+    let groups = read_to_string("/proc/self/cgroup").unwrap_or_default();
+    let of_groups = group_limits(&groups, |path| read_to_string(path).ok());
+    [machine(&read_to_string("/proc/meminfo").unwrap_or_default()), of_groups].into_iter().flatten().min()
+}
+
+/// `MemTotal` of `/proc/meminfo`.
+fn machine(meminfo: &str) -> Option<u64> {
+    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
+    Some(line.split_whitespace().next()?.parse::<u64>().ok()? * 1024)
+}
+
+/// The lowest limit of the control groups in which `/proc/self/cgroup` puts the process, and of those above them; of both versions.
+fn group_limits(groups: &str, read: impl Fn(&Path) -> Option<String>) -> Option<u64> {
+    let mut lowest = None;
+    for line in groups.lines() {
+        let mut parts = line.splitn(3, ':');
+        let (Some(_), Some(controllers), Some(group)) = (parts.next(), parts.next(), parts.next()) else { continue };
+        let (root, name) = match controllers {
+            "" => ("/sys/fs/cgroup", "memory.max"),
+            list if list.split(',').any(|controller| controller == "memory") => {
+                ("/sys/fs/cgroup/memory", "memory.limit_in_bytes")
+            }
+            _ => continue,
+        };
+        // Inside a container the group's own path may not be there: its root is then what the process sees.
+        for group in Path::new(group).ancestors() {
+            let folder = Path::new(root).join(group.strip_prefix("/").unwrap_or(group));
+            let limit = read(&folder.join(name)).and_then(|text| text.trim().parse::<u64>().ok());
+            lowest = [lowest, limit].into_iter().flatten().min();
+        }
+    }
+    // Without a limit version 1 says a number near 2⁶³.
+    lowest.filter(|&limit| limit < 1 << 60)
+}
+
+/// The limit on the address space.
+fn address_space() -> Option<u64> {
+    let limits = read_to_string("/proc/self/limits").unwrap_or_default();
+    let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
+    line.split_whitespace().next()?.parse().ok()
+}
+
+/// Bytes of address space and of memory held.
+fn held() -> [u64; 2] {
+    let status = read_to_string("/proc/self/status").unwrap_or_default();
+    ["VmSize:", "VmRSS:"].map(|key| {
+        let value = status.lines().find_map(|line| line.strip_prefix(key)?.split_whitespace().next());
+        value.and_then(|text| text.parse::<u64>().ok()).unwrap_or(0) * 1024
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_machine_and_every_group_count() {
+        assert_eq!(machine("MemFree: 1 kB\nMemTotal:       2048 kB\n"), Some(2 << 20));
+        assert_eq!(machine(""), None);
+        let read = |path: &Path| match path.to_str()? {
+            "/sys/fs/cgroup/a/b/memory.max" => Some("max\n".to_owned()),
+            "/sys/fs/cgroup/a/memory.max" => Some("3000\n".to_owned()),
+            "/sys/fs/cgroup/memory/c/memory.limit_in_bytes" => Some("9223372036854771712\n".to_owned()),
+            "/sys/fs/cgroup/memory/memory.limit_in_bytes" => Some("2000\n".to_owned()),
+            _ => None,
+        };
+        assert_eq!(group_limits("0::/a/b\n", read), Some(3000));
+        assert_eq!(group_limits("4:cpu,memory:/c/d\n0::/a\n", read), Some(2000));
+        assert_eq!(group_limits("4:cpu:/c\n", read), None);
+        assert_eq!(
+            group_limits("4:memory:/c\n", |path| path.ends_with("c/memory.limit_in_bytes").then(|| read(path))?),
+            None
+        );
+    }
+
+    #[test]
+    fn what_fits_is_filled_and_what_does_not_is_an_error() {
+        assert_eq!(filled(1.5, 3, "a list").unwrap(), [1.5; 3]);
+        for length in [usize::MAX, usize::MAX / 16, 1 << 55] {
+            let error = filled(0.0, length, "a list").unwrap_err();
+            assert!(matches!(error, Error::TooLarge { what: "a list", .. }), "{error}");
+            assert!(error.to_string().starts_with("a list takes "), "{error}");
+        }
+    }
+}
