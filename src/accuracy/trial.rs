@@ -42,8 +42,8 @@ pub enum Pace {
     Adaptive {
         /// The relative tolerance.
         rtol: f64,
-        /// The first step to try, in s.
-        first_step: f64,
+        /// The first step to try, in s; `None` for one that the forces suggest.
+        first_step: Option<f64>,
     },
 }
 
@@ -95,7 +95,7 @@ pub fn trial(
             let mut stepper = method.adaptive_stepper(system, start, options)?.ok_or_else(|| {
                 crate::Error::Usage(format!("{} has no error estimate for adaptive steps", method.name()))
             })?;
-            let how = Adaptivity { duration, rtol, first_step: Some(first_step), sampling: Sampling::Steps };
+            let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Steps };
             (run_adaptive(stepper.as_mut(), system, &mut state, &how, observe), stepper)
         }
     };

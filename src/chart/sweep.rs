@@ -169,7 +169,7 @@ pub(super) fn sweep(
             && c.options.stiffness == StiffnessPolicy::OnDemand
             && c.options.linear.solver == SolverChoice::Llt
     };
-    let adaptive = Pace::Adaptive { rtol: COARSEST_TOLERANCE, first_step: dt };
+    let adaptive = Pace::Adaptive { rtol: COARSEST_TOLERANCE, first_step: Some(dt) };
     let mut lanes: Vec<Lane> = all.iter().map(|&configuration| lane(configuration, Pace::Step(dt))).collect();
     lanes.extend(all.iter().filter(on_demand).map(|&configuration| lane(configuration, adaptive)));
     let mut runs = Vec::new();
@@ -194,7 +194,7 @@ pub(super) fn sweep(
             lane.pace = match lane.pace {
                 Pace::Step(dt) => Pace::Step(0.5 * dt),
                 Pace::Adaptive { rtol, first_step } => {
-                    Pace::Adaptive { rtol: 0.25 * rtol, first_step: 0.5 * first_step }
+                    Pace::Adaptive { rtol: 0.25 * rtol, first_step: first_step.map(|step| 0.5 * step) }
                 }
             };
         }

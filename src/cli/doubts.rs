@@ -2,20 +2,11 @@
 
 use super::method::Plan;
 use sprung::integrate::{Figures, Method, Status};
-use sprung::output::{ChoiceReport, ErrorKind, ErrorReport};
+use sprung::output::{ErrorKind, ErrorReport};
 
 /// How wrong a run is about, and what makes it doubtful, in words. A run that broke down says nothing of the motion.
-pub fn doubts(
-    plan: &Plan,
-    status: Status,
-    choice: Option<&ChoiceReport>,
-    figures: &Figures,
-) -> (Option<ErrorReport>, Vec<String>) {
+pub fn doubts(plan: &Plan, status: Status, figures: &Figures) -> (Option<ErrorReport>, Vec<String>) {
     let method = plan.configuration.method;
-    if let Some(estimate) = choice.and_then(|choice| choice.estimated_error) {
-        let kind = if status == Status::Completed { ErrorKind::Confirmed } else { ErrorKind::Indicator };
-        return (estimate.is_finite().then_some(ErrorReport { estimate, kind }), Vec::new());
-    }
     if !matches!(status, Status::Completed | Status::Interrupted) {
         return (None, Vec::new());
     }

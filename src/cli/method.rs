@@ -21,8 +21,9 @@ pub struct MethodArguments {
     #[arg(value_parser = choice(&METHODS, MethodChoice::name, describe_choice))]
     method: Option<MethodChoice>,
 
-    /// Choose method, option, solver and step: the cheapest that keeps the relative position error at the end below R. Found by
-    /// pilot runs; a method, stiffness or solver that is given is kept
+    /// The relative position error at the end stays below R: runs are made until two that could disagree agree, and the last one is
+    /// the answer; what cannot be confirmed ends `unconfirmed`, with status 1. A method, stiffness or solver that is given is
+    /// kept. --dt is the interval of records, which --frames counts
     #[arg(long, value_name = "R", value_parser = fraction, conflicts_with_all = ["rtol", "steps"])]
     accuracy: Option<f64>,
 
@@ -346,11 +347,12 @@ impl MethodArguments {
     }
 
     /// What `--accuracy` asks for, if it is given.
-    pub fn requirement(&self, system: &System, duration: f64) -> Option<Requirement> {
+    pub fn requirement(&self, system: &System, duration: f64, interval: f64) -> Option<Requirement> {
         let linear = self.linear(system);
         Some(Requirement {
             accuracy: self.accuracy?,
             duration,
+            interval,
             par: linear.par,
             method: self.method(),
             stiffness: self.stiffness,

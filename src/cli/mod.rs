@@ -1,5 +1,6 @@
 //! The command line: arguments, progress and exit statuses. One file per command.
 
+mod answer;
 mod chart;
 mod common;
 mod completions;

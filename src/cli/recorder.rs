@@ -37,6 +37,23 @@ impl Recorder {
         Ok(recorder)
     }
 
+    /// As [`start`](Self::start), of a run whose progress is shown otherwise.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn silent(
+        folder: &Path,
+        frames: Option<Frames>,
+        system: &System,
+        state: &State,
+        monitor: &Monitor,
+    ) -> Result<Self> {
+        let energies = EnergyLog::create(folder.join("energy.csv"))?;
+        let mut recorder = Self { energies, frames, progress: ProgressBar::hidden() };
+        recorder.record(system, state, 0, monitor)?;
+        Ok(recorder)
+    }
+
     /// Goes on where a checkpoint was written.
     ///
     /// # Errors
@@ -96,9 +113,14 @@ impl Recorder {
 
 /// A bar on stderr; indicatif shows it only on a terminal.
 pub fn progress_bar(console: &Console, steps: u64) -> ProgressBar {
+    bar(console, steps, "{wide_bar} step {pos} of {len}, {msg}, {eta} left")
+}
+
+/// A bar of another look.
+pub fn bar(console: &Console, length: u64, template: &str) -> ProgressBar {
     let target = if console.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-    let bar = ProgressBar::with_draw_target(Some(steps), target);
-    match ProgressStyle::with_template("{wide_bar} step {pos} of {len}, {msg}, {eta} left") {
+    let bar = ProgressBar::with_draw_target(Some(length), target);
+    match ProgressStyle::with_template(template) {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
     }

@@ -1,5 +1,6 @@
 //! `sprung run`: simulate a scene.
 
+use super::answer::Question;
 use super::common::{DEFAULT_STEP, LoadedScene, SceneFile, Threads, claim};
 use super::console::{Console, error, help, warning};
 use super::doubts::{advice, doubts};
@@ -11,11 +12,11 @@ use super::time::in_words;
 use super::values::{count, positive, positive_count};
 use super::view::{self, PAGE};
 use super::{Outcome, Stop, interrupt};
-use sprung::accuracy::{Pace, Reduction, choose, reduce};
+use sprung::accuracy::{Reduction, Requirement, reduce};
 use sprung::integrate::{Balance, Method, MonitorOptions, Schedule, Status, percent};
 use sprung::linear::{CostModel, LinearSolver};
 use sprung::output::{
-    BUNDLE, CHECKPOINT, Checkpoint, ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport,
+    BUNDLE, CHECKPOINT, Checkpoint, ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, Frames,
     OutputFolder, Summary, TRAJECTORY, WAITING, clear_frames, fingerprint, playback, write_final_state,
 };
 use sprung::{Error, Result};
@@ -103,16 +104,17 @@ const RECORDS_EVERY: f64 = 1.0 / 60.0;
 /// Records of such a run at least.
 const RECORDS: f64 = 100.0;
 
-const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
+pub const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
 
 impl Run {
     pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
         let mut scene = self.scene.load()?;
         self.method.note_unused(console);
-        if self.method.accuracy().is_some() && self.dt.is_some() {
-            console.note("--dt has no effect with --accuracy");
+        let requirement = self.requirement(&scene)?;
+        if requirement.is_some() && self.checkpoint.is_some() {
+            console.note("--checkpoint has no effect with --accuracy");
         }
-        let pace = if self.method.accuracy().is_none() { Some(self.pace(console, &scene)?) } else { None };
+        let pace = if requirement.is_none() { Some(self.pace(console, &scene)?) } else { None };
         let interrupted = interrupt::flag();
         let summary = self.threads.install(|| {
             let mut reductions = Vec::new();
@@ -121,8 +123,18 @@ impl Run {
                 scene.system = reduced.system;
                 reductions = reduced.reductions;
             }
-            let prepared = self.prepare(&scene, pace, &interrupted)?;
-            self.simulate(console, scene, prepared, &reductions, &interrupted)
+            match (requirement, pace) {
+                (Some(requirement), _) => {
+                    let folder = scene.folder(&self.out);
+                    let (reductions, interrupted) = (&reductions[..], &*interrupted);
+                    Question { run: self, requirement, folder, reductions, interrupted }.answer(console, &scene)
+                }
+                (None, Some(pace)) => {
+                    let prepared = self.prepare(&scene, pace)?;
+                    self.simulate(console, scene, prepared, &reductions, &interrupted)
+                }
+                (None, None) => Err(Error::Usage("neither steps nor an accuracy are given".into()).into()),
+            }
         })?;
         if summary.statistics.indefinite_solves > 0 {
             let solves = summary.statistics.indefinite_solves;
@@ -158,37 +170,29 @@ impl Run {
         Ok(Pacing { schedule, rtol: self.method.rtol(), is_chosen: false })
     }
 
-    /// Decides what is modelled and how, by pilot runs where an accuracy is asked for.
-    fn prepare(&self, scene: &LoadedScene, pace: Option<Pacing>, interrupted: &AtomicBool) -> Result<Prepared, Stop> {
-        let LoadedScene { system, state, .. } = scene;
-        let in_file = |error: Error| error.in_file(&scene.file);
-        if let Some(Pacing { schedule, rtol, is_chosen }) = pace {
-            let plan = self.method.plan(system, state, schedule.dt(), rtol).map_err(in_file)?;
-            let steps = rtol.filter(|_| is_chosen).map(|rtol| format!("no dt is given: adaptive steps, rtol {rtol:e}"));
-            let reasons: Vec<String> = steps.into_iter().chain(plan.reason.map(Into::into)).collect();
-            let choice =
-                (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) });
-            return Ok(Prepared { schedule, plan, choice });
+    /// Decides how the scene is run.
+    fn prepare(&self, scene: &LoadedScene, pace: Pacing) -> Result<Prepared, Stop> {
+        let LoadedScene { file, system, state, .. } = scene;
+        let Pacing { schedule, rtol, is_chosen } = pace;
+        let plan = self.method.plan(system, state, schedule.dt(), rtol).map_err(|error| error.in_file(file))?;
+        let steps = rtol.filter(|_| is_chosen).map(|rtol| format!("no dt is given: adaptive steps, rtol {rtol:e}"));
+        let reasons: Vec<String> = steps.into_iter().chain(plan.reason.map(Into::into)).collect();
+        let choice = (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) });
+        Ok(Prepared { schedule, plan, choice })
+    }
+
+    /// What `--accuracy` asks for, if it is given. The answer is recorded at multiples of dt, where there is one.
+    fn requirement(&self, scene: &LoadedScene) -> Result<Option<Requirement>> {
+        if self.method.accuracy().is_none() {
+            return Ok(None);
+        }
+        if self.resume {
+            return Err(Error::Usage("--resume: a search for an --accuracy cannot be gone on with".into()));
         }
         let duration = scene.motion_length(self.duration, "--accuracy")?;
-        let Some(requirement) = self.method.requirement(system, duration) else {
-            return Err(Error::Usage("--accuracy is missing".into()).into());
-        };
-        let go_on = || !interrupted.load(Ordering::Relaxed);
-        let Some(choice) = choose(system, state, &requirement, &go_on).map_err(in_file)? else {
-            let why = if go_on() { "no method converges on this motion" } else { "interrupted" };
-            return Err(Stop::Computation(format!(
-                "{why}: no way to an accuracy of {:e} was found",
-                requirement.accuracy
-            )));
-        };
-        let (schedule, rtol) = match choice.pace {
-            Pace::Step(dt) => (Schedule::duration(dt, duration), None),
-            Pace::Adaptive { rtol, first_step } => (Schedule::duration(first_step, duration), Some(rtol)),
-        };
-        let plan = Plan { configuration: choice.configuration, rtol, reason: None };
-        let choice = Some(ChoiceReport::of_choice(&choice, requirement.accuracy));
-        Ok(Prepared { schedule, plan, choice })
+        let interval = self.dt.or(scene.time.dt).unwrap_or(RECORDS_EVERY.min(duration / RECORDS));
+        scene.schedule(interval, duration)?;
+        Ok(self.method.requirement(&scene.system, duration, interval))
     }
 
     /// Runs, writes and reports the results.
@@ -251,17 +255,9 @@ impl Run {
         let solver = stepper.linear_solver();
         let factor = solver.and_then(LinearSolver::factor);
         let effort = CostModel::of(&system).cost(&statistics.work, factor.map(|factor| factor.size));
-        let status = match &choice {
-            Some(ChoiceReport { accuracy: Some(accuracy), estimated_error: Some(estimate), .. })
-                if outcome.status() == Status::Completed && accuracy < estimate =>
-            {
-                Status::Unconfirmed
-            }
-            _ => outcome.status(),
-        };
+        let status = outcome.status();
         let figures = monitor.figures(&state);
-        let (doubt, warnings) = doubts(&plan, status, choice.as_ref(), &figures);
-        let spent = choice.as_ref().and_then(|choice| choice.pilot_cost).unwrap_or(0.0);
+        let (doubt, warnings) = doubts(&plan, status, &figures);
         let summary = Summary {
             scene: name,
             status,
@@ -282,7 +278,7 @@ impl Run {
             energy: EnergyChange::between(&monitor.initial(), &monitor.energy(), monitor.balance()),
             error: doubt,
             warnings,
-            effort: Effort { run: effort, total: effort + spent },
+            effort: Effort { run: effort, total: effort },
             choice,
             reductions: reductions.iter().map(ToString::to_string).collect(),
             failure: FailureReport::of(&outcome, state.time),
@@ -296,22 +292,9 @@ impl Run {
             .and_then(|()| summary.write(folder.join("summary.json")))
             .and_then(|()| if summary.status == Status::Completed { forget_checkpoint(&claimed) } else { Ok(()) });
         written.map_err(Stop::Broken)?;
-        let mut names = FILES.to_vec();
-        if self.frames.is_some() {
-            names.push("frames.pvd");
-        }
-        if self.frames.is_some() || self.view {
-            names.push(TRAJECTORY);
-        }
-        if self.view {
-            playback(&folder).and_then(|motion| view::write(&folder.join(PAGE), &motion)).map_err(Stop::Broken)?;
-            names.push(PAGE);
-        }
+        let names = self.show(&folder).map_err(Stop::Broken)?;
         console.result(&summary, text(&summary, &folder, &names))?;
         summary.warnings.iter().for_each(warning);
-        if summary.status == Status::Unconfirmed {
-            error("the accuracy asked for could not be confirmed; the result is the best that was found");
-        }
         if let Some(FailureReport { step, time, message }) = &summary.failure {
             error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));
         }
@@ -338,8 +321,36 @@ impl Run {
         format!("{configuration:?} {rtol:?} {schedule:?} {:?} {} {}", self.frames, self.view, self.allow_unstable)
     }
 
+    /// Writes the page that plays the motion, where it is asked for; names all files of a run.
+    ///
+    /// # Errors
+    /// A page that cannot be written.
+    pub fn show(&self, folder: &Path) -> Result<Vec<&'static str>> {
+        let mut names = FILES.to_vec();
+        if self.frames.is_some() {
+            names.push("frames.pvd");
+        }
+        if self.frames.is_some() || self.view {
+            names.push(TRAJECTORY);
+        }
+        if self.view {
+            playback(folder).and_then(|motion| view::write(&folder.join(PAGE), &motion))?;
+            names.push(PAGE);
+        }
+        Ok(names)
+    }
+
+    /// The frames that are to be kept, if any, in a folder.
+    ///
+    /// # Errors
+    /// A folder that cannot be written.
+    pub fn kept(&self, folder: &Path, schedule: &Schedule, scene: &LoadedScene) -> Result<Option<Frames>> {
+        let kept = view::frames(folder, self.frames, self.view, schedule, &scene.system, None)?;
+        Ok(kept.map(|frames| frames.with_triangles(scene.triangles.clone())))
+    }
+
     /// Removes what an earlier run has left that this one has nothing in place of.
-    fn clear_older(&self, folder: &OutputFolder) -> Result<()> {
+    pub fn clear_older(&self, folder: &OutputFolder) -> Result<()> {
         if self.frames.is_none() {
             clear_frames(folder)?;
         }
@@ -360,7 +371,7 @@ fn forget_checkpoint(folder: &OutputFolder) -> Result<()> {
 }
 
 /// The summary for people.
-fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
+pub fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
     let Summary { scene, method, stiffness, solver, steps, time, wall_seconds, energy, statistics, .. } = summary;
     let Summary { particles, springs, dofs, .. } = summary;
     let work = &statistics.work;
@@ -385,9 +396,6 @@ fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
     }
     if let Some(choice) = &summary.choice {
         lines.push(format!("  chosen    {}", choice.reason));
-        if let (Some(pilots), Some(cost)) = (choice.pilot_runs, choice.pilot_cost) {
-            lines.push(format!("  pilots    {pilots} runs for the work of {cost:.0} force evaluations"));
-        }
     }
     lines.extend(summary.reductions.iter().map(|reduction| format!("  reduced   {reduction}")));
     if statistics.rejected_steps > 0 {

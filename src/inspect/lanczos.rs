@@ -12,14 +12,14 @@ use rand::rngs::Xoshiro256PlusPlus;
 
 /// An estimate of an end of a spectrum.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct End {
+pub(crate) struct End {
     pub value: f64,
     /// The estimated distance to an eigenvalue.
     pub residual: f64,
 }
 
 /// The low and the high end, from at most `steps` products. NaN where a product is not finite.
-pub(super) fn lanczos_ends(n: usize, steps: usize, mut apply: impl FnMut(&[f64], &mut [f64])) -> [End; 2] {
+pub(crate) fn lanczos_ends(n: usize, steps: usize, mut apply: impl FnMut(&[f64], &mut [f64])) -> [End; 2] {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(2);
     let mut q = vec![0.0; n];
     gaussian(&mut rng, &mut q);

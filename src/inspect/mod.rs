@@ -27,6 +27,7 @@ pub use family::Requirement;
 pub use follow::{FirstLosses, Follower, Gain, Passed};
 pub use inertia::{Inertia, InertiaCounter, InertiaMethod};
 pub use inspection::{Inspection, OptionInspection};
+pub(crate) use lanczos::lanczos_ends;
 pub use picture::Pictures;
 pub use smallest_set::{DropSet, Minimality, smallest_set};
 pub use spectrum::{Eigenpair, Spectrum, smallest_eigenvalue, spectrum};

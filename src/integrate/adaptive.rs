@@ -46,7 +46,7 @@ use crate::system::{State, System};
 use control::Control;
 use nalgebra::Vector3;
 use samples::Samples;
-pub(super) use samples::hermite;
+pub(crate) use samples::hermite;
 use scales::Scales;
 use std::ops::ControlFlow;
 

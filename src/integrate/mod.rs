@@ -25,6 +25,7 @@ mod statistics;
 mod verlet;
 mod w_method;
 
+pub(crate) use adaptive::hermite;
 pub use adaptive::{AdaptiveStepper, Adaptivity, ErrorEstimate, Sampling, run_adaptive, run_adaptive_monitored};
 pub use backward_euler::BackwardEuler;
 pub use bdf2::Bdf2;

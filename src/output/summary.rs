@@ -1,7 +1,7 @@
 //! `summary.json`: what a run did and how it ended.
 
 use super::AtomicFile;
-use crate::accuracy::{Choice, Pace};
+use crate::accuracy::{Answer, Pace};
 use crate::error::Result;
 use crate::force::Energy;
 use crate::integrate::{Balance, Outcome, RunFailure, Statistics, Status};
@@ -95,45 +95,29 @@ pub struct ChoiceReport {
     /// Tolerance of adaptive steps, where they were chosen.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rtol: Option<f64>,
-    /// Work of the run, in force evaluations.
+    /// Runs done for it, the one handed out included.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub cost: Option<f64>,
-    /// Pilot runs.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pilot_runs: Option<u32>,
-    /// Their work together, in force evaluations.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pilot_cost: Option<f64>,
+    pub runs: Option<u32>,
 }
 
 impl ChoiceReport {
-    /// Of a method that was chosen without pilot runs.
+    /// Of a method that was chosen without a run.
     pub fn of_preset(reason: String) -> Self {
-        Self {
-            reason,
-            accuracy: None,
-            estimated_error: None,
-            rtol: None,
-            cost: None,
-            pilot_runs: None,
-            pilot_cost: None,
-        }
+        Self { reason, accuracy: None, estimated_error: None, rtol: None, runs: None }
     }
 
-    /// Of a choice for an accuracy.
-    pub fn of_choice(choice: &Choice, accuracy: f64) -> Self {
-        let rtol = match choice.pace {
+    /// Of an answer of a required accuracy.
+    pub fn of_answer<R>(answer: &Answer<R>, accuracy: f64, reason: String) -> Self {
+        let rtol = match answer.pace {
             Pace::Adaptive { rtol, .. } => Some(rtol),
             Pace::Step(_) => None,
         };
         Self {
-            reason: choice.reason.clone(),
+            reason,
             accuracy: Some(accuracy),
-            estimated_error: Some(choice.estimated_error),
+            estimated_error: answer.estimated_error,
             rtol,
-            cost: Some(choice.cost),
-            pilot_runs: Some(choice.pilots),
-            pilot_cost: Some(choice.pilot_cost),
+            runs: Some(answer.runs),
         }
     }
 }

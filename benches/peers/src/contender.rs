@@ -111,7 +111,7 @@ impl Contender {
             }
             Self::Steps(configuration) => ours(configuration, Pace::Step(0.125 * duration * halved)),
             Self::Adaptive(configuration) => {
-                ours(configuration, Pace::Adaptive { rtol, first_step: 1e-2 * duration * halved })
+                ours(configuration, Pace::Adaptive { rtol, first_step: Some(1e-2 * duration * halved) })
             }
         }
     }

@@ -51,7 +51,7 @@ impl Samples {
 }
 
 /// The cubic Hermite polynomial through the ends of a step, and its derivative.
-pub(in crate::integrate) fn hermite(before: &State, after: &State, time: f64, sample: &mut State) {
+pub(crate) fn hermite(before: &State, after: &State, time: f64, sample: &mut State) {
     let h = after.time - before.time;
     let s = (time - before.time) / h;
     for (p, x0) in before.positions.iter().enumerate() {

@@ -1,0 +1,73 @@
+//! The state at the end of a motion to a required accuracy, at a few times the cost of the cheapest run that has it.
+//!
+//! What is spent beside the answer is little: ten products with K tell how long explicit steps may be, and with that what they cost;
+//! where they are dear a run of an implicit method is tried up to that price; then runs come in pairs, the second finer,
+//! and the difference of two tells the error of the second. When that is small enough the second *is* the answer: it was
+//! recorded as it went, and nothing is repeated.
+//!
+//! An estimate counts only when it was made by two runs that could have disagreed, and steps that resolve what moves. What cannot be
+//! confirmed so is handed out as [unconfirmed](Verdict::Unconfirmed), with the least estimate that there is.
+//!
+//! Costs are [counted](CostModel), not timed: the same scene gives the same answer on every machine.
+
+use super::attempt::{Audience, Grid, Task};
+use super::explicit::{self, Price};
+use super::rates::Rates;
+use super::search::{Answer, Search, Verdict};
+use super::{alone, stiff};
+use crate::error::Result;
+use crate::integrate::{Method, StiffnessPolicy};
+use crate::linear::{CostModel, SolverChoice};
+use crate::system::{State, System};
+use faer::Par;
+
+/// What is wanted.
+#[derive(Debug, Clone, Copy)]
+pub struct Requirement {
+    /// The largest [relative position error](super::relative_position_error) at the end.
+    pub accuracy: f64,
+    /// Length of the motion, in s.
+    pub duration: f64,
+    /// The interval at which the answer is recorded, in s.
+    pub interval: f64,
+    /// Parallelism of the factorizations.
+    pub par: Par,
+    /// Only this method, where one is given.
+    pub method: Option<Method>,
+    /// Only this stiffness policy, where one is given.
+    pub stiffness: Option<StiffnessPolicy>,
+    /// Only this solver, where one is given.
+    pub solver: Option<SolverChoice>,
+}
+
+/// Finds an answer, as long as `go_on` says so. `None` when no run comes to its end, or not before `go_on` said no.
+///
+/// # Errors
+/// Coincident ends of a spring in `start`; a matrix that is too large; what the audience returned.
+pub fn answer<A: Audience>(
+    system: &System,
+    start: &State,
+    requirement: &Requirement,
+    audience: &mut A,
+    go_on: &dyn Fn() -> bool,
+) -> Result<Option<Answer<A::Records>>> {
+    let Requirement { duration, interval, .. } = *requirement;
+    let costs = CostModel::of(system);
+    let grid = Grid::new(duration, interval, system.particles());
+    let task = Task { system, start, duration, costs, grid, go_on };
+    let mut search = Search::new(&task, requirement, audience);
+    let rates = Rates::of(system, start, &costs)?;
+    search.spend(rates.cost);
+    let verdict = match requirement.method {
+        Some(method) => alone::answer(&mut search, method, &rates)?,
+        None => {
+            let price = Price::of(&rates, duration);
+            match stiff::answer(&mut search, price)? {
+                Some(verdict) => verdict,
+                None => explicit::answer(&mut search, price)?,
+            }
+        }
+    };
+    let verdict = if search.goes_on() || verdict == Verdict::Confirmed { verdict } else { Verdict::Interrupted };
+    Ok(search.answer(verdict))
+}

@@ -1,0 +1,133 @@
+//! Where a run was at times spread over it, to compare runs along their whole way.
+//!
+//! The difference of two runs at the end alone may be small by chance: of a vibration with wrong phases, whenever both pass the same
+//! place. Over the last part of the way it shows its size.
+
+use super::relative_position_error;
+use nalgebra::Vector3;
+
+/// Memory for the positions of one run, in bytes.
+const MEMORY: usize = 1 << 27;
+
+/// Bounds of the number of samples.
+const SAMPLES: [usize; 2] = [8, 64];
+
+/// The part of the way over which the largest difference counts for that at the end.
+const LAST_PART: f64 = 0.25;
+
+/// Positions at every `every`-th of a run's samples and at its end.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Course {
+    times: Vec<f64>,
+    positions: Vec<Vec<Vector3<f64>>>,
+}
+
+/// How many samples of so many particles are worth their memory.
+pub(super) fn most_samples(particles: usize) -> u64 {
+    let fitting = MEMORY / (size_of::<Vector3<f64>>() * particles.max(1));
+    fitting.clamp(SAMPLES[0], SAMPLES[1]) as u64
+}
+
+impl Course {
+    pub fn push(&mut self, time: f64, positions: &[Vector3<f64>]) {
+        self.times.push(time);
+        self.positions.push(positions.to_vec());
+    }
+
+    /// The positions at the end.
+    pub fn end(&self) -> &[Vector3<f64>] {
+        self.positions.last().map_or(&[], Vec::as_slice)
+    }
+
+    /// `self + factor (self − coarser)`, what is left when an error of known order is taken off.
+    pub fn extrapolated(&self, coarser: &Self, factor: f64) -> Self {
+        let pairs = self.positions.iter().zip(&coarser.positions);
+        let extrapolate = |(fine, coarse): (&Vec<Vector3<f64>>, &Vec<Vector3<f64>>)| {
+            fine.iter().zip(coarse).map(|(fine, coarse)| fine + (fine - coarse) * factor).collect()
+        };
+        Self { times: self.times.clone(), positions: pairs.map(extrapolate).collect() }
+    }
+
+    /// How far another run of the same motion was from this one. `start` holds the positions in which both began.
+    pub fn compared_with(&self, other: &Self, start: &[Vector3<f64>]) -> Difference {
+        let extent = super::extent(self.end(), start);
+        let distance = |(a, b): (&Vec<Vector3<f64>>, &Vec<Vector3<f64>>)| {
+            let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum();
+            let distance = sum.sqrt() / extent;
+            if distance.is_nan() { f64::INFINITY } else { distance }
+        };
+        let distances: Vec<f64> = self.positions.iter().zip(&other.positions).map(distance).collect();
+        let end = relative_position_error(other.end(), self.end(), start);
+        Difference { times: self.times.clone(), distances, end: if end.is_nan() { f64::INFINITY } else { end } }
+    }
+}
+
+/// How far two runs were apart, relative to the extent at the end.
+#[derive(Debug, Clone)]
+pub(super) struct Difference {
+    times: Vec<f64>,
+    distances: Vec<f64>,
+    /// At the end.
+    pub end: f64,
+}
+
+impl Difference {
+    /// The largest over the last part of the way.
+    pub fn envelope(&self) -> f64 {
+        let (Some(first), Some(last)) = (self.times.first(), self.times.last()) else { return self.end };
+        let from = last - LAST_PART * (last - first);
+        let late = self.times.iter().zip(&self.distances).filter(|(time, _)| **time >= from);
+        late.map(|(_, distance)| *distance).fold(self.end, f64::max)
+    }
+
+    /// When the runs were first apart by more than `distance`, in s; `None` if they never were.
+    pub fn first_beyond(&self, distance: f64) -> Option<f64> {
+        let mut way = self.times.iter().zip(&self.distances);
+        way.find(|(_, apart)| **apart > distance).map(|(time, _)| *time)
+    }
+
+    /// The largest of all.
+    pub fn largest(&self) -> f64 {
+        self.distances.iter().copied().fold(self.end, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two particles, the second at `1 + x`, at times 0, 1, 2, …
+    fn course(at: &[f64]) -> Course {
+        let mut course = Course::default();
+        for (time, x) in at.iter().enumerate() {
+            course.push(time as f64, &[Vector3::zeros(), Vector3::new(1.0 + x, 0.0, 0.0)]);
+        }
+        course
+    }
+
+    /// The extent at the end is that of two particles 1 m apart, 1/√2 m.
+    #[test]
+    fn differences_are_seen_along_the_way() {
+        let (exact, wrong) = (course(&[0.0; 9]), course(&[0.0, 0.0, 0.1, 0.0, 0.5, 0.0, 0.0, 0.3, 0.0]));
+        let difference = exact.compared_with(&wrong, &[Vector3::zeros(); 2]);
+        let relative = |distance: f64| distance * 2f64.sqrt();
+        assert_eq!(difference.end, 0.0);
+        assert!((difference.envelope() - relative(0.3)).abs() < 1e-15);
+        assert!((difference.largest() - relative(0.5)).abs() < 1e-15);
+        let beyond = [0.05, 0.2, 0.6].map(|distance| difference.first_beyond(relative(distance)));
+        assert_eq!(beyond, [Some(2.0), Some(4.0), None]);
+    }
+
+    #[test]
+    fn the_leading_error_is_taken_off() {
+        let (coarse, fine) = (course(&[0.4, 0.8]), course(&[0.1, 0.2]));
+        let better = fine.extrapolated(&coarse, 1.0 / 3.0);
+        let difference = better.compared_with(&course(&[0.0, 0.0]), &[Vector3::zeros(); 2]);
+        assert!(difference.largest() < 1e-15);
+    }
+
+    #[test]
+    fn large_scenes_keep_few_samples() {
+        assert_eq!([1, 87_381, 1_000_000].map(most_samples), [64, 64, 8]);
+    }
+}

@@ -1,0 +1,141 @@
+//! What of a motion is too fast for a step.
+//!
+//! A method that damps vibrations which its steps do not resolve may converge, step halved after step, to the motion
+//! without them, and its runs agree. So it is asked first how large that part of the motion is. Backward Euler's filter
+//!
+//! ```text
+//! F = (1 + h² M⁻¹(−K))⁻¹,     1/(1 + (hω)²) of a mode of frequency ω,
+//! ```
+//!
+//! keeps what is slow against h. What `(1 − F)³` leaves of the velocities and of the accelerations is fast: its displacements are at
+//! most about `h ‖v_fast‖ + h² ‖a_fast‖`, since a mode of velocity v has the amplitude `v/ω < h v`, and one of acceleration a the
+//! amplitude `a/ω² < h² a`. Modes of hω = 0.3 count with 6·10⁻⁴ of themselves, those of hω = 3 with 0.73.
+
+use super::extent;
+use crate::error::Result;
+use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+use crate::linear::{CostModel, LinearSolver, Promise, SolverOptions, select};
+use crate::operator::{Combination, SystemOperator};
+use crate::spring::Stiffness;
+use crate::system::{State, System};
+use crate::work::Work;
+use nalgebra::Vector3;
+
+/// Times that the filter is applied.
+const APPLICATIONS: usize = 3;
+
+/// The size of a state's motion that steps of `h` seconds do not resolve, relative to the extent of the scene, and what finding it
+/// has cost, in force evaluations. Infinite where it cannot be found.
+///
+/// # Errors
+/// Coincident ends of a spring; a matrix that is too large.
+pub(super) fn unresolved(
+    system: &System,
+    state: &State,
+    h: f64,
+    options: &SolverOptions,
+    costs: &CostModel,
+) -> Result<(f64, f64)> {
+    let extensions = Extensions::at(system, &state.positions)?;
+    let combination = Combination { mass: 1.0 / (h * h), damping: 0.0, stiffness: -1.0 };
+    // Without the terms that make A indefinite: a filter must be one.
+    let operator = SystemOperator::new(system, &extensions, Stiffness::Tension, combination);
+    let mut work = Work { assemblies: 1, force_evaluations: 1, ..Work::default() };
+    let mut filter = Filter {
+        system,
+        solver: select(system, &SolverOptions { tolerance: 1e-6, ..*options }, Promise::Definite, &mut work)?,
+        operator,
+        h,
+    };
+    filter.solver.place(&state.positions);
+    if filter.solver.prepare(&filter.operator, &mut work).is_err() {
+        return Ok((f64::INFINITY, costs.cost(&work, None)));
+    }
+    let mut acceleration = vec![Vector3::zeros(); system.particles()];
+    add_elastic_force(system, &extensions, &mut acceleration);
+    add_damping_force(system, &extensions, &state.velocities, &mut acceleration);
+    add_weight(system, &mut acceleration);
+    for (a, mass) in acceleration.iter_mut().zip(system.masses()) {
+        *a /= *mass;
+    }
+    for (dof, ..) in system.prescribed().iter() {
+        if let Some(a) = acceleration.get_mut(dof.particle) {
+            a[dof.axis] = 0.0;
+        }
+    }
+    let velocity = filter.fast(state.velocities.clone(), &mut work);
+    let acceleration = filter.fast(acceleration, &mut work);
+    let displacement = velocity.zip(acceleration).map(|(v, a)| h * v + h * h * a);
+    let relative = displacement.map(|d| d / extent(&state.positions, &state.positions));
+    let factor = filter.solver.factor().map(|factor| factor.size);
+    Ok((relative.unwrap_or(f64::INFINITY), costs.cost(&work, factor)))
+}
+
+struct Filter<'s> {
+    system: &'s System,
+    solver: Box<dyn LinearSolver>,
+    operator: SystemOperator<'s>,
+    h: f64,
+}
+
+impl Filter<'_> {
+    /// `‖(1 − F)³ w‖`, prescribed components being what they are; `None` where a solve fails.
+    fn fast(&mut self, mut w: Vec<Vector3<f64>>, work: &mut Work) -> Option<f64> {
+        let dofs = self.system.dofs();
+        let (mut rhs, mut slow) = (vec![0.0; dofs.len()], vec![0.0; dofs.len()]);
+        for _ in 0..APPLICATIONS {
+            let weighted: Vec<Vector3<f64>> =
+                w.iter().zip(self.system.masses()).map(|(w, mass)| w * (mass / (self.h * self.h))).collect();
+            dofs.gather(&weighted, &mut rhs);
+            let mut prescribed = vec![Vector3::zeros(); w.len()];
+            for (dof, ..) in self.system.prescribed().iter() {
+                if let (Some(to), Some(from)) = (prescribed.get_mut(dof.particle), w.get(dof.particle)) {
+                    to[dof.axis] = from[dof.axis];
+                }
+            }
+            self.operator.subtract_coupling(&prescribed, &mut rhs);
+            slow.fill(0.0);
+            self.solver.solve(&self.operator, &rhs, &mut slow, work).ok()?;
+            // What is prescribed is slow by itself.
+            let mut kept = prescribed;
+            dofs.scatter(&slow, &mut kept);
+            for (w, kept) in w.iter_mut().zip(&kept) {
+                *w -= kept;
+            }
+        }
+        Some(w.iter().map(|w| w.norm_squared()).sum::<f64>().sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+
+    /// A particle on a spring at rest length, with a velocity along it: ω = 10/s, and the amplitude is 0.1 v.
+    fn moving(speed: f64) -> (System, State) {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        let particle = builder.particle([1.0, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.0 });
+        builder.hold(0);
+        builder.velocities[particle] = Vector3::new(speed, 0.0, 0.0);
+        builder.build().unwrap()
+    }
+
+    #[test]
+    fn what_is_fast_is_told_from_what_is_slow() {
+        let relative = |h: f64| {
+            let (system, state) = moving(0.01);
+            let costs = CostModel::of(&system);
+            unresolved(&system, &state, h, &SolverOptions::default(), &costs).unwrap().0
+        };
+        let extent = 0.5f64.sqrt();
+        // hω = 0.1: (0.01/1.01)³; hω = 10: (100/101)³.
+        let expected = |h: f64, filter: f64| h * 0.01 * filter / extent;
+        let close = |value: f64, expected: f64| (value / expected - 1.0).abs() < 1e-6;
+        assert!(close(relative(0.01), expected(0.01, (0.01f64 / 1.01).powi(3))), "{:e}", relative(0.01));
+        assert!(close(relative(1.0), expected(1.0, (100.0f64 / 101.0).powi(3))), "{:e}", relative(1.0));
+    }
+}

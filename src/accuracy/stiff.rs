@@ -1,0 +1,92 @@
+//! Answers by an implicit method, where explicit ones are dear: runs of RODAS4 with smaller and smaller tolerances, as long as they cost
+//! less than explicit answers would.
+
+use super::attempt::Audience;
+use super::course::Course;
+use super::explicit::Price;
+use super::resolution::unresolved;
+use super::search::{Search, Verdict, Went};
+use super::{Configuration, Pace};
+use crate::error::Result;
+use crate::integrate::{ImplicitOptions, Method};
+use crate::linear::{CostModel, SolverOptions};
+use crate::system::System;
+
+/// Explicit answers that cost less than this many implicit steps are not worth a try.
+const FEWEST_STEPS: f64 = 12.0;
+
+/// The tolerance of the first run, and by what the next is smaller.
+const FIRST_TOLERANCE: f64 = 4.0;
+const COARSEST: f64 = 0.3;
+const FIRST_RATIO: f64 = 6.7;
+
+/// The power of the tolerance by which runs become more expensive.
+const GROWTH: f64 = 0.35;
+
+/// What cannot be resolved may have this part of the accuracy.
+const UNRESOLVED: f64 = 0.5;
+
+/// The least that a step costs: six solves, two each where there is damping, with one factorization.
+pub(super) fn step_price(system: &System, costs: &CostModel) -> f64 {
+    let solves = if system.is_damped() { 12.0 } else { 6.0 };
+    7.0 + costs.assembly() + costs.least_factorization() + solves * costs.least_direct_solve()
+}
+
+/// An answer, or `None` where explicit methods are to find one.
+pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> Result<Option<Verdict>> {
+    let (accuracy, duration, system) = (search.requirement.accuracy, search.task.duration, search.task.system);
+    let explicit = price.answer(accuracy);
+    if explicit <= FEWEST_STEPS * step_price(system, &search.task.costs) {
+        return Ok(None);
+    }
+    let linear = linear_options(search);
+    let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
+    let configuration = Configuration { method: Method::Rodas4, options };
+    let mut tolerance = (FIRST_TOLERANCE * accuracy).min(COARSEST);
+    let mut next = tolerance / FIRST_RATIO;
+    let mut limit = explicit / (1.0 + FIRST_RATIO.powf(GROWTH));
+    let mut coarse: Option<Course> = None;
+    let mut last = f64::INFINITY;
+    loop {
+        search.left = explicit;
+        let pace = Pace::Adaptive { rtol: tolerance, first_step: None };
+        let (fine, run) = match search.run(configuration, pace, limit)? {
+            Went::Well(course, run) => (course, run),
+            Went::Stopped => return Ok(Some(Verdict::Interrupted)),
+            Went::Wrong | Went::TooFar => return Ok(None),
+        };
+        if let Some(coarse) = coarse.take() {
+            let apart = search.difference(&fine, &coarse).envelope();
+            let estimate = if apart < 0.6 * last || last.is_infinite() { 0.5 * apart } else { 1.5 * apart };
+            last = last.min(apart);
+            let step = 2.0 * duration / run.steps.max(1) as f64;
+            let mut resolved = true;
+            if estimate <= accuracy {
+                let (size, cost) = unresolved(system, search.task.start, step, &linear, &search.task.costs)?;
+                search.spend(cost);
+                resolved = size <= UNRESOLVED * accuracy;
+            }
+            if resolved {
+                search.estimate(estimate);
+            }
+            if resolved && estimate <= accuracy {
+                return Ok(Some(Verdict::Confirmed));
+            }
+            next = tolerance * (0.5 * accuracy / estimate).powf(1.2).clamp(0.02, 0.3);
+        }
+        if run.cost * (tolerance / next).powf(GROWTH) > 1.2 * explicit {
+            return Ok(None);
+        }
+        limit = 1.5 * explicit;
+        coarse = Some(fine);
+        tolerance = next;
+    }
+}
+
+/// How linear systems are solved: far more exactly than the accuracy needs.
+pub(super) fn linear_options<A: Audience>(search: &Search<'_, A>) -> SolverOptions {
+    let requirement = search.requirement;
+    let tolerance = (1e-3 * requirement.accuracy).clamp(1e-12, 1e-4);
+    let defaults = SolverOptions::default();
+    SolverOptions { solver: requirement.solver.unwrap_or(defaults.solver), par: requirement.par, tolerance, ..defaults }
+}

@@ -1,0 +1,212 @@
+//! `sprung run --accuracy R`: a search for an answer, recorded as it goes.
+
+use super::Stop;
+use super::common::{LoadedScene, claim};
+use super::console::{Console, error};
+use super::recorder::{Recorder, bar};
+use super::run::{FILES, Run, text};
+use indicatif::ProgressBar;
+use sprung::accuracy::{Answer, Audience, Horizon, Pace, Progress, Reduction, Requirement, Verdict, answer};
+use sprung::force::Energy;
+use sprung::integrate::{Monitor, Schedule, Status};
+use sprung::output::{
+    CHECKPOINT, ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, Summary, clear_frames, write_final_state,
+};
+use sprung::{Error, Result, State, System};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+use tempfile::TempDir;
+
+/// Thousandths, in which the progress bar counts.
+const PARTS: u64 = 1000;
+
+/// What is kept of a run until it is known whether it is the answer: its files, in a folder of their own.
+pub struct Kept {
+    recorder: Recorder,
+    folder: TempDir,
+    initial: Energy,
+    /// That at the end, and where energy went.
+    energy: EnergyChange,
+}
+
+/// Records runs and shows how the search gets on.
+struct Onlooker<'a> {
+    run: &'a Run,
+    folder: &'a Path,
+    schedule: Schedule,
+    scene: &'a LoadedScene,
+    bar: ProgressBar,
+}
+
+impl Audience for Onlooker<'_> {
+    type Records = Kept;
+
+    fn begin(&mut self, monitor: &Monitor) -> Result<Kept> {
+        let folder = tempfile::Builder::new()
+            .prefix(".sprung-")
+            .tempdir_in(self.folder)
+            .map_err(|source| Error::io(self.folder, source))?;
+        let frames = self.run.kept(folder.path(), &self.schedule, self.scene)?;
+        let recorder = Recorder::silent(folder.path(), frames, &self.scene.system, &self.scene.state, monitor)?;
+        let initial = monitor.initial();
+        let energy = EnergyChange::between(&initial, &initial, monitor.balance());
+        Ok(Kept { recorder, folder, initial, energy })
+    }
+
+    fn record(&mut self, kept: &mut Kept, number: u64, state: &State, monitor: &Monitor) -> Result<()> {
+        kept.energy = EnergyChange::between(&kept.initial, &monitor.energy(), monitor.balance());
+        kept.recorder.record(&self.scene.system, state, number, monitor)
+    }
+
+    fn progress(&mut self, progress: &Progress<'_>) {
+        let Progress { doing, part, spent, left } = progress;
+        self.bar.set_position((part * PARTS as f64) as u64);
+        self.bar.set_message(format!("{doing}; {spent:.0} force evaluations done, at most about {left:.0} to do"));
+    }
+}
+
+impl Kept {
+    /// Completes the files and moves them to where results belong.
+    fn publish(self, system: &System, folder: &Path) -> Result<()> {
+        self.recorder.finish(system)?;
+        let from = self.folder.path();
+        let frames = from.join("frames");
+        if frames.is_dir() {
+            move_files(&frames, &folder.join("frames"))?;
+        }
+        move_files(from, folder)
+    }
+}
+
+/// Moves the files of a folder, not those of folders in it, into another one.
+fn move_files(from: &Path, to: &Path) -> Result<()> {
+    std::fs::create_dir_all(to).map_err(|source| Error::io(to, source))?;
+    let entries = std::fs::read_dir(from).map_err(|source| Error::io(from, source))?;
+    for entry in entries {
+        let path = entry.map_err(|source| Error::io(from, source))?.path();
+        if let Some(name) = path.file_name().filter(|_| path.is_file()) {
+            let target = to.join(name);
+            std::fs::rename(&path, &target).map_err(|source| Error::io(target, source))?;
+        }
+    }
+    Ok(())
+}
+
+/// What is asked for, and where its results go.
+pub struct Question<'a> {
+    pub run: &'a Run,
+    pub requirement: Requirement,
+    pub folder: PathBuf,
+    pub reductions: &'a [Reduction],
+    pub interrupted: &'a AtomicBool,
+}
+
+impl Question<'_> {
+    /// Searches, writes and reports the answer.
+    pub fn answer(&self, console: &Console, scene: &LoadedScene) -> Result<Summary, Stop> {
+        let Self { run, requirement, folder, interrupted, .. } = self;
+        let LoadedScene { file, name, system, state: start, .. } = scene;
+        let claimed = claim(folder, &FILES, false)?;
+        claimed.remove(CHECKPOINT)?;
+        let clock = Instant::now();
+        let go_on = || !interrupted.load(Ordering::Relaxed);
+        let schedule = Schedule::duration(requirement.interval, requirement.duration);
+        let bar = bar(console, PARTS, "{wide_bar} {msg}");
+        let mut onlooker = Onlooker { run, folder, schedule, scene, bar };
+        let found = answer(system, start, requirement, &mut onlooker, &go_on);
+        onlooker.bar.finish_and_clear();
+        let Some(found) = found.map_err(|error| error.in_file(file))? else {
+            let why = if go_on() { "no run comes to the end of this motion" } else { "interrupted" };
+            let accuracy = requirement.accuracy;
+            return Err(Stop::Computation(format!("{why}: there is no answer to an accuracy of {accuracy:e}")));
+        };
+        let reason = reason(&found, requirement);
+        let doubt = doubt(&found, requirement);
+        let choice = ChoiceReport::of_answer(&found, requirement.accuracy, reason);
+        let Answer { configuration, pace, state, steps, statistics, solver, verdict, estimated_error, .. } = found;
+        let (status, kind) = match verdict {
+            Verdict::Confirmed => (Status::Completed, ErrorKind::Confirmed),
+            Verdict::Unconfirmed(_) => (Status::Unconfirmed, ErrorKind::Indicator),
+            Verdict::Interrupted => (Status::Interrupted, ErrorKind::Indicator),
+        };
+        let summary = Summary {
+            scene: name.clone(),
+            status,
+            method: configuration.method.name(),
+            stiffness: configuration.stiffness(),
+            solver: solver.name,
+            preconditioner: solver.preconditioner,
+            solver_choice: solver.choice,
+            dt: match pace {
+                Pace::Step(dt) => dt,
+                Pace::Adaptive { .. } => requirement.duration / steps.max(1) as f64,
+            },
+            steps,
+            time: state.time,
+            particles: system.particles(),
+            springs: system.springs().len(),
+            dofs: system.dofs().len(),
+            wall_seconds: clock.elapsed().as_secs_f64(),
+            statistics,
+            factor: solver.factor,
+            energy: found.records.energy,
+            error: estimated_error.map(|estimate| ErrorReport { estimate, kind }),
+            warnings: doubt.iter().cloned().collect(),
+            effort: Effort { run: found.cost, total: found.total_cost },
+            choice: Some(choice),
+            reductions: self.reductions.iter().map(ToString::to_string).collect(),
+            failure: None,
+        };
+        let records = found.records;
+        let final_state = folder.join("final.json");
+        let written = clear_frames(&claimed)
+            .and_then(|()| records.publish(system, folder))
+            .and_then(|()| run.clear_older(&claimed))
+            .and_then(|()| write_final_state(final_state, &summary.scene, system.dimension(), summary.steps, &state))
+            .and_then(|()| summary.write(folder.join("summary.json")));
+        written.map_err(Stop::Broken)?;
+        let names = run.show(folder).map_err(Stop::Broken)?;
+        console.result(&summary, text(&summary, folder, &names))?;
+        if let Some(doubt) = doubt {
+            error(doubt);
+        }
+        Ok(summary)
+    }
+}
+
+/// How the answer was found, in one line.
+fn reason<R>(found: &Answer<R>, requirement: &Requirement) -> String {
+    let Answer { configuration, pace, cost, total_cost, runs, .. } = found;
+    let pace = match pace {
+        Pace::Step(dt) => format!("dt = {dt:.3e} s"),
+        Pace::Adaptive { rtol, .. } => format!("rtol = {rtol:.1e}"),
+    };
+    let method = configuration.method.name();
+    let error = match found.estimated_error {
+        Some(error) => format!("ends with an error of about {error:.1e}, {:.0e} being asked for", requirement.accuracy),
+        None => "was not compared with another run".into(),
+    };
+    format!("{method} with {pace} {error}: {cost:.0} force evaluations, {total_cost:.0} in all {runs} runs")
+}
+
+/// What keeps the answer from being relied on.
+fn doubt<R>(found: &Answer<R>, requirement: &Requirement) -> Option<String> {
+    let accuracy = requirement.accuracy;
+    let known = match found.estimated_error {
+        Some(error) => format!("the best answer may be wrong by {error:.1e}"),
+        None => "nothing is known of the error of the best answer".into(),
+    };
+    let why = match &found.verdict {
+        Verdict::Confirmed => return None,
+        Verdict::Interrupted => "interrupted".into(),
+        Verdict::Unconfirmed(why) => format!("an accuracy of {accuracy:.0e} could not be confirmed, {why}"),
+    };
+    Some(match found.horizon {
+        None => format!("{why}: {known}"),
+        Some(Horizon { known, most, spread }) => format!(
+            "{why}: positions are predictable to {accuracy:.0e} until {known:.3} s, at most until {most:.3} s; beyond that runs \
+             differ by {spread:.1e}"
+        ),
+    })
+}
