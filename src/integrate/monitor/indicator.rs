@@ -11,13 +11,13 @@
 //! | w2 | `max(slip, bend/24)` | |
 //! | bdf2 | `slip` | |
 //! | implicit midpoint and others of second order | `bend/24/max(1, ωh)²` | `h³x⃛/12` and `/24`; vibrations that steps do not resolve ring, but move little |
-//! | of higher order | `embedded` | the method's own estimates |
+//! | of higher order p | `embedded`, else `bend/24·(ωh)ᵖ⁻²` | the method's own estimates; without them, how smooth its motion is |
 //!
 //! ω stands for the frequency at which velocities really change, `ωh = bend/(2 change)`, mean values over the run. The factors are
 //! those of the truncation errors; on a thousand random scenes nine of ten estimates are within ten times of the truth, and half
 //! within twice.
 //!
-//! **Warnings** begin where the estimate says 2 to 5 %, because it may be ten times too small: of runs that are wrong by 30 %
+//! **Warnings** begin where the estimate says 1 to 3 %, because it may be ten times too small: of runs that are wrong by 30 %
 //! none may go without. Energy that a method took away warns of itself where the scene is free to fold, having fewer springs
 //! than degrees of freedom: it would have moved something there, and no figure of the motion that is left can tell what. A step
 //! longer than a spring is a cause, and no sign of its own: ends that fly past each other side by side are no harm.
@@ -28,7 +28,7 @@ use crate::integrate::Method;
 /// Estimates above which a run is called doubtful: of implicit methods, of w2, of explicit ones.
 const DOUBTFUL: f64 = 0.025;
 const DOUBTFUL_W2: f64 = 0.02;
-const DOUBTFUL_EXPLICIT: f64 = 0.05;
+const DOUBTFUL_EXPLICIT: f64 = 0.013;
 
 /// Energy gained, in units of what the motion exchanged, above which a run is called doubtful.
 const GAINED: f64 = 2.0;

@@ -205,7 +205,7 @@ fn warnings_name_the_cause() {
     assert_eq!(warnings(harmless(), Method::LinearBackwardEuler), []);
     let wrong = Figures { change: 0.03, ..harmless() };
     assert_eq!(warnings(wrong, Method::BackwardEuler), [Warning::Wrong(0.03)]);
-    assert_eq!(warnings(wrong, Method::ForwardEuler), []);
+    assert_eq!(warnings(wrong, Method::SymplecticEuler), []);
     let turning = Figures { defect: 100.0, lost: 0.5, ..wrong };
     assert_eq!(warnings(turning, Method::LinearBackwardEuler), [Warning::Wrong(0.3), Warning::Turning(100.0)]);
     let damped = Warning::Damped { lost: 0.5, exchanged: 1.0 };
