@@ -177,7 +177,8 @@ impl Run {
         let plan = self.method.plan(system, state, schedule.dt(), rtol).map_err(|error| error.in_file(file))?;
         let steps = rtol.filter(|_| is_chosen).map(|rtol| format!("no dt is given: adaptive steps, rtol {rtol:e}"));
         let reasons: Vec<String> = steps.into_iter().chain(plan.reason.map(Into::into)).collect();
-        let choice = (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) });
+        let choice =
+            (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) });
         Ok(Prepared { schedule, plan, choice })
     }
 

@@ -61,6 +61,13 @@ const RTOLS: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-6];
 /// Methods of second order take a hundred thousand steps below it.
 const SECOND_ORDER: f64 = 1e-4;
 
+/// Accuracies asked for of every scene, and of some.
+const ACCURACIES: [f64; 2] = [1e-2, 1e-4];
+const MORE_ACCURACIES: [f64; 4] = [1e-1, 1e-3, 1e-5, 1e-6];
+
+/// The part of the random scenes that more accuracies are asked of.
+const SOME: u64 = 10;
+
 /// The steps of fixed length that are tried on a run: parts of it, and the customary ones where they make some steps, but
 /// not thousands.
 pub fn steps(duration: f64) -> Vec<f64> {
@@ -75,7 +82,7 @@ pub fn steps(duration: f64) -> Vec<f64> {
 pub fn of_seed(seed: u64, store: &Store, wanted: Wanted) -> sprung::Result<Record> {
     let drawn = random::scene(seed);
     let Traits { pace, damped, moved, .. } = drawn.traits;
-    let record = of_scene(&drawn.scene, store, wanted)?;
+    let record = studied(&drawn.scene, store, wanted, seed.is_multiple_of(SOME))?;
     Ok(Record { seed: Some(seed), shape: drawn.shape.name().into(), pace: Some(pace), damped, moved, ..record })
 }
 
@@ -84,6 +91,10 @@ pub fn of_seed(seed: u64, store: &Store, wanted: Wanted) -> sprung::Result<Recor
 /// # Errors
 /// As above.
 pub fn of_scene(scene: &Scene, store: &Store, wanted: Wanted) -> sprung::Result<Record> {
+    studied(scene, store, wanted, true)
+}
+
+fn studied(scene: &Scene, store: &Store, wanted: Wanted, more_accuracies: bool) -> sprung::Result<Record> {
     let (system, start) = scene.build()?;
     let duration = scene.time.duration.unwrap_or(1.0);
     let reference = store.reference(scene, duration)?;
@@ -119,6 +130,12 @@ pub fn of_scene(scene: &Scene, store: &Store, wanted: Wanted) -> sprung::Result<
                     record.runs.push(subject.adaptive((method, options.stiffness), rtol)?);
                 }
             }
+        }
+    }
+    if wanted.accuracy {
+        let more = MORE_ACCURACIES.into_iter().filter(|_| more_accuracies);
+        for accuracy in ACCURACIES.into_iter().chain(more) {
+            record.runs.push(subject.accurate(accuracy)?);
         }
     }
     Ok(record)

@@ -2,12 +2,13 @@
 
 use super::reference::Reference;
 use serde::{Deserialize, Serialize};
-use sprung::accuracy::relative_position_error;
+use sprung::accuracy::{Requirement, Verdict, answer, reduce, relative_position_error};
 use sprung::integrate::{
     Adaptivity, Figures, ImplicitOptions, Method, Monitor, MonitorOptions, Sampling, Schedule, Status, StiffnessPolicy,
     run_adaptive_monitored, run_monitored,
 };
 use sprung::{Error, State, Stiffness, System};
+use std::cell::Cell;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -68,6 +69,9 @@ impl Run {
 /// Steps of one run at most: beyond that it is too dear for a study. In particle-steps, so that small scenes may have more.
 const MOST_PARTICLE_STEPS: u64 = 1_000_000;
 
+/// How often a search for a required accuracy may ask whether to go on, times the particles: it does so at every step.
+const MOST_ASKED: u64 = 5_000_000;
+
 /// A scene that runs start from.
 pub struct Subject<'s> {
     /// What moves.
@@ -109,6 +113,60 @@ impl Subject<'_> {
     /// Coincident ends of a spring at the start; a matrix that is too large.
     pub fn adaptive(&self, way: Way, rtol: f64) -> sprung::Result<Run> {
         self.run(way, Ask::Rtol(rtol))
+    }
+
+    /// A run with a required accuracy, everything left to the program.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring at the start; a matrix that is too large.
+    pub fn accurate(&self, accuracy: f64) -> sprung::Result<Run> {
+        let clock = Instant::now();
+        let system = reduce(self.system, self.start).system;
+        let duration = self.duration;
+        let interval = (1.0 / 60.0f64).min(duration / 100.0);
+        let (method, stiffness, solver) = (None, None, None);
+        let requirement = Requirement { accuracy, duration, interval, par: faer::Par::Seq, method, stiffness, solver };
+        let left = Cell::new(MOST_ASKED / system.particles().max(1) as u64);
+        let go_on = || {
+            left.set(left.get().saturating_sub(1));
+            left.get() > 0
+        };
+        let found = answer(&system, self.start, &requirement, &mut (), &go_on)?;
+        let ask = Ask::Accuracy(accuracy);
+        let seconds = clock.elapsed().as_secs_f64();
+        let nothing = Run {
+            method: "auto".into(),
+            stiffness: "none".into(),
+            ask,
+            status: if left.get() > 0 { "unconfirmed".into() } else { "too-long".into() },
+            error: None,
+            estimate: None,
+            warnings: Vec::new(),
+            figures: None,
+            steps: 0,
+            evaluations: 0,
+            factorizations: 0,
+            seconds,
+        };
+        Ok(found.map_or(nothing.clone(), |found| Run {
+            method: found.configuration.method.name().into(),
+            stiffness: found.configuration.stiffness().into(),
+            status: match &found.verdict {
+                Verdict::Confirmed => Status::Completed.name().into(),
+                Verdict::Unconfirmed(_) => "unconfirmed".into(),
+                Verdict::Interrupted => "too-long".into(),
+            },
+            error: self.error(&found.state),
+            estimate: found.estimated_error,
+            warnings: match found.verdict {
+                Verdict::Unconfirmed(why) => vec![why],
+                Verdict::Confirmed | Verdict::Interrupted => Vec::new(),
+            },
+            steps: found.steps,
+            evaluations: found.total_cost as u64,
+            factorizations: found.statistics.work.factorizations,
+            ..nothing
+        }))
     }
 
     fn run(&self, (method, stiffness): Way, ask: Ask) -> sprung::Result<Run> {
