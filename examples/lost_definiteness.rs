@@ -37,8 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let truth = record(fine.as_mut(), &start, DT / FINE as f64, STEPS * FINE, FINE / FRAMES)?;
 
     let ldlt = SolverOptions { solver: SolverChoice::Ldlt, ..SolverOptions::default() };
-    let full =
-        ImplicitOptions { stiffness: StiffnessPolicy::Always(Stiffness::Full), linear: ldlt, ..Default::default() };
+    let full = ImplicitOptions { stiffness: StiffnessPolicy::Always(Stiffness::Full), linear: ldlt };
     let mut exact = Method::LinearBackwardEuler.stepper(&system, &start, &full)?;
     let spoiled = record(exact.as_mut(), &start, DT, STEPS, 1)?;
     let on_demand = ImplicitOptions { stiffness: StiffnessPolicy::OnDemand, ..Default::default() };

@@ -199,7 +199,8 @@ fn the_local_condition_is_enough_on_random_scenes() {
     assert!(indefinite > 50 && spared > 100);
 }
 
-/// A whole inspection costs so many factorizations, whatever the size.
+/// A whole inspection costs so many factorizations, whatever the size: up to 50 for the spectrum and the steps that keep A definite
+/// and stable, 30 for the longest step that turns no spring too far, under three options.
 #[test]
 fn an_inspection_costs_few_factorizations() {
     for n in [12, 24, 48] {
@@ -213,6 +214,6 @@ fn an_inspection_costs_few_factorizations() {
         let work = inspection.work;
         println!("{} dofs: {work:?}", system.dofs().len());
         assert!(work.symbolic_factorizations <= 6, "{work:?}");
-        assert!(work.factorizations <= 50, "{work:?}");
+        assert!(work.factorizations <= 80, "{work:?}");
     }
 }

@@ -15,9 +15,12 @@ use sprung::{State, Stiffness, System};
 use std::sync::OnceLock;
 use system::Bytes;
 
+/// What a target does with its bytes.
+type Body = fn(&[u8]);
+
 /// A body by its name.
-pub fn body(name: &str) -> Option<fn(&[u8])> {
-    let bodies: [(&str, fn(&[u8])); 7] = [
+pub fn body(name: &str) -> Option<Body> {
+    let bodies: [(&str, Body); 7] = [
         ("scene_toml", scene_toml),
         ("scene_json", scene_json),
         ("steps", steps),

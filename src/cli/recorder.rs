@@ -16,22 +16,19 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Starts the files and records the initial state.
+    /// Records the initial state.
     ///
     /// # Errors
     /// A file that cannot be written.
     pub fn start(
         console: &Console,
-        folder: &Path,
+        energies: EnergyLog,
         frames: Option<Frames>,
         schedule: &Schedule,
         system: &System,
         state: &State,
         monitor: &Monitor,
-        resumable: bool,
     ) -> Result<Self> {
-        let energies = folder.join("energy.csv");
-        let energies = if resumable { EnergyLog::create_resumable(energies)? } else { EnergyLog::create(energies)? };
         let mut recorder = Self { energies, frames, progress: progress_bar(console, schedule.len()) };
         recorder.record(system, state, 0, monitor)?;
         Ok(recorder)

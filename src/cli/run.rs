@@ -16,8 +16,9 @@ use sprung::accuracy::{Reduction, Requirement, reduce};
 use sprung::integrate::{Balance, Method, MonitorOptions, Schedule, Status, percent};
 use sprung::linear::{CostModel, LinearSolver};
 use sprung::output::{
-    BUNDLE, CHECKPOINT, Checkpoint, ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, Frames,
-    OutputFolder, Summary, TRAJECTORY, WAITING, clear_frames, fingerprint, playback, write_final_state,
+    BUNDLE, CHECKPOINT, Checkpoint, ChoiceReport, Effort, EnergyChange, EnergyLog, ErrorKind, ErrorReport,
+    FailureReport, Frames, OutputFolder, Summary, TRAJECTORY, WAITING, clear_frames, fingerprint, playback,
+    write_final_state,
 };
 use sprung::{Error, Result};
 use std::num::NonZeroU64;
@@ -126,12 +127,12 @@ impl Run {
             match (requirement, pace) {
                 (Some(requirement), _) => {
                     let folder = scene.folder(&self.out);
-                    let (reductions, interrupted) = (&reductions[..], &*interrupted);
+                    let (reductions, interrupted) = (&reductions[..], interrupted);
                     Question { run: self, requirement, folder, reductions, interrupted }.answer(console, &scene)
                 }
                 (None, Some(pace)) => {
                     let prepared = self.prepare(&scene, pace)?;
-                    self.simulate(console, scene, prepared, &reductions, &interrupted)
+                    self.simulate(console, scene, prepared, &reductions, interrupted)
                 }
                 (None, None) => Err(Error::Usage("neither steps nor an accuracy are given".into()).into()),
             }
@@ -248,7 +249,12 @@ impl Run {
         let kept = kept.map(|frames| if resumable { frames.resumable() } else { frames });
         let mut recorder = match &from {
             Some(checkpoint) => Recorder::resume(console, &folder, kept, schedule, checkpoint)?,
-            None => Recorder::start(console, &folder, kept, schedule, &system, &state, &begun.0, resumable)?,
+            None => {
+                let energies = folder.join("energy.csv");
+                let energies =
+                    if resumable { EnergyLog::create_resumable(energies)? } else { EnergyLog::create(energies)? };
+                Recorder::start(console, energies, kept, schedule, &system, &state, &begun.0)?
+            }
         };
         let ended = parts.run(from, begun, &mut state, &mut recorder).map_err(Stop::Broken)?;
         let Ended { stepper, monitor, outcome, statistics, wall_seconds } = ended;
