@@ -131,10 +131,11 @@ fn digits(value: f64) -> f64 {
     format!("{value:.4e}").parse().unwrap_or(value)
 }
 
-/// Columns of `energy.csv` that are energies and go into one picture.
+/// Columns of `energy.csv` that go into one picture, in J: the energies, and where energy came from and went to.
 const ENERGIES: [&str; 4] = ["kinetic", "elastic", "gravitational", "total"];
+const BALANCE: [&str; 3] = ["work", "dissipated", "imbalance"];
 
-/// The curves of `energy.csv`: the energies together, every other column by itself.
+/// The curves of `energy.csv`: the energies together, their balance together, every other column by itself.
 fn energies(path: &Path) -> Option<Vec<Track>> {
     let mut reader = csv::Reader::from_path(path).ok()?;
     let names: Vec<String> = reader.headers().ok()?.iter().map(str::to_owned).collect();
@@ -149,7 +150,12 @@ fn energies(path: &Path) -> Option<Vec<Track>> {
     let (_, times) = columns.next().filter(|(name, values)| name == "time" && values.len() > 1)?;
     let (energies, others): (Vec<_>, Vec<_>) = columns.partition(|(name, _)| ENERGIES.contains(&name.as_str()));
     let track = |title: String, unit: &str, curves| Track { title, unit: unit.into(), times: times.clone(), curves };
+    let (balance, others): (Vec<_>, Vec<_>) =
+        others.into_iter().partition(|(name, _)| BALANCE.contains(&name.as_str()));
     let mut tracks = vec![track("energy".into(), "J", energies)];
+    if !balance.is_empty() {
+        tracks.push(track("balance of energy".into(), "J", balance));
+    }
     tracks.extend(others.into_iter().map(|(name, values)| track(name.replace('_', " "), "", vec![(name, values)])));
     Some(tracks)
 }

@@ -30,9 +30,9 @@ const visited = [];
 
 function visit(data) {
   const { frames, particles } = about;
-  const every = Math.max(1, Math.ceil(particles / 400));
   for (let k = 0; k < Math.min(frames, 40); k++) {
     const frame = Math.floor((k * (frames - 1)) / Math.max(1, Math.min(frames, 40) - 1));
+    const every = frame === 0 || frame === frames - 1 ? 1 : Math.ceil(particles / 400);
     for (let i = 0; i < particles; i += every) visited.push(data.place(frame, i));
   }
   for (const end of ["low", "high"]) if (!visited.length) visited.push(about.bounds[end]);
@@ -51,7 +51,7 @@ function fitCamera() {
   }
   const [wide, tall] = [0, 1].map((k) => Math.max(high[k] - low[k], 1e-300));
   // Room for the legend and the scale bar, where the picture is wide enough for it.
-  const [beside, above] = [camera.width > 700 ? 40 : 24, camera.width > 700 ? 40 : 70];
+  const [beside, above] = [camera.width > 700 ? 40 : 24, camera.width > 700 ? 40 : 92];
   camera.fit = Math.min((camera.width - 2 * beside) / wide, (camera.height - 2 * above) / tall, 1e12);
   if (!(camera.fit > 0)) camera.fit = 1;
   camera.centre = [0, 1].map((k) => (low[k] + high[k]) / 2);

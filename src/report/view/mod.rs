@@ -2,7 +2,7 @@
 //!
 //! The page draws by itself, in some seven hundred lines: springs coloured by strain, the triangles of a mesh as a shaded surface, particles
 //! that are held or moved marked. What it carries is made here, see `encode`: positions and strains as whole numbers, predicted along
-//! time and deflated, which browsers undo by themselves. Drawing by WebGL and by a library were tried beside it; `docs/viewer.md` has
+//! time and deflated, which browsers undo by themselves. Drawing by WebGL and by a library were tried beside it; `docs/guide/src/how-to/watching.md` has
 //! the numbers.
 
 mod channel;
