@@ -49,7 +49,10 @@ fn an_interrupted_run_ends_after_its_step_with_everything_written() {
         let rows = sandbox.csv("o/energy.csv");
         assert_eq!(rows.len() as u64, steps + 1);
         assert_eq!(summary["energy"]["final"], rows[steps as usize][4]);
-        assert_eq!(sandbox.names("o"), ["energy.csv", "final.json", "frames", "frames.pvd", "summary.json"]);
+        assert_eq!(
+            sandbox.names("o"),
+            ["energy.csv", "final.json", "frames", "frames.pvd", "summary.json", "trajectory.npz"]
+        );
         let frames = sandbox.names("o/frames");
         assert_eq!(frames.len() as u64, steps / 20 + 1);
         let series = sandbox.read("o/frames.pvd");

@@ -23,7 +23,7 @@ use sprung::output::{
 use sprung::{Error, Result};
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 /// Simulate a scene
 ///

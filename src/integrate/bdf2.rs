@@ -121,7 +121,7 @@ const GROWTH: f64 = 2.0;
 
 /// Errors of the formula all have one sign as motions swing, and add up where those of other methods cancel; what it damps, estimates do
 /// not see.
-const CAUTION: f64 = 4.0;
+const CAUTION: f64 = 5.0;
 
 /// τ of a step of h seconds.
 fn duration(h: f64, ratio: f64) -> f64 {

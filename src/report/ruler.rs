@@ -57,6 +57,8 @@ impl Ruler {
         match scale {
             _ if low >= high => Self::over(scale, [low].into_iter(), std::iter::empty()),
             Scale::Logarithmic => Self::logarithmic(low, high, 0.0),
+            // Ends that are too near or too far from each other for a share of the way between them.
+            Scale::Linear if !(high - low).is_normal() => Self::linear(low, high),
             Scale::Linear => {
                 let mut ruler = Self::linear(low, high);
                 let length = |ruler: &Self| ruler.high - ruler.low;

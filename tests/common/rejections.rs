@@ -77,9 +77,9 @@ macro_rules! rejections {
             path_offset_nan: "[0, 0.2, 0]", "[0, nan, 0]" => "constraints[1].path.offsets[1] = [0.0, NaN, 0.0]: must be finite";
 
             unknown_key: "name =", "colour = 3\nname =" => "colour: unknown field `colour`, expected one of `name`, `gravity`, `particles`, `springs`, `mesh`, `constraints`, `time` at line 2 column 1";
-            unknown_key_of_particles: "masses =", "mass =" => "particles.mass: unknown field `mass`, expected one of `positions`, `velocities`, `masses` at line 8 column 1";
+            unknown_key_of_particles: "masses =", "mass =" => "particles.mass: unknown field `mass`, expected one of `positions`, `velocities`, `masses` at line 8 column 1; did you mean masses?";
             unknown_key_of_springs: "damping =", "friction =" => "springs.friction: unknown field `friction`, expected one of `pairs`, `stiffness`, `rest_lengths`, `damping` at line 14 column 1";
-            unknown_key_of_constraint: "particles = [1, 2]", "particles = [1, 2]\naxis = \"x\"" => "constraints[1].axis: unknown field `axis`, expected one of `particles`, `axes`, `velocity`, `path` at line 23 column 1";
+            unknown_key_of_constraint: "particles = [1, 2]", "particles = [1, 2]\naxis = \"x\"" => "constraints[1].axis: unknown field `axis`, expected one of `particles`, `axes`, `velocity`, `path` at line 23 column 1; did you mean axes?";
             unknown_key_of_path: "times = [0, 1],", "times = [0, 1], loop = true," => "constraints[1].path.loop: unknown field `loop`, expected `times` or `offsets` at line 23 column 26";
             unknown_key_of_time: "duration =", "end =" => "time.end: unknown field `end`, expected `dt` or `duration` at line 27 column 1";
             unknown_key_of_mesh: "[time]", "[mesh]\nfile = \"a.obj\"\nunit = 1\n[time]" => "mesh.unit: unknown field `unit`, expected `file` or `scale` at line 27 column 1";

@@ -136,11 +136,11 @@ fn energies_that_overflow_end_the_run() {
     let sandbox = Sandbox::new();
     let scene = |speed: &str| {
         format!(
-            "gravity = [1e153]\n[particles]\npositions = [[0]]\nvelocities = [[{speed}]]\nmasses = 1\n\
+            "gravity = [1e149]\n[particles]\npositions = [[0]]\nvelocities = [[{speed}]]\nmasses = 1\n\
              [time]\ndt = 0.1\nduration = 100\n"
         )
     };
-    for (speed, least) in [("1e153", 1), ("1e160", 0)] {
+    for (speed, least) in [("1e149", 1), ("1e160", 0)] {
         sandbox.put("fast.toml", &scene(speed));
         for method in ["linear-backward-euler", "forward-euler", "w2"] {
             let arguments = ["run", "fast.toml", "--method", method, "--out", "o", "--frames", "1"];
