@@ -299,6 +299,9 @@ impl Run {
             .and_then(|()| summary.write(folder.join("summary.json")))
             .and_then(|()| if summary.status == Status::Completed { forget_checkpoint(&claimed) } else { Ok(()) });
         written.map_err(Stop::Broken)?;
+        if summary.status == Status::Completed {
+            claimed.tidy();
+        }
         let names = self.show(&folder).map_err(Stop::Broken)?;
         console.result(&summary, text(&summary, &folder, &names))?;
         summary.warnings.iter().for_each(warning);

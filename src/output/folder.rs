@@ -39,8 +39,8 @@ impl OutputFolder {
             Ok((Err(TryLockError::Error(_)), _)) | Err(_) => None,
         };
         let folder = Self { path: path.to_path_buf(), _lock: lock };
-        if folder._lock.is_some() && !goes_on {
-            folder.sweep();
+        if !goes_on {
+            folder.tidy();
         }
         Ok(folder)
     }
@@ -72,7 +72,14 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Removes what killed processes left unfinished, here and in the folders that results have.
+    /// Removes what killed processes left unfinished, here and in the folders that results have: once everything is written that
+    /// was gone on with, nobody needs it any more.
+    pub fn tidy(&self) {
+        if self._lock.is_some() {
+            self.sweep();
+        }
+    }
+
     fn sweep(&self) {
         for folder in ["", "frames", "failure", "chart"].map(|name| self.path.join(name)) {
             for name in names(&folder).iter().filter(|name| is_part(name)) {
