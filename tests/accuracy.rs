@@ -279,7 +279,7 @@ fn the_command_says_what_it_found() {
     // Nothing but results is left in the folder.
     let mut names = folder.names("o");
     names.sort();
-    assert_eq!(names, ["energy.csv", "final.json", "frames", "frames.pvd", "summary.json"]);
+    assert_eq!(names, ["energy.csv", "final.json", "frames", "frames.pvd", "summary.json", "trajectory.npz"]);
     let rows = std::fs::read_to_string(folder.path("o/energy.csv")).unwrap().lines().count();
     let frames = std::fs::read_dir(folder.path("o/frames")).unwrap().count();
     assert!(rows > 10 && frames == (rows - 2) / 5 + 1, "{rows} rows, {frames} frames");

@@ -318,6 +318,14 @@ impl<S: AdaptiveStepper + ?Sized> AdaptiveStepper for Metered<'_, S> {
         self.stepper.order()
     }
 
+    fn estimate_order(&self) -> u32 {
+        self.stepper.estimate_order()
+    }
+
+    fn caution(&self) -> f64 {
+        self.stepper.caution()
+    }
+
     fn gains_by_equal_steps(&self) -> bool {
         self.stepper.gains_by_equal_steps()
     }

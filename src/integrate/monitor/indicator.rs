@@ -13,10 +13,6 @@
 //! | implicit midpoint and others of second order | `bend/24/max(1, ωh)²` | `h³x⃛/12` and `/24`; vibrations that steps do not resolve ring, but move little |
 //! | of higher order p | `embedded`, else `bend/24·(ωh)ᵖ⁻²` | the method's own estimates; without them, how smooth its motion is |
 //!
-//! Where springs hold every degree of freedom and steps do not resolve the vibrations (ωh > 1) there is little else to be wrong
-//! about: the estimate of a method of up to second order with a matrix is then at most twice `½h ‖v' − v‖` of one step, the mean or
-//! the first, which is the size of a vibration that a step has passed over.
-//!
 //! ω stands for the frequency at which velocities really change, `ωh = bend/(2 change)`, mean values over the run. The factors are
 //! those of the truncation errors; on a thousand random scenes nine of ten estimates are within ten times of the truth, and half
 //! within twice.
@@ -36,12 +32,6 @@ const DOUBTFUL_EXPLICIT: f64 = 0.013;
 
 /// Energy gained, in units of what the motion exchanged, above which a run is called doubtful.
 const GAINED: f64 = 2.0;
-
-/// The estimate from which that matters: below it the vibrations that gained move nothing far.
-const GAINING: f64 = 0.003;
-
-/// Vibrations that steps pass over are at most so much larger than one step shows.
-const PASSED_OVER: f64 = 2.0;
 
 /// Energy taken away, in the same units, from which it matters where scenes can fold, and the estimate from which it does.
 const LOST: (f64, f64) = (0.6, 0.0045);
@@ -119,7 +109,7 @@ impl Figures {
     /// About the relative position error at the end of a run with a method; `None` where the figures do not tell, or are not
     /// finite.
     pub fn estimate(&self, method: Method) -> Option<f64> {
-        let Self { change, start, bend, third, slip, defect, embedded, can_fold, .. } = *self;
+        let Self { change, start, bend, third, slip, defect, embedded, .. } = *self;
         // ωh of velocities, in the mean over the run.
         let pace = if change > 0.0 { bend / (2.0 * change) } else { 0.0 };
         let estimate = match method {
@@ -133,9 +123,6 @@ impl Figures {
             // Each further order takes a factor of ωh.
             _ => bend / 24.0 * pace.powi(method.order() as i32 - 2),
         };
-        let is_stiff = method.is_implicit() && method.order() <= 2 && !can_fold && pace > 1.0;
-        let vibration = PASSED_OVER * change.max(start) / self.steps.max(1) as f64;
-        let estimate = if is_stiff { estimate.min(vibration) } else { estimate };
         estimate.is_finite().then_some(estimate)
     }
 
@@ -151,7 +138,7 @@ impl Figures {
         };
         let doubtful = rtol.map_or(doubtful, |rtol| 10.0 * rtol);
         let is_wrong = estimate > doubtful;
-        let gains = gained > GAINED * exchanged && estimate > GAINING;
+        let gains = gained > GAINED * exchanged;
         let takes = |(share, least): (f64, f64)| lost > share * exchanged && estimate > least;
         let is_damped = rtol.is_none() && (self.can_fold && takes(LOST) || method == Method::W2 && takes(BRAKED));
         let turns = is_wrong && method == Method::LinearBackwardEuler && defect > TURNING;
