@@ -219,12 +219,17 @@ fn dop853<A: Audience>(search: &mut Search<'_, A>, price: Price, other: Option<C
             next = tolerance * (0.3 * accuracy / estimate).powf(1.1).clamp(most, 0.1);
             let parted = Parting::of(&difference, accuracy, tolerance, start);
             let outlook = parting.and_then(|before| parted.outlook(&before, duration));
-            bleak = if let Some(Outlook::Unpredictable(horizon)) = outlook {
-                search.horizon = Some(horizon);
-                bleak + 1
-            } else {
-                search.horizon = None;
-                0
+            bleak = match outlook {
+                Some(Outlook::Unpredictable(horizon)) => {
+                    search.horizon = Some(horizon);
+                    bleak + 1
+                }
+                Some(Outlook::Needs(_)) => {
+                    search.horizon = None;
+                    0
+                }
+                // Runs that say nothing take nothing back.
+                None => 0,
             };
             if bleak >= BLEAK {
                 return Ok(Verdict::Unconfirmed("the motion forgets how it began".into()));

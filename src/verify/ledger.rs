@@ -55,9 +55,10 @@ pub(super) fn measure(subject: &Subject) -> Measured {
     let dissipated = integral(&|state| damping_power(system, state));
     let why = "as a share of the magnitudes of the powers: (2z)⁴/720 of the ledger's formulas with z = 1/8, z²/6 of the motion's \
                with z = 1/64, and a margin of four";
-    // Where next to nothing moves there is what Newton's method leaves of the forces, as a share of the energies that they hold.
+    // Where next to nothing moves there is what Newton's method leaves of the forces in every step, as a share of the energies that
+    // they hold.
     let energy = monitor.energy();
-    let left = NEWTON * (energy.kinetic + energy.elastic + energy.gravitational.abs());
+    let left = NEWTON * (STEPS * PARTS) as f64 * (energy.kinetic + energy.elastic + energy.gravitational.abs());
     let share = |error: f64, whole: f64| if error == 0.0 { 0.0 } else { error / (whole + left / BOUND) };
     let check = |what: &str, value| Check::new(Claim::Conservation, what, name, value, BOUND, why);
     Ok(vec![
