@@ -30,7 +30,7 @@ pub struct MethodArguments {
     /// Adaptive steps that keep local errors of positions and velocities so small that positions at the end are wrong by about R
     /// times their distance from their centroid, unless the motion itself magnifies differences, as folding and toppling do.
     /// --dt is then the first step to try and the interval of records, which --frames counts. For methods with an error estimate:
-    /// w2, rodas4, dop853 [default: 1e-2 where no dt is given, neither here nor in the scene, with records every
+    /// bdf2, w2, rodas4, dop853 [default: 1e-2 where no dt is given, neither here nor in the scene, with records every
     /// 1/60 s, or every hundredth of shorter runs]
     #[arg(long, value_name = "R", value_parser = fraction)]
     rtol: Option<f64>,
