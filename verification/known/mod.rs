@@ -8,6 +8,7 @@ mod critical_steps;
 mod damped_spring;
 mod hanging_chain;
 mod invariants;
+mod linearised;
 mod one_step;
 mod orders;
 mod spring_blocks;
@@ -64,6 +65,7 @@ pub fn trials(collector: &mut Collector) -> Vec<Trial> {
         trajectories::trials,
         w_method::trials,
         critical_steps::trials,
+        linearised::trials,
     ] {
         trials.extend(group(collector));
     }
