@@ -26,7 +26,7 @@
 use super::duration;
 use super::history::History;
 use crate::integrate::ErrorEstimate;
-use crate::system::{State, System};
+use crate::system::{Axes, State, System};
 use nalgebra::Vector3;
 
 /// What an estimate needs of earlier steps, and the estimate itself.
@@ -38,13 +38,16 @@ pub(super) struct Estimate {
     accelerations: Vec<Vector3<f64>>,
     positions: Vec<Vector3<f64>>,
     velocities: Vec<Vector3<f64>>,
+    /// Of every particle: prescribed coordinates have no errors, and velocities that jump at the kinks of their paths.
+    free: Vec<Axes>,
 }
 
 impl Estimate {
     /// Nothing known.
     pub fn new(system: &System) -> Self {
         let zeros = || vec![Vector3::zeros(); system.particles()];
-        Self { span: None, slopes: zeros(), accelerations: zeros(), positions: zeros(), velocities: zeros() }
+        let free = (0..system.particles()).map(|p| system.dofs().free_axes(p)).collect();
+        Self { span: None, slopes: zeros(), accelerations: zeros(), positions: zeros(), velocities: zeros(), free }
     }
 
     /// Whether the step before is known well enough for an estimate.
@@ -103,6 +106,11 @@ impl Estimate {
             let third = (change / (h + last) - last_change) / (h + last + span);
             self.positions[p] = change * (tau * h / 3.0);
             self.velocities[p] = third * (tau * h * (h + last));
+        }
+        for ((position, velocity), free) in self.positions.iter_mut().zip(&mut self.velocities).zip(&self.free) {
+            for axis in (0..3).filter(|&axis| !free.contains(axis)) {
+                (position[axis], velocity[axis]) = (0.0, 0.0);
+            }
         }
         ErrorEstimate { positions: &self.positions, velocities: &self.velocities }
     }

@@ -33,6 +33,9 @@ const DOUBTFUL_EXPLICIT: f64 = 0.013;
 /// Energy gained, in units of what the motion exchanged, above which a run is called doubtful.
 const GAINED: f64 = 2.0;
 
+/// The estimate from which that matters: below it the vibrations that gained move nothing far.
+const GAINING: f64 = 0.003;
+
 /// Energy taken away, in the same units, from which it matters where scenes can fold, and the estimate from which it does.
 const LOST: (f64, f64) = (0.6, 0.0045);
 
@@ -138,7 +141,7 @@ impl Figures {
         };
         let doubtful = rtol.map_or(doubtful, |rtol| 10.0 * rtol);
         let is_wrong = estimate > doubtful;
-        let gains = gained > GAINED * exchanged;
+        let gains = gained > GAINED * exchanged && estimate > GAINING;
         let takes = |(share, least): (f64, f64)| lost > share * exchanged && estimate > least;
         let is_damped = rtol.is_none() && (self.can_fold && takes(LOST) || method == Method::W2 && takes(BRAKED));
         let turns = is_wrong && method == Method::LinearBackwardEuler && defect > TURNING;
