@@ -16,11 +16,14 @@ use std::time::{Duration, Instant};
 
 type Measured = Result<Vec<Check>, Box<dyn std::error::Error>>;
 
+/// A test by its name.
+type Named = (&'static str, fn() -> Measured);
+
 pub fn trials(collector: &mut Collector) -> Vec<Trial> {
     let claim = Claim::KnownAnswers;
-    let tests: [(&str, fn() -> Measured); 3] =
+    let tests: [Named; 3] =
         [("swinging_cloth", swinging_cloth), ("taut_string", taut_string), ("falling_particle", falling_particle)];
-    let test = |(name, measure): (&'static str, fn() -> Measured)| {
+    let test = |(name, measure): Named| {
         let failed = move |error: Box<dyn std::error::Error>| {
             vec![Check::new(claim, "linearised", name, f64::NAN, 0.0, format!("could not be carried out: {error}"))]
         };
