@@ -105,7 +105,7 @@ fn add_shares(
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "scene"))]
 mod tests {
     use super::TotalForce;
     use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};

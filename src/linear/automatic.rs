@@ -221,5 +221,5 @@ impl LinearSolver for AutomaticSolver {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "scene"))]
 mod tests;

@@ -243,5 +243,5 @@ fn accept(report: &CgReport) -> Result<Solution, SolveFailure> {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "scene"))]
 mod tests;

@@ -247,5 +247,5 @@ impl Forces {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "scene"))]
 mod tests;
