@@ -27,7 +27,10 @@ impl Samples {
         is_last: bool,
         observe: &mut impl FnMut(u64, &State) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
-        if let Sampling::Every(interval) = self.sampling {
+        // An interval of no length would have no end; one that is not positive is none.
+        if let Sampling::Every(interval) = self.sampling
+            && interval > 0.0
+        {
             loop {
                 let time = self.start + (self.count + 1) as f64 * interval;
                 // A sample within rounding of the end is the end.

@@ -52,6 +52,9 @@ fn samples_near_the_end_are_the_end() {
     };
     assert_eq!(times(2.0, 5.0), [(1, 2.0), (2, 4.0), (3, 5.0)]);
     assert_eq!(times(2.0, 4.0), [(1, 2.0), (2, 4.0)]);
+    for none in [0.0, -1.0, f64::NAN] {
+        assert_eq!(times(none, 5.0), [(1, 5.0)]);
+    }
     // A little later than the sample, by less than counts as rounding and by more.
     let [less, more] = [0.5, 4.0].map(|part| 1024.0 * (1.0 + part * SHORTEST));
     assert_eq!(times(1024.0, less), [(1, less)]);
