@@ -169,3 +169,51 @@ fn luck_is_not_recommended() {
     assert!(one.decision(0.1).cheapest.is_none() && one.decisions().is_empty());
     assert!(one.conclusions().iter().any(|sentence| sentence.contains("nothing can be recommended")));
 }
+
+/// The conclusion of one of a chart's pictures.
+fn conclusion(chart: &WorkPrecision, name: &str) -> String {
+    let figures = chart.figures();
+    figures.into_iter().find(|figure| figure.name == name).map(|figure| figure.plot.conclusion).unwrap_or_default()
+}
+
+#[test]
+fn pictures_say_what_their_points_say() {
+    let halvings = |method, stiffness, [dt, cost, error]: [f64; 3], order: f64| {
+        (0..6).map(move |k| {
+            let fine = 0.5f64.powi(k);
+            run(method, stiffness, [dt * fine, cost / fine], false, Some(error * fine.powf(order)))
+        })
+    };
+    let first = halvings("linear-backward-euler", "full", [0.1, 100.0, 0.08], 1.0);
+    let axial = halvings("linear-backward-euler", "axial", [0.1, 100.0, 0.04], 1.0);
+    let second = halvings("w2", "full", [0.1, 300.0, 0.08], 2.0);
+    let chart = table(first.chain(axial).chain(second).collect());
+    // 1 % needs three halvings of the first, two of the others: work 800, 400 and 1200.
+    assert_eq!(
+        conclusion(&chart, "work"),
+        "Least work below 1 %: linear-backward-euler (axial) with dt = 0.025 s; next w2 (full), 3 times."
+    );
+    assert_eq!(
+        conclusion(&chart, "options-euler"),
+        "Best below 1 %: axial with llt, dt = 0.025 s; next full with llt, 2 times the work."
+    );
+    assert_eq!(
+        conclusion(&chart, "error"),
+        "The longest step that stays below 1 % has linear-backward-euler (axial): 0.025 s."
+    );
+    assert!(sprung::report::plot::svg(&chart.figures()[0].plot).contains("Least time below 1 %"));
+}
+
+proptest! {
+    #[test]
+    fn conclusions_speak_of_runs_that_can_be_relied_on(chart in tables()) {
+        let text = conclusion(&chart, "work");
+        let accuracy = chart.decisions().get(1).or(chart.decisions().first()).map(|decision| decision.accuracy);
+        let enough = |run: &&Run| accuracy.is_some_and(|accuracy| run.error.is_some_and(|error| error <= accuracy));
+        let cheapest = chart.sound_runs().into_iter().filter(enough).min_by(|a, b| a.cost.total_cmp(&b.cost));
+        match cheapest {
+            Some(run) => prop_assert!(text.contains(run.method) && text.contains(&run.pace()), "{text}"),
+            None => prop_assert!(text.is_empty(), "{text}"),
+        }
+    }
+}

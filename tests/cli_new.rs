@@ -78,3 +78,16 @@ fn help_and_version_are_there_for_every_command() {
     sandbox.sprung(&[]).ends_with(2);
     sandbox.sprung(&["dance"]).ends_with(2).complains(&["dance"]);
 }
+
+#[test]
+fn a_file_holds_the_scene_in_the_format_of_its_ending() {
+    let sandbox = Sandbox::new();
+    let expected = builtin(Kind::Cloth, 4).unwrap();
+    for file in ["cloth.toml", "cloth.json", "cloth.npz"] {
+        assert_eq!(sandbox.sprung(&["new", "cloth", "--size", "4", "-o", file]).ends_with(0).stdout, "");
+        assert_eq!(Scene { file: None, ..Scene::load(sandbox.path(file)).unwrap() }, expected, "{file}");
+        sandbox.sprung(&["run", file, "--steps", "2", "--quiet"]).ends_with(0);
+    }
+    let refused = sandbox.sprung(&["new", "cloth", "-o", "cloth.yaml"]).ends_with(2);
+    assert!(refused.stderr.contains("cloth.yaml: a scene file must end in .toml, .json or .npz"), "{}", refused.stderr);
+}

@@ -1,9 +1,10 @@
-//! A scene means the same in TOML, in JSON and in code, and is written so that it reads back to the bit.
+//! A scene means the same in TOML, in JSON, as arrays and in code, and is written so that it reads back to the bit.
 
 use proptest::prelude::*;
 use sprung::scene::{
     Axis, ConstraintEntry, Kind, Mesh, Particles, Path, Row, Scene, Springs, TimeSettings, Values, builtin,
 };
+use std::io::Cursor;
 
 const VALID_TOML: &str = include_str!("common/valid.toml");
 const VALID_JSON: &str = include_str!("common/valid.json");
@@ -42,6 +43,12 @@ fn valid_in_code() -> Scene {
     }
 }
 
+fn npz(scene: &Scene) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    scene.write_npz(&mut bytes).unwrap();
+    bytes
+}
+
 /// Equal to the bit: `==` takes 0 and −0 for equal, the shortest text that reads back does not.
 fn assert_same(left: &Scene, right: &Scene) {
     assert_eq!(format!("{left:?}"), format!("{right:?}"));
@@ -61,6 +68,7 @@ fn every_builtin_scene_reads_back_to_the_bit() {
             scene.build().unwrap();
             assert_same(&Scene::from_toml(&scene.to_toml()).unwrap(), &scene);
             assert_same(&Scene::from_json(&scene.to_json()).unwrap(), &scene);
+            assert_same(&Scene::from_npz(Cursor::new(npz(&scene))).unwrap(), &scene);
         }
     }
 }
@@ -181,6 +189,7 @@ proptest! {
     fn any_scene_reads_back_to_the_bit(scene in scene()) {
         assert_same(&Scene::from_toml(&scene.to_toml()).unwrap(), &scene);
         assert_same(&Scene::from_json(&scene.to_json()).unwrap(), &scene);
+        assert_same(&Scene::from_npz(Cursor::new(npz(&scene))).unwrap(), &scene);
     }
 
     #[test]
@@ -198,6 +207,14 @@ proptest! {
     #[test]
     fn damaged_toml_is_read_or_rejected(text in damaged(VALID_TOML)) {
         let _ = Scene::from_toml(&text).and_then(|scene| scene.build());
+    }
+
+    #[test]
+    fn damaged_arrays_are_read_or_rejected(at in any::<prop::sample::Index>(), byte: u8) {
+        let mut bytes = npz(&valid_in_code());
+        let at = at.index(bytes.len());
+        bytes[at] = byte;
+        let _ = Scene::from_npz(Cursor::new(bytes)).and_then(|scene| scene.build());
     }
 
     #[test]

@@ -95,7 +95,7 @@ fn a_file_that_is_not_there() {
 fn another_extension() {
     for name in ["scene.yaml", "scene", ".toml"] {
         let error = load_and_build(Path::new(name)).unwrap_err();
-        assert_eq!(error.to_string(), format!("{name}: a scene file must end in .toml or .json"));
+        assert_eq!(error.to_string(), format!("{name}: a scene file must end in .toml, .json or .npz"));
     }
 }
 

@@ -1,6 +1,8 @@
 """The table and the charts of a comparison."""
 
+import json
 import math
+import re
 from collections import defaultdict
 from datetime import date
 from pathlib import Path
@@ -71,52 +73,74 @@ def direct_step(results, scene, library):
     return None if None in times else sum(times)
 
 
-def targets(results):
-    """What was aimed at beside what was measured."""
-    ours = {(r["scene"], r["stage"], r["threads"]): r for r in results if r["library"] == "sprung"}
-    scenes = list(dict.fromkeys(result["scene"] for result in results))
-    rows = ["| stage | target | measured |", "|---|---|---|"]
+def verdict(values, bounds):
+    """Whether what was measured is within its bounds, of those scenes that have one."""
+    judged = [(value <= bound if sign == "≤" else value >= bound)
+              for scene, value in values if value is not None and scene in bounds for sign, bound in [bounds[scene]]]
+    if not judged:
+        return "no target"
+    return "met" if all(judged) else f"missed in {judged.count(False)} of {len(judged)}"
 
-    def row(stage, target, values):
-        values = [f"{scene}: {text}" for scene, text in values if text]
-        if values:
-            rows.append(f"| {stage} | {target} | {'; '.join(values)} |")
+
+def targets(results):
+    """What was aimed at beside what was measured, and whether it was reached."""
+    ours = {(r["scene"], r["stage"], r["threads"]): r for r in results if r["library"] == "sprung"}
+    particles = {r["scene"]: r["particles"] for r in results}
+    rows = ["| stage | target | measured | verdict |", "|---|---|---|---|"]
+
+    def row(stage, target, values, bounds, unit=""):
+        texts = [f"{scene}: {number(value)}{unit}" for scene, value in values if value is not None]
+        if texts:
+            rows.append(f"| {stage} | {target} | {'; '.join(texts)} | {verdict(values, bounds)} |")
+
+    def sized(sign, *steps):
+        """Bounds by size: (least particles, most particles, bound)."""
+        return {scene: (sign, bound) for scene, count in particles.items()
+                for least, most, bound in steps if least <= count < most}
 
     def over_floor(scene, stages, threads):
         parts = [ours.get((scene, stage, threads)) for stage in stages]
-        return None if None in parts else number(sum(p["ms"] for p in parts) / sum(p["floor_ms"] for p in parts))
+        return None if None in parts else sum(p["ms"] for p in parts) / sum(p["floor_ms"] for p in parts)
 
-    large = [scene for scene in scenes if scene in ("cloth 316", "cloth 1000", "lattice 46")]
+    large = [scene for scene in particles if scene in ("cloth 316", "cloth 1000", "lattice 46")]
+    everywhere = lambda sign, bound: {scene: (sign, bound) for scene in particles}
     assembly = ["refill A", "right-hand side"]
-    row("refill of A and right-hand side over floor, T1", "≤ 1.5", [(s, over_floor(s, assembly, 1)) for s in large])
-    row("the same, T2", "", [(s, over_floor(s, assembly, 2)) for s in large])
+    row("refill of A and right-hand side over floor, T1", "≤ 1.5", [(s, over_floor(s, assembly, 1)) for s in large], everywhere("≤", 1.5))
+    row("the same, T2", "", [(s, over_floor(s, assembly, 2)) for s in large], {})
 
     def ratio(theirs, mine):
-        return number(theirs / mine) if theirs and mine else None
+        return theirs / mine if theirs and mine else None
 
+    # Sizes are named by their power of ten: 10⁵ is the cloth of 316² and the lattice of 46³, 10⁴ that of 100² and 22³.
     row("Eigen's triplets / refill, T1", "≥ 30 at 10⁵",
-        [(s, ratio(best_of(results, s, "Eigen", "refill A"), best_of(results, s, "sprung", "refill A", 1))) for s in scenes])
-    for peer, target in (("CHOLMOD", "≥ 1.5 at 10⁴–10⁵, ≥ 2 at 10⁶"), ("Eigen", "≥ 40 at 10⁵")):
+        [(s, ratio(best_of(results, s, "Eigen", "refill A"), best_of(results, s, "sprung", "refill A", 1))) for s in particles],
+        sized("≥", (9e4, 2e5, 30)))
+    for peer, target, bounds in (
+            ("CHOLMOD", "≥ 1.5 at 10⁴–10⁵, ≥ 2 at 10⁶", sized("≥", (9e3, 2e5, 1.5), (5e5, 2e6, 2))),
+            ("Eigen", "≥ 40 at 10⁵", sized("≥", (9e4, 2e5, 40)))):
         row(f"direct step, {peer} / sprung, best of T1 and T2", target,
-            [(s, ratio(direct_step(results, s, peer), direct_step(results, s, "sprung"))) for s in scenes])
-    row("A·w over floor, T2", "≤ 1.1 at 10⁶", [(s, over_floor(s, ["product"], 2)) for s in large])
-    row("A·w over floor, T1", "≤ 1.3 at 10⁶", [(s, over_floor(s, ["product"], 1)) for s in large])
-    multigrid = [(s, ours[s, "cg multigrid", 2]) for s in scenes if (s, "cg multigrid", 2) in ours]
+            [(s, ratio(direct_step(results, s, peer), direct_step(results, s, "sprung"))) for s in particles], bounds)
+    for threads, bound in ((2, 1.1), (1, 1.3)):
+        row(f"A·w over floor, T{threads}", f"≤ {bound} at 10⁶", [(s, over_floor(s, ["product"], threads)) for s in large],
+            sized("≤", (5e5, 2e6, bound)))
+    multigrid = [(s, ours[s, "cg multigrid", 2]) for s in particles if (s, "cg multigrid", 2) in ours]
     row("multigrid to 1e-10, iterations", "≤ 30 from 10⁴ to 10⁶",
-        [(s, str(r["iterations"])) for s, r in multigrid if r["particles"] > 9000])
+        [(s, r["iterations"]) for s, r in multigrid if r["particles"] > 9000], everywhere("≤", 30))
     row("multigrid to 1e-10, set-up and solve, T2", "cloth 316 ≤ 0.45 s, cloth 1000 ≤ 6 s, lattice 46 ≤ 0.5 s",
-        [(s, f"{r['ms'] / 1e3:.2f} s") for s, r in multigrid if s in large])
+        [(s, r["ms"] / 1e3) for s, r in multigrid if s in large],
+        {"cloth 316": ("≤", 0.45), "cloth 1000": ("≤", 6), "lattice 46": ("≤", 0.5)}, " s")
 
     def against_best(scene):
         times = {r["stage"]: r["ms"] for r in results if r["scene"] == scene and r["stage"].startswith("five steps")}
         auto = times.pop("five steps, auto", None)
         return ratio(auto, min(times.values(), default=None))
 
-    row("five steps with `auto`, after five in which it chose, / with the best choice", "≤ 1.15", [(s, against_best(s)) for s in scenes])
-    for kind, target in (("block-jacobi", "≤ 1.5 KB"), ("multigrid", "≤ 4 KB")):
-        row(f"memory of a run a particle, {kind}", target,
-            [(s, f"{ours[s, f'memory {kind}', 2]['bytes_per_particle'] / 1e3:.2f} KB")
-             for s in large if (s, f"memory {kind}", 2) in ours])
+    row("five steps with `auto`, after five in which it chose, / with the best choice", "≤ 1.15",
+        [(s, against_best(s)) for s in particles], everywhere("≤", 1.15))
+    for kind, bound in (("block-jacobi", 1.5), ("multigrid", 4)):
+        row(f"memory of a run a particle, {kind}", f"≤ {bound} KB",
+            [(s, ours[s, f"memory {kind}", 2]["bytes_per_particle"] / 1e3) for s in large if (s, f"memory {kind}", 2) in ours],
+            everywhere("≤", bound), " KB")
     return rows
 
 
@@ -126,6 +150,35 @@ def slope(points):
     mean_x, mean_y = (sum(c) / len(logs) for c in zip(*logs))
     spread = sum((x - mean_x) ** 2 for x, _ in logs)
     return sum((x - mean_x) * (y - mean_y) for x, y in logs) / spread if spread else float("nan")
+
+
+def power_of_ten(count):
+    return f"about 10{str(round(math.log10(count))).translate(str.maketrans('0123456789', '⁰¹²³⁴⁵⁶⁷⁸⁹'))} particles"
+
+
+def conclusion(kind, curves):
+    """What the picture says, from its own points: ours beside the peers at the largest size that a peer has too."""
+    best = defaultdict(dict)
+    for (library, _, detail), points in curves.items():
+        for count, value in points:
+            known = best[library].get(count)
+            best[library][count] = min(filter(None, [known, (value, detail)]))
+    ours = best.pop("sprung", {})
+    if kind == "memory":
+        count = max(ours)
+        each = sorted((dict(points)[count] * 1e3 / count, detail) for (_, _, detail), points in curves.items() if count in dict(points))
+        kilobytes = " and ".join(f"{value:.1f} KB with {detail}" for value, detail in each)
+        return f"At {power_of_ten(count)} a particle takes {kilobytes}."
+    shared = [count for count in ours if any(count in theirs for theirs in best.values())]
+    if not shared:
+        return ""
+    count = max(shared)
+    value, detail = ours[count]
+    peers = sorted((theirs[count][0], library) for library, theirs in best.items() if count in theirs)
+    how = f" with {detail}" if detail else ""
+    times = f"{number(value)} ms" if value < 1000 else f"{number(value / 1e3)} s"
+    others = ", ".join(f"{library} {number(time / value)} times as long" for time, library in peers)
+    return f"At {power_of_ten(count)} sprung takes {times}{how}; {others}."
 
 
 def chart(results, family, title, stages, file):
@@ -146,7 +199,7 @@ def chart(results, family, title, stages, file):
         if "floor_ms" in result and len(stages) == 1:
             floors[result["threads"]][result["particles"]] = result["floor_ms"]
     figure, axes = plt.subplots(figsize=(9, 4.6))
-    drawn = 0
+    drawn = {}
     for (library, threads, detail), points in sorted(curves.items()):
         if kind == "cg" and threads == 1 and (library, 2, detail) in curves:
             continue  # the table has both
@@ -161,12 +214,14 @@ def chart(results, family, title, stages, file):
         marker = "o" if threads == 1 else "s"
         axes.loglog(*zip(*whole), marker=marker, markersize=4, linestyle=STYLES[detail], color=COLOURS[library], label=text,
                     alpha=1.0 if threads == 2 else 0.6)
-        drawn += 1
+        drawn[library, threads, detail] = whole
     for threads, points in sorted(floors.items()):
         axes.loglog(*zip(*sorted(points.items())), color="black", linewidth=0.9, linestyle="--" if threads == 1 else "-",
                     label=f"bytes moved / bandwidth, T{threads}")
     if drawn:
-        axes.set(xlabel="particles", ylabel="MB" if kind == "memory" else "ms", title=f"{title}, {family}")
+        axes.set(xlabel="particles", ylabel="memory, MB" if kind == "memory" else "time, ms")
+        figure.suptitle(f"{title[:1].upper()}{title[1:]}, {family}", x=0.02, ha="left", fontweight="bold")
+        axes.set_title(conclusion(kind, drawn), fontsize=10, loc="left", x=-0.08)
         axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
         axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
         figure.tight_layout()
@@ -175,7 +230,7 @@ def chart(results, family, title, stages, file):
     return bool(drawn)
 
 
-def write(results, folder):
+def write(results, folder, day=None, machine=None):
     families = list(dict.fromkeys(result["scene"].split()[0] for result in results))
     pictures = []
     for family in families:
@@ -185,7 +240,7 @@ def write(results, folder):
                 pictures.append(f"![{title}, {family}]({file.name})")
     text = f"""# Measurements
 
-Written by `benches/compare/run.py` on {date.today().isoformat()}, {cpu()}. Medians of repeats; T1 and T2 are one and two threads.
+Written by `benches/compare/run.py` on {day or date.today().isoformat()}, {machine or cpu()}. Medians of repeats; T1 and T2 are one and two threads.
 One thread is timed by its processor time, ours and the peers' alike, two threads by the clock: on a machine that does
 other work besides, T2 means little. "Over floor" is the time over that of moving the bytes that the
 stage cannot avoid, at the bandwidth of a triad measured between the repeats, write-allocation counted in both; below
@@ -202,3 +257,14 @@ The scenes are those of `benches/scenes.rs`. All numbers are in `results.json`.
         text += remarks.read_text() + "\n"
     text += "## Targets\n\n" + "\n".join(targets(results)) + "\n\n## All stages\n\n"
     (folder / "README.md").write_text(text + "\n".join(table(results)) + "\n\n" + "\n\n".join(pictures) + "\n")
+
+
+def render_again():
+    """Table and pictures from the results of an earlier measurement, under its date and machine."""
+    folder = Path(__file__).resolve().parents[2] / "docs" / "performance"
+    day, machine = re.search(r"`benches/compare/run.py` on ([-0-9]+), (.*)\. Medians", (folder / "README.md").read_text()).groups()
+    write(json.loads((folder / "results.json").read_text()), folder, day, machine)
+
+
+if __name__ == "__main__":
+    render_again()

@@ -129,7 +129,8 @@ impl Decision<'_> {
     }
 }
 
-fn name(method: &str, stiffness: &str, solver: &str) -> String {
+/// A configuration in words.
+pub(super) fn name(method: &str, stiffness: &str, solver: &str) -> String {
     match (stiffness, solver) {
         ("none", _) => method.to_owned(),
         (stiffness, "llt") => format!("{method} ({stiffness})"),
@@ -138,7 +139,7 @@ fn name(method: &str, stiffness: &str, solver: &str) -> String {
 }
 
 /// Three digits.
-fn short(value: f64) -> String {
+pub(super) fn short(value: f64) -> String {
     let size = value.abs();
     if size != 0.0 && !(1e-3..1e7).contains(&size) {
         return format!("{value:.1e}");

@@ -172,6 +172,9 @@ impl WorkPrecision {
         figures.extend(self.tolerance_figures());
         figures.extend(self.size_figures());
         figures.retain(|figure| figure.plot.series.iter().any(|series| !series.points.is_empty()));
+        for figure in &mut figures {
+            figure.plot.conclusion = self.conclusion(figure).unwrap_or_default();
+        }
         figures
     }
 

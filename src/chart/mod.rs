@@ -3,6 +3,7 @@
 //! [`WorkPrecision`] sweeps methods, stiffness options, solvers and steps over one scene and measures what each run costs and
 //! how far it ends from a [`Reference`] of independent origin. How this looks is decided elsewhere.
 
+mod conclusion;
 mod decision;
 mod dop853;
 mod figures;

@@ -7,6 +7,9 @@ use serde::Serialize;
 pub struct Plot {
     /// What the plot shows, in a few words.
     pub title: String,
+    /// What the points say, in a sentence; empty where they are left to speak.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub conclusion: String,
     /// The horizontal axis.
     pub x: Axis,
     /// The vertical axis.
@@ -25,7 +28,12 @@ impl Plot {
 
     /// A plot without series yet.
     pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
-        Self { title: title.into(), x, y, series: Vec::new(), guides: Vec::new() }
+        Self { title: title.into(), conclusion: String::new(), x, y, series: Vec::new(), guides: Vec::new() }
+    }
+
+    /// Says what its points say.
+    pub fn concluding(self, conclusion: impl Into<String>) -> Self {
+        Self { conclusion: conclusion.into(), ..self }
     }
 
     /// Adds a series.

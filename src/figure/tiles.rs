@@ -8,6 +8,8 @@ use serde::Serialize;
 pub struct Tiles {
     /// What the field shows, in a few words.
     pub title: String,
+    /// What the cells say, in a sentence.
+    pub conclusion: String,
     /// The horizontal axis, of the columns.
     pub x: Axis,
     /// The vertical axis, of the rows.

@@ -1,5 +1,6 @@
 //! What an inspection shows, as pictures.
 
+use super::inertia::Inertia;
 use super::inspection::Inspection;
 use super::spectrum::smallest_eigenvalue;
 use crate::assembly::{SpringPattern, SystemMatrix};
@@ -148,6 +149,11 @@ fn curve(
             plot = plot.with_guide(Guide::Vertical { x: dt, label: format!("{name} stable up to {} s", short(dt)) });
         }
     }
+    let definite = inspection.options.iter().map(|option| match option.critical.dt() {
+        Some(dt) => format!("up to {} s under {}", short(dt), option.option.name()),
+        None => format!("at every step under {}", option.option.name()),
+    });
+    plot.conclusion = format!("A is definite {}.", definite.collect::<Vec<_>>().join(", "));
     let here = Guide::Vertical { x: inspection.dt, label: format!("inspected: {} s", short(inspection.dt)) };
     Ok(plot.with_guide(here).with_guide(Guide::Level { y: 0.0, label: "definite above".into() }))
 }
@@ -161,6 +167,14 @@ fn low_end(inspection: &Inspection) -> Plot {
     let title = format!("Lowest eigenvalues of A ({})", inspection.option.name());
     let (negative, positive): (Vec<_>, Vec<_>) = points.into_iter().partition(|&(_, value)| value < 0.0);
     let mut plot = Plot::new(title, Axis::linear("number, from 0"), Axis::linear("λ, N/m"));
+    if let Some(lowest) = inspection.spectrum.lowest.first() {
+        let Inertia { negative, zero, positive, .. } = inspection.inertia;
+        let below = match negative {
+            0 => "None is negative".to_owned(),
+            _ => format!("{negative} of {} are negative", negative + zero + positive),
+        };
+        plot.conclusion = format!("{below}; the lowest is {} N/m.", short(lowest.value));
+    }
     for (name, points) in [("positive", positive), ("negative", negative)] {
         if !points.is_empty() {
             plot = plot.with_series(Series::scatter(name, points));

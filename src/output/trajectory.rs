@@ -20,13 +20,11 @@
 use super::AtomicFile;
 use crate::error::{Error, Result};
 use crate::figure::Binding;
+use crate::scene::NpzWriter;
 use crate::system::{State, System};
-use npyz::WriterBuilder;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, DateTime, ZipWriter};
 
 /// The name of the file in an output folder.
 pub const TRAJECTORY: &str = "trajectory.npz";
@@ -137,7 +135,7 @@ impl Trajectory {
         let [n, axes, count] = [system.particles(), system.dimension(), self.times.len()];
         let springs = system.springs();
         AtomicFile::write(&target, |file| {
-            let mut npz = Npz(ZipWriter::new_stream(file));
+            let mut npz = NpzWriter::new(file);
             npz.put("times", &[count], self.times.iter().copied())?;
             npz.put("steps", &[count], self.steps.iter().copied())?;
             npz.put("masses", &[n], system.masses().iter().copied())?;
@@ -149,55 +147,26 @@ impl Trajectory {
             npz.put("triangles", &[triangles.len(), 3], triangles.iter().flatten().copied())?;
             npz.put("gravity", &[axes], system.gravity().iter().copied().take(axes))?;
             for (name, skipped) in [("positions", 0), ("velocities", n * axes)] {
-                npz.frames(name, &mut frames, [count, n, axes], skipped)?;
+                put_frames(&mut npz, name, &mut frames, [count, n, axes], skipped)?;
             }
-            npz.0.finish().map_err(io::Error::from).map(drop)
+            npz.finish()
         })
     }
 }
 
-/// A zip of arrays, written from front to back.
-struct Npz<W: Write>(ZipWriter<zip::write::StreamWriter<W>>);
-
-impl<W: Write> Npz<W> {
-    /// Begins an array. Sizes are 64-bit, and the date is always the same one: equal runs give equal files.
-    fn start(&mut self, name: &str) -> io::Result<()> {
-        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
-        let options = options.large_file(true).last_modified_time(DateTime::default());
-        self.0.start_file(format!("{name}.npy"), options).map_err(io::Error::from)
+/// Half of every waiting frame: what comes after so many skipped numbers.
+fn put_frames<W: Write>(
+    npz: &mut NpzWriter<W>,
+    name: &str,
+    frames: &mut BufReader<&File>,
+    [count, n, axes]: [usize; 3],
+    skipped: usize,
+) -> io::Result<()> {
+    let array = npz.doubles(name, &[count, n, axes].map(|length| length as u64))?;
+    let half = (n * axes * 8) as u64;
+    for frame in 0..count as u64 {
+        frames.seek(SeekFrom::Start(2 * half * frame + 8 * skipped as u64))?;
+        io::copy(&mut frames.take(half), array)?;
     }
-
-    fn put<T: npyz::AutoSerialize>(
-        &mut self,
-        name: &str,
-        shape: &[usize],
-        values: impl Iterator<Item = T>,
-    ) -> io::Result<()> {
-        self.start(name)?;
-        let shape: Vec<u64> = shape.iter().map(|&length| length as u64).collect();
-        let options = npyz::WriteOptions::new().default_dtype().shape(&shape);
-        let mut array = options.writer(BufWriter::new(&mut self.0)).begin_nd()?;
-        array.extend(values)?;
-        array.finish()
-    }
-
-    /// Half of every waiting frame: what comes after so many skipped numbers.
-    fn frames(
-        &mut self,
-        name: &str,
-        frames: &mut BufReader<&File>,
-        [count, n, axes]: [usize; 3],
-        skipped: usize,
-    ) -> io::Result<()> {
-        self.start(name)?;
-        let shape = [count, n, axes].map(|length| length as u64);
-        let options = npyz::WriteOptions::new_header_only().dtype(<f64 as npyz::AutoSerialize>::default_dtype());
-        options.shape(&shape).writer(&mut self.0).write_header_only()?;
-        let half = (n * axes * 8) as u64;
-        for frame in 0..count as u64 {
-            frames.seek(SeekFrom::Start(2 * half * frame + 8 * skipped as u64))?;
-            io::copy(&mut frames.take(half), &mut self.0)?;
-        }
-        Ok(())
-    }
+    Ok(())
 }

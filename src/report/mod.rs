@@ -8,6 +8,7 @@ mod chart_html;
 mod check_html;
 pub mod drawing;
 mod faults;
+mod heading;
 mod html;
 pub mod inspection;
 mod json;

@@ -1,6 +1,7 @@
 //! Plots as SVG.
 
 use super::canvas::{self, Align, LINE, Marker, Outcome, Point, Sheet, WIDTH};
+use super::heading::Heading;
 use super::number;
 use super::palette::{self, Colour};
 use super::rails::{Rails, is_railed};
@@ -37,18 +38,19 @@ fn upright(title: &str) -> Vec<String> {
 
 /// The plot in words, for those who cannot see it.
 fn alt(plot: &Plot) -> String {
-    let Plot { title, x, y, series, .. } = plot;
+    let Plot { title, conclusion, x, y, series, .. } = plot;
     let mut names: Vec<&str> =
         series.iter().map(|series| series.name.as_str()).filter(|name| !name.is_empty()).collect();
     names.dedup();
-    format!("{title}. {} over {}: {}", y.title, x.title, names.join(", "))
+    let shown = format!("{title}. {} over {}: {}", y.title, x.title, names.join(", "));
+    if conclusion.is_empty() { shown } else { format!("{shown}. {conclusion}") }
 }
 
 struct Layout<'a> {
     plot: &'a Plot,
     x: Ruler,
     y: Ruler,
-    title: Vec<String>,
+    heading: Heading,
     legend: Vec<(Key<'a>, String, Point)>,
     left: i32,
     right: i32,
@@ -93,16 +95,16 @@ impl<'a> Layout<'a> {
         let y = Ruler::over(plot.y.scale, points().map(|p| p.1), levels.into_iter());
         let rails = Rails::of(plot, &x, &y);
         let labels = y.ticks.iter().map(|(_, label)| canvas::width(label)).max().unwrap_or(0);
-        let title = canvas::wrap(&plot.title, WIDTH - 32);
+        let heading = Heading::new(&plot.title, &plot.conclusion);
         let upright = upright(&plot.y.title);
         let (left, right) = (labels + LINE * upright.len() as i32 + 34, WIDTH - 18);
         let legend = Vec::new();
         let mut layout =
-            Self { plot, x, y, title, legend, left, right, top: 0, bottom: 0, rails, upright, labels: Vec::new() };
+            Self { plot, x, y, heading, legend, left, right, top: 0, bottom: 0, rails, upright, labels: Vec::new() };
         // Places for labels do not depend on how far down the plot begins, which the legend decides.
         layout.bottom = HEIGHT + layout.rails.height();
         let refused = layout.place_labels();
-        layout.top = 14 + LINE * layout.title.len() as i32;
+        layout.top = layout.heading.height();
         layout.place_legend(&refused);
         if layout.plot.guides.iter().any(|guide| layout.vertical(guide).is_some()) {
             layout.top += STRIP;
@@ -237,9 +239,7 @@ impl<'a> Layout<'a> {
     }
 
     fn draw(&self, sheet: &Sheet<'_>) -> Outcome {
-        for (i, line) in self.title.iter().enumerate() {
-            sheet.heading(line, (16, 10 + LINE / 2 + LINE * i as i32))?;
-        }
+        self.heading.draw(sheet)?;
         self.draw_axes(sheet)?;
         for guide in &self.plot.guides {
             self.draw_guide(sheet, guide)?;

@@ -1,6 +1,7 @@
 //! Fields of classified cells as SVG.
 
 use super::canvas::{self, Align, LINE, Outcome, Sheet, WIDTH};
+use super::heading::Heading;
 use super::palette;
 use super::ruler::Ruler;
 use crate::figure::Tiles;
@@ -15,14 +16,14 @@ const BELOW: i32 = 96;
 /// classes that occur.
 pub fn svg(tiles: &Tiles) -> String {
     let layout = Layout::of(tiles);
-    canvas::sheet(&tiles.title, layout.bottom + BELOW, |sheet| layout.draw(sheet))
+    canvas::sheet(&format!("{}. {}", tiles.title, tiles.conclusion), layout.bottom + BELOW, |sheet| layout.draw(sheet))
 }
 
 struct Layout<'a> {
     tiles: &'a Tiles,
     x: Ruler,
     y: Ruler,
-    title: Vec<String>,
+    heading: Heading,
     legend: Vec<(Option<usize>, String, (i32, i32))>,
     left: i32,
     right: i32,
@@ -35,8 +36,8 @@ impl<'a> Layout<'a> {
         let x = Ruler::between(tiles.x.scale, edges(&tiles.columns).into_iter());
         let y = Ruler::between(tiles.y.scale, edges(&tiles.rows).into_iter());
         let labels = y.ticks.iter().map(|(_, label)| canvas::width(label)).max().unwrap_or(0);
-        let title = canvas::wrap(&tiles.title, WIDTH - 32);
-        let mut top = 14 + LINE * title.len() as i32;
+        let heading = Heading::new(&tiles.title, &tiles.conclusion);
+        let mut top = heading.height();
         let present: BTreeSet<usize> = tiles.cells.iter().flatten().copied().collect();
         let classes = present.iter().filter_map(|&class| Some((Some(class), tiles.classes.get(class)?.clone())));
         let curves = tiles.curves.iter().filter(|curve| !curve.points.is_empty());
@@ -54,7 +55,7 @@ impl<'a> Layout<'a> {
         if !legend.is_empty() {
             top = at.1 + LINE / 2 + 12;
         }
-        Self { tiles, x, y, title, legend, left: labels + LINE + 34, right: WIDTH - 18, top, bottom: top + HEIGHT }
+        Self { tiles, x, y, heading, legend, left: labels + LINE + 34, right: WIDTH - 18, top, bottom: top + HEIGHT }
     }
 
     fn column(&self, x: f64) -> Option<i32> {
@@ -68,9 +69,7 @@ impl<'a> Layout<'a> {
     }
 
     fn draw(&self, sheet: &Sheet<'_>) -> Outcome {
-        for (i, line) in self.title.iter().enumerate() {
-            sheet.heading(line, (16, 10 + LINE / 2 + LINE * i as i32))?;
-        }
+        self.heading.draw(sheet)?;
         self.draw_cells(sheet)?;
         self.draw_curves(sheet)?;
         self.draw_axes(sheet)?;

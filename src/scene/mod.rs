@@ -1,8 +1,8 @@
 //! Scene files, meshes and ready scenes: from a description to a [`System`](crate::System) and its
 //! [`State`](crate::State), and back.
 //!
-//! A [`Scene`] is what a scene file says, TOML or JSON: [`Scene::load`] reads one, [`Scene::build`] checks every value
-//! and builds the system, [`Scene::to_toml`] and [`Scene::to_json`] write it, to the bit.
+//! A [`Scene`] is what a scene file says, TOML, JSON or [NumPy arrays](Scene::write_npz): [`Scene::load`] reads one, [`Scene::build`] checks every
+//! value and builds the system, [`Scene::to_toml`], [`Scene::to_json`] and [`Scene::write_npz`] write it, to the bit.
 //!
 //! ```
 //! use sprung::scene::Scene;
@@ -30,6 +30,7 @@ mod build;
 pub mod builtin;
 mod load;
 mod mesh;
+mod npz;
 mod read;
 mod row;
 mod schema;
@@ -39,6 +40,8 @@ mod write;
 
 pub use builtin::{Kind, builtin};
 pub use mesh::MeshGeometry;
+#[cfg(feature = "report")]
+pub(crate) use npz::NpzWriter;
 pub use row::Row;
 pub use schema::{Axis, ConstraintEntry, Mesh, Particles, Path, Scene, Springs, TimeSettings};
 pub use values::Values;

@@ -116,6 +116,7 @@ pub fn dropped_terms(
     checks.push(check("V-curve of K w with the dropped terms added", floor, least, why));
     if expected > 10.0 * allowed {
         let plot = Plot::log_log(name("Error of K w"), "h, fraction of the shortest spring", "relative error")
+            .concluding(format!("As it is K w stays {plateau:.1e} off, with the dropped terms added {floor:.1e}."))
             .with_series(without.series("as it is"))
             .with_series(completed.series("with the dropped terms"))
             .with_guide(Guide::Level { y: expected, label: "size of the dropped terms".into() });

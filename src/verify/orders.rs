@@ -45,6 +45,9 @@ pub fn order_checks(name: &str, scene: &str, error: &str, curves: Vec<ErrorCurve
         let of_order = || curves.iter().enumerate().filter(move |(_, curve)| curve.order == order);
         let through = of_order().find_map(|(_, curve)| curve.points.first().copied());
         let mut plot = Plot::log_log(format!("{name}, {scene}"), "step, s", error);
+        let observed = || of_order().map(|(_, curve)| curve.observed());
+        let (least, most) = (observed().fold(f64::INFINITY, f64::min), observed().fold(f64::NEG_INFINITY, f64::max));
+        plot.conclusion = format!("Observed orders lie between {least:.2} and {most:.2}; theory gives {order}.");
         plot.guides.extend(through.map(|through| Guide::Slope { slope: f64::from(order), through }));
         plot.series.extend(
             of_order().map(|(_, curve)| Series::line(&curve.method, curve.points.clone()).with_slope(curve.observed())),

@@ -293,6 +293,7 @@ pub fn v_curve(
         "h, fraction of the shortest spring",
         "relative error",
     )
+    .concluding(format!("The least error is {floor:.1e}, where analysis allows {allowed:.1e}."))
     .with_series(curve.series("max over components"))
     .with_guide(Guide::Level { y: allowed, label: "floor by analysis".into() });
     let (h, error, _) = curve.plateau();

@@ -29,6 +29,7 @@ impl Tile {
         curves.retain(shown);
         Tiles {
             title: format!("{}{option}, {over}", self.method),
+            conclusion: self.conclusion(),
             x: figure::Axis::logarithmic("ω dt"),
             y,
             columns: self.columns.clone(),
@@ -36,6 +37,25 @@ impl Tile {
             cells: self.verdicts.iter().map(|row| row.iter().map(class).collect()).collect(),
             classes: Verdict::ALL.iter().map(|verdict| verdict.name().into()).collect(),
             curves,
+        }
+    }
+
+    /// Up to which step nothing goes wrong in any row, and what does first beyond.
+    fn conclusion(&self) -> String {
+        let column = |at: usize| self.verdicts.iter().filter_map(move |row| row.get(at));
+        let wrong = |at: usize| column(at).find(|verdict| **verdict != Verdict::ALL[0]);
+        let rows = match self.axis {
+            Axis::Stretch => "at any stretch",
+            Axis::Damping => "at any damping",
+            Axis::Turning => "at any turn",
+        };
+        match (0..self.columns.len()).find_map(|at| Some((at, wrong(at)?))) {
+            None => format!("Nothing goes wrong {rows}, whatever the step."),
+            Some((0, first)) => format!("Something goes wrong at every step shown, first: {}.", first.name()),
+            Some((at, first)) => {
+                let longest = self.columns.get(at - 1).copied().unwrap_or(f64::NAN);
+                format!("Nothing goes wrong {rows} up to ω dt = {longest:.2}; first beyond: {}.", first.name())
+            }
         }
     }
 

@@ -1,0 +1,138 @@
+//! From a [`Scene`] to arrays, and any arrays to a zip.
+
+use super::TEXT;
+use crate::scene::{Row, Scene, Values};
+use npyz::WriterBuilder;
+use std::io::{self, BufWriter, Write};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipWriter};
+
+impl Scene {
+    /// Writes the scene as arrays, see the table of what is read: what [`load`](Self::load) reads from a file that ends in `.npz`, to the bit.
+    ///
+    /// # Errors
+    /// Those of the writer.
+    pub fn write_npz(&self, file: impl Write) -> io::Result<()> {
+        let mut npz = NpzWriter::new(file);
+        let (particles, springs) = (&self.particles, &self.springs);
+        let mut small = self.without_arrays();
+        if let Some(rows) = Rows::of(&particles.positions) {
+            npz.put("particles.positions", &rows.shape, rows.numbers())?;
+        } else {
+            small.particles.positions.clone_from(&particles.positions);
+        }
+        match particles.velocities.as_deref().and_then(Rows::of) {
+            Some(rows) => npz.put("particles.velocities", &rows.shape, rows.numbers())?,
+            None => small.particles.velocities.clone_from(&particles.velocities),
+        }
+        if !springs.pairs.is_empty() {
+            npz.put("springs.pairs", &[springs.pairs.len(), 2], springs.pairs.iter().flatten().copied())?;
+        }
+        let values = [
+            ("particles.masses", &particles.masses),
+            ("springs.stiffness", &springs.stiffness),
+            ("springs.rest_lengths", &springs.rest_lengths),
+            ("springs.damping", &springs.damping),
+        ];
+        for (name, values) in values {
+            match values {
+                Some(Values::Uniform(value)) => npz.put(name, &[], [*value].into_iter())?,
+                Some(Values::Each(values)) => npz.put(name, &[values.len()], values.iter().copied())?,
+                None => {}
+            }
+        }
+        npz.put_text(TEXT, &small.to_json())?;
+        npz.finish()
+    }
+
+    /// The scene without what is written as arrays.
+    fn without_arrays(&self) -> Self {
+        Self {
+            name: self.name.clone(),
+            gravity: self.gravity,
+            mesh: self.mesh.clone(),
+            constraints: self.constraints.clone(),
+            time: self.time.clone(),
+            ..Self::default()
+        }
+    }
+}
+
+/// Rows of one length, which can be an array.
+struct Rows<'a> {
+    rows: &'a [Row],
+    shape: [usize; 2],
+}
+
+impl<'a> Rows<'a> {
+    fn of(rows: &'a [Row]) -> Option<Self> {
+        let dimension = rows.first()?.dimension();
+        let is_array = rows.iter().all(|row| row.dimension() == dimension);
+        is_array.then_some(Self { rows, shape: [rows.len(), dimension] })
+    }
+
+    fn numbers(&self) -> impl Iterator<Item = f64> {
+        self.rows.iter().flat_map(|row| row.as_slice()).copied()
+    }
+}
+
+/// A zip of arrays, written from front to back.
+pub(crate) struct NpzWriter<W: Write>(ZipWriter<zip::write::StreamWriter<W>>);
+
+impl<W: Write> NpzWriter<W> {
+    /// Begins a zip.
+    pub(crate) fn new(file: W) -> Self {
+        Self(ZipWriter::new_stream(file))
+    }
+
+    /// Begins an array. Sizes are 64-bit, and the date is always the same one: equal values give equal files.
+    fn start(&mut self, name: &str) -> io::Result<()> {
+        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+        let options = options.large_file(true).last_modified_time(DateTime::default());
+        self.0.start_file(format!("{name}.npy"), options).map_err(io::Error::from)
+    }
+
+    /// Adds an array of these values.
+    pub(crate) fn put<T: npyz::AutoSerialize>(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        values: impl Iterator<Item = T>,
+    ) -> io::Result<()> {
+        self.start(name)?;
+        let shape: Vec<u64> = shape.iter().map(|&length| length as u64).collect();
+        let options = npyz::WriteOptions::new().default_dtype().shape(&shape);
+        let mut array = options.writer(BufWriter::new(&mut self.0)).begin_nd()?;
+        array.extend(values)?;
+        array.finish()
+    }
+
+    /// Adds one text.
+    fn put_text(&mut self, name: &str, text: &str) -> io::Result<()> {
+        self.start(name)?;
+        // NumPy has no text without a character: an empty one is a blank.
+        let text = if text.is_empty() { " " } else { text };
+        let dtype = npyz::DType::Plain(format!("<U{}", text.chars().count()).parse().map_err(io::Error::other)?);
+        let mut array =
+            npyz::WriteOptions::new().dtype(dtype).shape(&[]).writer(BufWriter::new(&mut self.0)).begin_nd()?;
+        array.push(text)?;
+        array.finish()
+    }
+
+    /// Begins an array of doubles of this shape, whose bytes, least significant first, are written to what is returned.
+    pub(crate) fn doubles(
+        &mut self,
+        name: &str,
+        shape: &[u64],
+    ) -> io::Result<&mut ZipWriter<zip::write::StreamWriter<W>>> {
+        self.start(name)?;
+        let options = npyz::WriteOptions::new_header_only().dtype(<f64 as npyz::AutoSerialize>::default_dtype());
+        options.shape(shape).writer(&mut self.0).write_header_only()?;
+        Ok(&mut self.0)
+    }
+
+    /// Ends the zip.
+    pub(crate) fn finish(self) -> io::Result<()> {
+        self.0.finish().map_err(io::Error::from).map(drop)
+    }
+}
