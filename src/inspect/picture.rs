@@ -167,8 +167,9 @@ fn low_end(inspection: &Inspection) -> Plot {
     let title = format!("Lowest eigenvalues of A ({})", inspection.option.name());
     let (negative, positive): (Vec<_>, Vec<_>) = points.into_iter().partition(|&(_, value)| value < 0.0);
     let mut plot = Plot::new(title, Axis::linear("number, from 0"), Axis::linear("λ, N/m"));
-    if let Some(lowest) = inspection.spectrum.lowest.first() {
-        let Inertia { negative, zero, positive, .. } = inspection.inertia;
+    let examined = inspection.options.iter().find(|option| option.option == inspection.option);
+    if let Some((lowest, examined)) = inspection.spectrum.lowest.first().zip(examined) {
+        let Inertia { negative, zero, positive, .. } = examined.inertia;
         let below = match negative {
             0 => "None is negative".to_owned(),
             _ => format!("{negative} of {} are negative", negative + zero + positive),
