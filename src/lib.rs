@@ -15,6 +15,7 @@
 //! | [`integrate`] | time stepping methods, the run loop, and the matrices of one step |
 //! | [`inspect`] | definiteness: inertia, spectrum, critical steps, and the springs behind negative curvature |
 //! | [`accuracy`] | the cheapest way to a given accuracy, and what a scene does not need |
+//! | [`plan`] | how a run is made where little is said of it |
 //! | [`figure`] | pictures as plain data |
 //! | [`verify`] | checks as plain data: value, bound, and why the bound |
 //! | [`chart`] | speed against accuracy, and maps of stability |
@@ -50,6 +51,7 @@ pub mod operator;
 #[cfg(feature = "report")]
 pub mod output;
 mod parallel;
+pub mod plan;
 #[cfg(feature = "report")]
 pub mod report;
 #[cfg(feature = "scene")]

@@ -14,6 +14,7 @@ mod resolution;
 mod search;
 mod stiff;
 mod trial;
+mod words;
 
 pub use answer::{Requirement, answer};
 pub use attempt::{Audience, Progress, SolverReport};

@@ -16,8 +16,10 @@ mod pattern;
 mod spring_pattern;
 mod system_matrix;
 pub mod triplets;
+mod whole;
 
 pub use matrix::SymmetricMatrix;
 pub use pattern::{BlockPattern, BlockSlot};
 pub use spring_pattern::SpringPattern;
 pub use system_matrix::{SystemMatrix, assemble_afresh};
+pub use whole::WholeColumns;

@@ -6,12 +6,10 @@ use super::console::{Console, error};
 use super::recorder::{Recorder, bar};
 use super::run::{FILES, Run, text};
 use indicatif::ProgressBar;
-use sprung::accuracy::{Answer, Audience, Horizon, Pace, Progress, Reduction, Requirement, Verdict, answer};
+use sprung::accuracy::{Audience, Progress, Reduction, Requirement, answer};
 use sprung::force::Energy;
-use sprung::integrate::{Monitor, Schedule, Status};
-use sprung::output::{
-    CHECKPOINT, ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, Summary, clear_frames, write_final_state,
-};
+use sprung::integrate::{Monitor, Schedule};
+use sprung::output::{CHECKPOINT, EnergyChange, Summary, clear_frames, write_final_state};
 use sprung::{Error, Result, State, System};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -121,92 +119,22 @@ impl Question<'_> {
             let accuracy = requirement.accuracy;
             return Err(Stop::Computation(format!("{why}: there is no answer to an accuracy of {accuracy:e}")));
         };
-        let reason = reason(&found, requirement);
-        let doubt = doubt(&found, requirement);
-        let choice = ChoiceReport::of_answer(&found, requirement.accuracy, reason);
-        let Answer { configuration, pace, state, steps, statistics, solver, verdict, estimated_error, .. } = found;
-        let (status, kind) = match verdict {
-            Verdict::Confirmed => (Status::Completed, ErrorKind::Confirmed),
-            Verdict::Unconfirmed(_) => (Status::Unconfirmed, ErrorKind::Indicator),
-            Verdict::Interrupted => (Status::Interrupted, ErrorKind::Indicator),
-        };
-        let summary = Summary {
-            scene: name.clone(),
-            status,
-            method: configuration.method.name(),
-            stiffness: configuration.stiffness(),
-            solver: solver.name,
-            preconditioner: solver.preconditioner,
-            solver_choice: solver.choice,
-            dt: match pace {
-                Pace::Step(dt) => dt,
-                Pace::Adaptive { .. } => requirement.duration / steps.max(1) as f64,
-            },
-            steps,
-            time: state.time,
-            particles: system.particles(),
-            springs: system.springs().len(),
-            dofs: system.dofs().len(),
-            wall_seconds: clock.elapsed().as_secs_f64(),
-            statistics,
-            factor: solver.factor,
-            energy: found.records.energy,
-            error: estimated_error.map(|estimate| ErrorReport { estimate, kind }),
-            warnings: doubt.iter().cloned().collect(),
-            effort: Effort { run: found.cost, total: found.total_cost },
-            choice: Some(choice),
-            reductions: self.reductions.iter().map(ToString::to_string).collect(),
-            failure: None,
-        };
+        let wall_seconds = clock.elapsed().as_secs_f64();
+        let reductions = self.reductions.iter().map(ToString::to_string).collect();
+        let energy = found.records.energy;
+        let summary = Summary::of_answer(name.clone(), system, &found, requirement, energy, wall_seconds, reductions);
+        let state = &found.state;
         let records = found.records;
         let final_state = folder.join("final.json");
         let written = clear_frames(&claimed)
             .and_then(|()| records.publish(system, folder))
             .and_then(|()| run.clear_older(&claimed))
-            .and_then(|()| write_final_state(final_state, &summary.scene, system.dimension(), summary.steps, &state))
+            .and_then(|()| write_final_state(final_state, &summary.scene, system.dimension(), summary.steps, state))
             .and_then(|()| summary.write(folder.join("summary.json")));
         written.map_err(Stop::Broken)?;
         let names = run.show(folder).map_err(Stop::Broken)?;
         console.result(&summary, text(&summary, folder, &names))?;
-        if let Some(doubt) = doubt {
-            error(doubt);
-        }
+        summary.warnings.iter().for_each(error);
         Ok(summary)
     }
-}
-
-/// How the answer was found, in one line.
-fn reason<R>(found: &Answer<R>, requirement: &Requirement) -> String {
-    let Answer { configuration, pace, cost, total_cost, runs, .. } = found;
-    let pace = match pace {
-        Pace::Step(dt) => format!("dt = {dt:.3e} s"),
-        Pace::Adaptive { rtol, .. } => format!("rtol = {rtol:.1e}"),
-    };
-    let method = configuration.method.name();
-    let error = match found.estimated_error {
-        Some(error) => format!("ends with an error of about {error:.1e}, {:.0e} being asked for", requirement.accuracy),
-        None => "was not compared with another run".into(),
-    };
-    format!("{method} with {pace} {error}: {cost:.0} force evaluations, {total_cost:.0} in all {runs} runs")
-}
-
-/// What keeps the answer from being relied on.
-fn doubt<R>(found: &Answer<R>, requirement: &Requirement) -> Option<String> {
-    let accuracy = requirement.accuracy;
-    let known = match found.estimated_error {
-        Some(error) => format!("the best answer may be wrong by {error:.1e}"),
-        None => "nothing is known of the error of the best answer".into(),
-    };
-    let why = match &found.verdict {
-        Verdict::Confirmed => return None,
-        Verdict::Interrupted => "interrupted".into(),
-        Verdict::Unconfirmed(why) => format!("an accuracy of {accuracy:.0e} could not be confirmed, {why}"),
-    };
-    Some(match found.horizon {
-        None => format!("{why}: {known}"),
-        Some(Horizon { known, most, spread }) => format!(
-            "{why}: positions are predictable to {accuracy:.0e} until {known:.3} s, at most until {most:.3} s; beyond that runs \
-             differ by {spread:.1e}"
-        ),
-    })
 }

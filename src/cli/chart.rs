@@ -2,7 +2,6 @@
 
 use super::common::{SceneFile, Threads, check_writable};
 use super::console::{Console, error};
-use super::method::parallelism;
 use super::values::positive;
 use super::{Outcome, Stop};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -11,6 +10,7 @@ use sprung::Result;
 use sprung::chart::{Reference, Run, SizeRun, StabilityMap, SweepOptions, WorkPrecision};
 use sprung::integrate::Schedule;
 use sprung::output::AtomicFile;
+use sprung::plan::parallelism;
 use sprung::report::{chart_html, plot, tiles};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

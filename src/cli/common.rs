@@ -5,6 +5,7 @@ use super::console::Console;
 use sprung::error::Invalid;
 use sprung::integrate::Schedule;
 use sprung::output::{AtomicFile, OutputFolder};
+use sprung::plan::DEFAULT_STEP;
 use sprung::scene::{Scene, TimeSettings};
 use sprung::{Error, Result, State, System};
 use std::io::{self, Read};
@@ -28,9 +29,6 @@ pub struct LoadedScene {
     /// Of its mesh, to be shown.
     pub triangles: Vec<[u32; 3]>,
 }
-
-/// The step where one is needed and none was given, in s.
-pub const DEFAULT_STEP: f64 = 0.01;
 
 impl SceneFile {
     pub fn at(path: &Path) -> Self {

@@ -1,8 +1,8 @@
 //! What a run says of its own error, and what to do about it.
 
-use super::method::Plan;
 use sprung::integrate::{Figures, Method, Status};
 use sprung::output::{ErrorKind, ErrorReport};
+use sprung::plan::Plan;
 
 /// How wrong a run is about, and what makes it doubtful, in words. A run that broke down says nothing of the motion.
 pub fn doubts(plan: &Plan, status: Status, figures: &Figures) -> (Option<ErrorReport>, Vec<String>) {

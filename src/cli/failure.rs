@@ -1,9 +1,9 @@
 //! What a run that ended with an indefinite matrix says about itself.
 
 use super::console::{Console, error, help};
-use super::method::parallelism;
 use sprung::inspect::Inspection;
 use sprung::output::FailedStep;
+use sprung::plan::parallelism;
 use sprung::report::inspection::explain;
 use sprung::{Result, State, Stiffness, System};
 use std::path::Path;

@@ -2,7 +2,6 @@
 
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
-use super::method::parallelism;
 use super::recorder::progress_bar;
 use super::values::{choice, count, positive};
 use super::{Outcome, Stop};
@@ -10,6 +9,7 @@ use sprung::inspect::{FirstLosses, Follower, Inspection, Pictures};
 use sprung::integrate::{ImplicitOptions, Method, RunFailure, Schedule, run};
 use sprung::linear::SolverOptions;
 use sprung::output::AtomicFile;
+use sprung::plan::parallelism;
 use sprung::report::inspection::{InspectionRecord, html, pictures, text};
 use sprung::{Result, State, Stiffness};
 use std::io::Write;

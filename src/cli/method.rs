@@ -3,22 +3,18 @@
 use super::console::Console;
 use super::interrupt;
 use super::values::{choice, fraction};
-use faer::Par;
-use sprung::accuracy::{Configuration, Requirement, preset};
-use sprung::integrate::{
-    AdaptiveStepper, Adaptivity, ImplicitOptions, Method, Monitor, Outcome, Sampling, Schedule, StiffnessPolicy,
-    TimeStepper, run_adaptive_monitored, run_monitored,
-};
-use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions};
-use sprung::{Error, Result, State, Stiffness, System};
-use std::ops::ControlFlow;
+use sprung::Stiffness;
+use sprung::accuracy::Configuration;
+use sprung::integrate::{Method, StiffnessPolicy};
+use sprung::linear::{PreconditionerKind, SolverChoice};
+use sprung::plan::{MethodChoice, Plan, Wishes};
 
 /// How to simulate. Options that are not given are `None`, so that those given in vain can be told.
 #[derive(Debug, clap::Args)]
 pub struct MethodArguments {
     /// Time integration method [default: linear-backward-euler; with adaptive steps: w2; with --accuracy: auto]
     #[arg(long)]
-    #[arg(value_parser = choice(&METHODS, MethodChoice::name, describe_choice))]
+    #[arg(value_parser = choice(&MethodChoice::ALL, MethodChoice::name, describe_choice))]
     method: Option<MethodChoice>,
 
     /// The relative position error at the end stays below R: runs are made until two that could disagree agree, and the last one is
@@ -37,11 +33,11 @@ pub struct MethodArguments {
 
     /// Which part of every spring's stiffness enters the matrix A; forces are never changed [default: on-demand]
     #[arg(long, value_name = "OPTION")]
-    #[arg(value_parser = choice(&STIFFNESSES, StiffnessPolicy::name, describe_stiffness))]
+    #[arg(value_parser = choice(&StiffnessPolicy::ALL, StiffnessPolicy::name, describe_stiffness))]
     stiffness: Option<StiffnessPolicy>,
 
     /// Linear solver [default: auto]
-    #[arg(long, value_parser = choice(&SOLVERS, SolverChoice::name, describe_solver))]
+    #[arg(long, value_parser = choice(&SolverChoice::ALL, SolverChoice::name, describe_solver))]
     solver: Option<SolverChoice>,
 
     /// Preconditioner of conjugate gradients [default: auto]
@@ -52,32 +48,6 @@ pub struct MethodArguments {
     /// Conjugate gradients stop at ‖b − A·δx‖ ≤ R·‖b‖ [default: 1e-10]
     #[arg(long, value_name = "R", value_parser = fraction)]
     tolerance: Option<f64>,
-}
-
-/// A method, or the one that suits the scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum MethodChoice {
-    Named(Method),
-    Auto,
-}
-
-const METHODS: [MethodChoice; Method::ALL.len() + 1] = {
-    let mut all = [MethodChoice::Auto; Method::ALL.len() + 1];
-    let mut i = 0;
-    while i < Method::ALL.len() {
-        all[i] = MethodChoice::Named(Method::ALL[i]);
-        i += 1;
-    }
-    all
-};
-
-impl MethodChoice {
-    fn name(self) -> &'static str {
-        match self {
-            Self::Named(method) => method.name(),
-            Self::Auto => "auto",
-        }
-    }
 }
 
 fn describe_choice(choice: MethodChoice) -> &'static str {
@@ -104,13 +74,6 @@ fn describe_method(method: Method) -> &'static str {
     }
 }
 
-const STIFFNESSES: [StiffnessPolicy; 4] = [
-    StiffnessPolicy::OnDemand,
-    StiffnessPolicy::Always(Stiffness::Full),
-    StiffnessPolicy::Always(Stiffness::Tension),
-    StiffnessPolicy::Always(Stiffness::Axial),
-];
-
 fn describe_stiffness(policy: StiffnessPolicy) -> &'static str {
     match policy {
         StiffnessPolicy::OnDemand => "full while A is positive definite, tension in the solves where it is not",
@@ -121,9 +84,6 @@ fn describe_stiffness(policy: StiffnessPolicy) -> &'static str {
         StiffnessPolicy::Always(Stiffness::Axial) => "drop all transverse terms",
     }
 }
-
-const SOLVERS: [SolverChoice; 5] =
-    [SolverChoice::Auto, SolverChoice::Llt, SolverChoice::Ldlt, SolverChoice::Cg, SolverChoice::CgAssembled];
 
 fn describe_solver(solver: SolverChoice) -> &'static str {
     match solver {
@@ -174,195 +134,31 @@ impl PreconditionerChoice {
     }
 }
 
-/// Degrees of freedom from which splitting a factorization pays: a cloth of about 10⁴ particles.
-const LARGE: usize = 30_000;
-
-/// How a factorization is split. Splitting changes how numbers are rounded, so it depends on the system alone, never on
-/// the number of threads; any number of threads then gives the same bits.
-pub fn parallelism(system: &System) -> Par {
-    if system.dofs().len() < LARGE { Par::Seq } else { Par::rayon(2) }
-}
-
-/// The names of the methods with an error estimate.
-fn adaptive() -> String {
-    let methods = Method::ALL.into_iter().filter(|method| method.estimates_errors());
-    methods.map(Method::name).collect::<Vec<_>>().join(", ")
-}
-
-/// A stepper with steps as scheduled, or with steps that keep an error within a tolerance.
-pub enum Stepper<'s> {
-    Scheduled(Box<dyn TimeStepper + 's>),
-    Adaptive { stepper: Box<dyn AdaptiveStepper + 's>, rtol: f64 },
-}
-
-impl Stepper<'_> {
-    /// Runs a schedule or a part of one; `observe` sees the state after every step, with error control at every multiple of dt.
-    pub fn run(
-        &mut self,
-        system: &System,
-        state: &mut State,
-        schedule: &Schedule,
-        monitor: &mut Monitor,
-        mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
-    ) -> Outcome {
-        match self {
-            Self::Scheduled(stepper) => run_monitored(&mut **stepper, state, schedule, monitor, observe),
-            Self::Adaptive { stepper, rtol } => {
-                let (first, dt) = (schedule.first(), schedule.dt());
-                let duration = schedule.elapsed(schedule.len()) - schedule.elapsed(first);
-                // A later part of a run begins with a step that the forces suggest.
-                let first_step = (first == 0).then_some(dt);
-                let how = Adaptivity { duration, rtol: *rtol, first_step, sampling: Sampling::Every(dt) };
-                let observe = |count, state: &State, monitor: &Monitor| observe(first + count, state, monitor);
-                run_adaptive_monitored(&mut **stepper, system, state, &how, monitor, observe)
-            }
-        }
-    }
-
-    /// What can be asked of it.
-    pub fn get(&self) -> &dyn TimeStepper {
-        match self {
-            Self::Scheduled(stepper) => &**stepper,
-            Self::Adaptive { stepper, .. } => &**stepper,
-        }
-    }
-}
-
-/// How a run is to be done.
-pub struct Plan {
-    pub configuration: Configuration,
-    /// For adaptive steps.
-    pub rtol: Option<f64>,
-    /// Why, where the program chose.
-    pub reason: Option<&'static str>,
-}
-
-impl Plan {
-    /// A stepper that follows the plan.
-    ///
-    /// # Errors
-    /// Coincident ends of a spring in `state`; a matrix that is too large; a method without an error estimate for --rtol.
-    pub fn stepper<'s>(&self, system: &'s System, state: &State) -> Result<Stepper<'s>> {
-        let Configuration { method, options } = &self.configuration;
-        let Some(rtol) = self.rtol else {
-            return method.stepper(system, state, options).map(Stepper::Scheduled);
-        };
-        let without = || {
-            Error::Usage(format!("--rtol needs an error estimate, and {} has none: use {}", method.name(), adaptive()))
-        };
-        let stepper = method.adaptive_stepper(system, state, options)?.ok_or_else(without)?;
-        Ok(Stepper::Adaptive { stepper, rtol })
-    }
-
-    /// The arguments that choose the same method, stiffness and solver.
-    pub fn repeat(&self) -> String {
-        let Configuration { method, options } = &self.configuration;
-        let (stiffness, solver) = (options.stiffness.name(), options.linear.solver.name());
-        format!("--method {} --stiffness {stiffness} --solver {solver}", method.name())
-    }
-
-    /// The option of the matrices that a failed solve was given, and the dt of the first one of a step.
-    pub fn failed_matrix(&self, step: f64) -> (Stiffness, f64) {
-        let Configuration { method, options } = &self.configuration;
-        let option = match options.stiffness {
-            StiffnessPolicy::Always(option) => option,
-            StiffnessPolicy::OnDemand => Stiffness::Full,
-        };
-        (option, method.matrix_dt(step))
-    }
+/// The arguments that choose the same method, stiffness and solver as a plan.
+pub fn repeat(plan: &Plan) -> String {
+    let Configuration { method, options } = &plan.configuration;
+    let (stiffness, solver) = (options.stiffness.name(), options.linear.solver.name());
+    format!("--method {} --stiffness {stiffness} --solver {solver}", method.name())
 }
 
 impl MethodArguments {
-    /// The method asked for by name, or the one that stands for none; `None` for the program's own choice.
-    fn method(&self) -> Option<Method> {
-        match self.method {
-            Some(MethodChoice::Named(method)) => Some(method),
-            Some(MethodChoice::Auto) => None,
-            None if self.accuracy.is_some() => None,
-            None if self.rtol.is_some() => Some(Self::ADAPTIVE),
-            None => Some(Method::LinearBackwardEuler),
-        }
-    }
-
-    /// The method of adaptive steps where none is asked for.
-    const ADAPTIVE: Method = Method::W2;
-
-    /// The tolerance of adaptive steps where no step is given.
-    const RTOL: f64 = 1e-2;
-
-    /// The tolerance of adaptive steps for a run for which no dt is given; `None` where a method was asked for that does not
-    /// estimate its error.
-    pub fn rtol_without_step(&self) -> Option<f64> {
-        match self.method {
-            Some(MethodChoice::Named(method)) if !method.estimates_errors() => self.rtol,
-            _ => Some(self.rtol.unwrap_or(Self::RTOL)),
-        }
-    }
-
-    /// The tolerance of adaptive steps asked for.
-    pub fn rtol(&self) -> Option<f64> {
-        self.rtol
-    }
-
-    /// Whether what cannot move is to be looked for and left out.
-    pub fn reduces(&self) -> bool {
-        self.accuracy.is_some() || self.method == Some(MethodChoice::Auto)
-    }
-
-    fn linear(&self, system: &System) -> SolverOptions {
-        let defaults = SolverOptions::default();
-        SolverOptions {
-            solver: self.solver.unwrap_or(defaults.solver),
+    /// What is asked of a run.
+    pub fn wishes(&self) -> Wishes {
+        Wishes {
+            method: self.method,
+            accuracy: self.accuracy,
+            rtol: self.rtol,
+            stiffness: self.stiffness,
+            solver: self.solver,
             preconditioner: self.preconditioner.and_then(PreconditionerChoice::kind),
-            tolerance: self.tolerance.unwrap_or(defaults.tolerance),
-            par: parallelism(system),
+            tolerance: self.tolerance,
             interrupt: interrupt::request(),
         }
     }
 
-    /// How to run with steps of dt seconds, or with adaptive ones of a tolerance. Call inside the pool of threads that is to
-    /// compute.
-    ///
-    /// # Errors
-    /// Coincident ends of a spring in `state`; a matrix that is too large.
-    pub fn plan(&self, system: &System, state: &State, dt: f64, rtol: Option<f64>) -> Result<Plan> {
-        let linear = self.linear(system);
-        let asked = if self.method.is_none() && rtol.is_some() { Some(Self::ADAPTIVE) } else { self.method() };
-        let (mut configuration, reason) = match (asked, rtol) {
-            (Some(method), _) => {
-                let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
-                (Configuration { method, options }, None)
-            }
-            (None, Some(_)) => {
-                let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
-                (Configuration { method: Self::ADAPTIVE, options }, Some("the method with an error estimate"))
-            }
-            (None, None) => {
-                let (configuration, reason) = preset(system, state, dt, linear)?;
-                (configuration, Some(reason))
-            }
-        };
-        configuration.options.stiffness = self.stiffness.unwrap_or(configuration.options.stiffness);
-        Ok(Plan { configuration, rtol, reason })
-    }
-
-    /// What `--accuracy` asks for, if it is given.
-    pub fn requirement(&self, system: &System, duration: f64, interval: f64) -> Option<Requirement> {
-        let linear = self.linear(system);
-        Some(Requirement {
-            accuracy: self.accuracy?,
-            duration,
-            interval,
-            par: linear.par,
-            method: self.method(),
-            stiffness: self.stiffness,
-            solver: self.solver,
-        })
-    }
-
-    /// The accuracy asked for.
-    pub fn accuracy(&self) -> Option<f64> {
-        self.accuracy
+    /// The method asked for by name, or the one that stands for none; `None` for the program's own choice.
+    fn method(&self) -> Option<Method> {
+        self.wishes().method()
     }
 
     /// Names the options that the method or the solver asked for does not use.

@@ -3,10 +3,10 @@
 //! Every part begins from a state alone, with a stepper of its own; so it makes no difference whether the part before was done by the
 //! same process. A run without checkpoints is one part.
 
-use super::method::{Plan, Stepper};
 use super::recorder::Recorder;
 use sprung::integrate::{Monitor, MonitorOptions, Outcome, Schedule, Statistics, Status};
 use sprung::output::{Checkpoint, rows};
+use sprung::plan::{Plan, Stepper};
 use sprung::{Error, Result, State, System};
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;

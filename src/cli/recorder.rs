@@ -2,7 +2,6 @@
 
 use super::console::Console;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use sprung::force::Energy;
 use sprung::integrate::{Monitor, Schedule};
 use sprung::output::{Checkpoint, EnergyLog, Frames, LogPosition};
 use sprung::{Result, State, System};
@@ -78,14 +77,12 @@ impl Recorder {
         Ok((self.energies.position()?, frames))
     }
 
-    /// Records a state, as a rule the one that the monitor entered last; of one between two steps it has the energy computed.
+    /// Records a state, as a rule the one that the monitor entered last.
     ///
     /// # Errors
     /// A file that cannot be written.
     pub fn record(&mut self, system: &System, state: &State, number: u64, monitor: &Monitor) -> Result<()> {
-        let entered = monitor.time() == state.time;
-        let energy = if entered { monitor.energy() } else { Energy::of(system, state) };
-        let balance = if entered { monitor.balance() } else { monitor.balance_between(state.time, &energy) };
+        let (energy, balance) = monitor.energy_at(state);
         self.energies.push(state.time, &energy, &balance)?;
         if let Some(frames) = &mut self.frames {
             frames.record(system, state, number)?;

@@ -1,11 +1,11 @@
 //! `sprung run`: simulate a scene.
 
 use super::answer::Question;
-use super::common::{DEFAULT_STEP, LoadedScene, SceneFile, Threads, claim};
+use super::common::{LoadedScene, SceneFile, Threads, claim};
 use super::console::{Console, error, help, warning};
 use super::doubts::{advice, doubts};
 use super::failure::Failed;
-use super::method::{MethodArguments, Plan};
+use super::method::{MethodArguments, repeat};
 use super::parts::{Checkpoints, Ended, Parts};
 use super::recorder::Recorder;
 use super::time::in_words;
@@ -13,13 +13,12 @@ use super::values::{count, positive, positive_count};
 use super::view::{self, PAGE};
 use super::{Outcome, Stop, interrupt};
 use sprung::accuracy::{Reduction, Requirement, reduce};
-use sprung::integrate::{Balance, Method, MonitorOptions, Schedule, Status, percent};
-use sprung::linear::{CostModel, LinearSolver};
+use sprung::integrate::{Balance, Schedule, Status, percent};
 use sprung::output::{
-    BUNDLE, CHECKPOINT, Checkpoint, ChoiceReport, Effort, EnergyChange, EnergyLog, ErrorKind, ErrorReport,
-    FailureReport, Frames, OutputFolder, Summary, TRAJECTORY, WAITING, clear_frames, fingerprint, playback,
-    write_final_state,
+    BUNDLE, CHECKPOINT, Checkpoint, ChoiceReport, EnergyLog, ErrorKind, ErrorReport, FailureReport, Frames,
+    OutputFolder, Ran, Summary, TRAJECTORY, WAITING, clear_frames, fingerprint, playback, write_final_state,
 };
+use sprung::plan::{DEFAULT_STEP, Plan, records_every};
 use sprung::{Error, Result};
 use std::num::NonZeroU64;
 use std::path::{Path, PathBuf};
@@ -99,12 +98,6 @@ struct Pacing {
     is_chosen: bool,
 }
 
-/// The interval of records of runs that choose their steps, in s: that of a screen, which no eye follows more often.
-const RECORDS_EVERY: f64 = 1.0 / 60.0;
-
-/// Records of such a run at least.
-const RECORDS: f64 = 100.0;
-
 pub const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
 
 impl Run {
@@ -119,7 +112,7 @@ impl Run {
         let interrupted = interrupt::flag();
         let summary = self.threads.install(|| {
             let mut reductions = Vec::new();
-            if self.method.reduces() {
+            if self.method.wishes().reduces() {
                 let reduced = reduce(&scene.system, &scene.state);
                 scene.system = reduced.system;
                 reductions = reduced.reductions;
@@ -146,13 +139,14 @@ impl Run {
 
     /// How long the steps are, and for how long. A number of steps asks for steps of one length.
     fn pace(&self, console: &Console, scene: &LoadedScene) -> Result<Pacing> {
-        let adaptive = if self.steps.is_some() { self.method.rtol() } else { self.method.rtol_without_step() };
+        let adaptive =
+            if self.steps.is_some() { self.method.wishes().rtol } else { self.method.wishes().rtol_without_step() };
         if let (None, None, Some(rtol)) = (self.dt, scene.time.dt, adaptive) {
             let duration = match self.steps {
                 Some(steps) => steps as f64 * DEFAULT_STEP,
                 None => scene.or_given(self.duration, scene.time.duration, "duration")?,
             };
-            let interval = RECORDS_EVERY.min(duration / RECORDS);
+            let interval = records_every(duration);
             return Ok(Pacing { schedule: scene.schedule(interval, duration)?, rtol: Some(rtol), is_chosen: true });
         }
         let duration = |dt| -> Result<Schedule> {
@@ -168,14 +162,15 @@ impl Run {
             },
         )?;
         scene.step_or_default(console, self.dt);
-        Ok(Pacing { schedule, rtol: self.method.rtol(), is_chosen: false })
+        Ok(Pacing { schedule, rtol: self.method.wishes().rtol, is_chosen: false })
     }
 
     /// Decides how the scene is run.
     fn prepare(&self, scene: &LoadedScene, pace: Pacing) -> Result<Prepared, Stop> {
         let LoadedScene { file, system, state, .. } = scene;
         let Pacing { schedule, rtol, is_chosen } = pace;
-        let plan = self.method.plan(system, state, schedule.dt(), rtol).map_err(|error| error.in_file(file))?;
+        let plan =
+            self.method.wishes().plan(system, state, schedule.dt(), rtol).map_err(|error| error.in_file(file))?;
         let steps = rtol.filter(|_| is_chosen).map(|rtol| format!("no dt is given: adaptive steps, rtol {rtol:e}"));
         let reasons: Vec<String> = steps.into_iter().chain(plan.reason.map(Into::into)).collect();
         let choice =
@@ -185,16 +180,16 @@ impl Run {
 
     /// What `--accuracy` asks for, if it is given. The answer is recorded at multiples of dt, where there is one.
     fn requirement(&self, scene: &LoadedScene) -> Result<Option<Requirement>> {
-        if self.method.accuracy().is_none() {
+        if self.method.wishes().accuracy.is_none() {
             return Ok(None);
         }
         if self.resume {
             return Err(Error::Usage("--resume: a search for an --accuracy cannot be gone on with".into()));
         }
         let duration = scene.motion_length(self.duration, "--accuracy")?;
-        let interval = self.dt.or(scene.time.dt).unwrap_or(RECORDS_EVERY.min(duration / RECORDS));
+        let interval = self.dt.or(scene.time.dt).unwrap_or(records_every(duration));
         scene.schedule(interval, duration)?;
-        Ok(self.method.requirement(&scene.system, duration, interval))
+        Ok(self.method.wishes().requirement(&scene.system, duration, interval))
     }
 
     /// Runs, writes and reports the results.
@@ -221,11 +216,7 @@ impl Run {
             start: &start,
             plan: &plan,
             schedule,
-            // Only its linearisation is in question: the others solve their equations, or have none.
-            monitor: MonitorOptions {
-                stops_unstable: !self.allow_unstable,
-                forces: plan.configuration.method == Method::LinearBackwardEuler,
-            },
+            monitor: plan.monitor(!self.allow_unstable),
             interrupted,
             checkpoints: every.map(|every| Checkpoints {
                 every,
@@ -258,38 +249,26 @@ impl Run {
         };
         let ended = parts.run(from, begun, &mut state, &mut recorder).map_err(Stop::Broken)?;
         let Ended { stepper, monitor, outcome, statistics, wall_seconds } = ended;
-        let stepper = stepper.get();
-        let solver = stepper.linear_solver();
-        let factor = solver.and_then(LinearSolver::factor);
-        let effort = CostModel::of(&system).cost(&statistics.work, factor.map(|factor| factor.size));
         let status = outcome.status();
         let figures = monitor.figures(&state);
         let (doubt, warnings) = doubts(&plan, status, &figures);
-        let summary = Summary {
+        let ran = Ran {
             scene: name,
-            status,
-            method: stepper.name(),
-            stiffness: plan.configuration.stiffness(),
-            solver: solver.map_or("none", LinearSolver::name),
-            preconditioner: solver.and_then(LinearSolver::preconditioner).unwrap_or("none"),
-            solver_choice: solver.and_then(LinearSolver::choice),
-            dt: schedule.dt(),
-            steps: outcome.steps,
-            time: state.time,
-            particles: system.particles(),
-            springs: system.springs().len(),
-            dofs: system.dofs().len(),
-            wall_seconds,
+            system: &system,
+            plan: &plan,
+            schedule,
+            stepper: stepper.get(),
+            monitor: &monitor,
+            outcome: &outcome,
             statistics,
-            factor,
-            energy: EnergyChange::between(&monitor.initial(), &monitor.energy(), monitor.balance()),
+            state: &state,
+            wall_seconds,
             error: doubt,
             warnings,
-            effort: Effort { run: effort, total: effort },
             choice,
             reductions: reductions.iter().map(ToString::to_string).collect(),
-            failure: FailureReport::of(&outcome, state.time),
         };
+        let summary = ran.summary();
         let written = recorder
             .finish(&system)
             .and_then(|()| {
@@ -316,7 +295,7 @@ impl Run {
         if summary.status == Status::Indefinite {
             let step = schedule.step(summary.steps).unwrap_or(schedule.dt());
             let (option, matrix_dt) = plan.failed_matrix(step);
-            let (scene, steps, repeat) = (&summary.scene, summary.steps, plan.repeat());
+            let (scene, steps, repeat) = (&summary.scene, summary.steps, repeat(&plan));
             let failed = Failed { scene, system: &system, state: &state, steps, step, repeat };
             failed.explain(console, option, matrix_dt, &folder.join("failure")).map_err(Stop::Broken)?;
         }

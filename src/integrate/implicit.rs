@@ -24,6 +24,14 @@ pub enum StiffnessPolicy {
 }
 
 impl StiffnessPolicy {
+    /// Every policy.
+    pub const ALL: [Self; 4] = [
+        Self::OnDemand,
+        Self::Always(Stiffness::Full),
+        Self::Always(Stiffness::Tension),
+        Self::Always(Stiffness::Axial),
+    ];
+
     /// The name used on the command line and in files.
     pub fn name(self) -> &'static str {
         match self {

@@ -159,7 +159,7 @@ impl Method {
         system: &'s System,
         state: &State,
         options: &ImplicitOptions,
-    ) -> Result<Option<Box<dyn AdaptiveStepper + 's>>> {
+    ) -> Result<Option<Box<dyn AdaptiveStepper + Send + 's>>> {
         Ok(match self {
             Self::Bdf2 => Some(Box::new(Bdf2::new(system, state, options)?)),
             Self::W2 => Some(Box::new(WMethod::new(system, state, options)?)),
@@ -178,7 +178,7 @@ impl Method {
         system: &'s System,
         state: &State,
         options: &ImplicitOptions,
-    ) -> Result<Box<dyn TimeStepper + 's>> {
+    ) -> Result<Box<dyn TimeStepper + Send + 's>> {
         Ok(match self {
             Self::LinearBackwardEuler => Box::new(LinearBackwardEuler::new(system, state, options)?),
             Self::BackwardEuler => Box::new(BackwardEuler::new(system, state, options, NewtonOptions::default())?),

@@ -46,7 +46,7 @@ use crate::work::Work;
 use nalgebra::Vector3;
 
 /// Solves `A x = b` for a sequence of matrices of one system.
-pub trait LinearSolver {
+pub trait LinearSolver: Send {
     /// The solver's name on the command line and in files.
     fn name(&self) -> &'static str;
 

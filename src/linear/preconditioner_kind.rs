@@ -14,6 +14,9 @@ pub enum PreconditionerKind {
 }
 
 impl PreconditionerKind {
+    /// Every kind.
+    pub const ALL: [Self; 4] = [Self::None, Self::Jacobi, Self::BlockJacobi, Self::Multigrid];
+
     /// The name used on the command line and in files.
     pub fn name(self) -> &'static str {
         match self {

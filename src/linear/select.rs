@@ -24,6 +24,9 @@ pub enum SolverChoice {
 }
 
 impl SolverChoice {
+    /// Every choice.
+    pub const ALL: [Self; 5] = [Self::Auto, Self::Llt, Self::Ldlt, Self::Cg, Self::CgAssembled];
+
     /// The name used on the command line and in files.
     pub fn name(self) -> &'static str {
         match self {

@@ -2,6 +2,7 @@
 //!
 //! Every number is written in the shortest decimal form that reads back to the same bits.
 
+mod answered;
 mod atomic;
 mod checkpoint;
 mod checksum;
@@ -12,6 +13,7 @@ mod folder;
 mod frames;
 mod matrix_market;
 mod playback;
+mod ran;
 mod summary;
 mod trajectory;
 mod vtk;
@@ -25,6 +27,7 @@ pub use folder::OutputFolder;
 pub use frames::{Frames, clear_frames};
 pub use matrix_market::{write_dofs, write_symmetric, write_vector};
 pub use playback::playback;
+pub use ran::Ran;
 pub use summary::{ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, Summary};
 pub use trajectory::{TRAJECTORY, Trajectory, WAITING};
 pub use vtk::write_frame;

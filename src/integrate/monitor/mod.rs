@@ -207,6 +207,16 @@ impl<'s> Monitor<'s> {
         self.ledger.balance_of(energy, between(from.work, to.work), between(from.dissipated, to.dissipated))
     }
 
+    /// Energy at a state of the last step, and where it went until then: of the one entered last as it was entered, of one before it
+    /// as [`balance_between`](Self::balance_between) says.
+    pub fn energy_at(&self, state: &State) -> (Energy, Balance) {
+        if self.time() == state.time {
+            return (self.energy(), self.balance());
+        }
+        let energy = Energy::of(self.system, state);
+        (energy, self.balance_between(state.time, &energy))
+    }
+
     /// The figures of the run up to a state, as a rule its last.
     pub fn figures(&self, state: &State) -> Figures {
         Figures {

@@ -1,0 +1,267 @@
+//! How a run is made where little is said of it: what the command and every other front end decide alike, so that they compute the
+//! same bits.
+//!
+//! [`Wishes`] are what a user says. With the system, its state and a step they become a [`Plan`], in which nothing is open, and a
+//! plan makes the [`Stepper`] that [runs](Stepper::run).
+
+use crate::accuracy::{Configuration, Requirement, preset};
+use crate::error::{Error, Result};
+use crate::integrate::{
+    AdaptiveStepper, Adaptivity, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, Sampling, Schedule,
+    StiffnessPolicy, TimeStepper, run_adaptive_monitored, run_monitored,
+};
+use crate::interrupt::Interrupt;
+use crate::linear::{PreconditionerKind, SolverChoice, SolverOptions};
+use crate::spring::Stiffness;
+use crate::system::{State, System};
+use faer::Par;
+use std::ops::ControlFlow;
+
+/// A method, or the one that suits the scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MethodChoice {
+    /// This one.
+    Named(Method),
+    /// [`preset`] chooses.
+    Auto,
+}
+
+impl MethodChoice {
+    /// Every method, and the choice between them.
+    pub const ALL: [Self; Method::ALL.len() + 1] = {
+        let mut all = [Self::Auto; Method::ALL.len() + 1];
+        let mut i = 0;
+        while i < Method::ALL.len() {
+            all[i] = Self::Named(Method::ALL[i]);
+            i += 1;
+        }
+        all
+    };
+
+    /// The name used on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Named(method) => method.name(),
+            Self::Auto => "auto",
+        }
+    }
+}
+
+/// What is asked of a run. What is `None` is left to the program.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Wishes {
+    /// The method.
+    pub method: Option<MethodChoice>,
+    /// The relative position error at the end.
+    pub accuracy: Option<f64>,
+    /// The tolerance of adaptive steps.
+    pub rtol: Option<f64>,
+    /// Which stiffness enters the matrix.
+    pub stiffness: Option<StiffnessPolicy>,
+    /// The linear solver.
+    pub solver: Option<SolverChoice>,
+    /// The preconditioner of conjugate gradients.
+    pub preconditioner: Option<PreconditionerKind>,
+    /// Where conjugate gradients stop.
+    pub tolerance: Option<f64>,
+    /// Who may end the run.
+    pub interrupt: Interrupt,
+}
+
+/// The step where one is needed and none is given, in s.
+pub const DEFAULT_STEP: f64 = 0.01;
+
+/// The interval of records of runs that choose their steps, in s: that of a screen, which no eye follows more often.
+const RECORDS_EVERY: f64 = 1.0 / 60.0;
+
+/// Records of such a run at least.
+const RECORDS: f64 = 100.0;
+
+/// The interval at which a run of `duration` seconds is recorded that chooses its steps, in s.
+pub fn records_every(duration: f64) -> f64 {
+    RECORDS_EVERY.min(duration / RECORDS)
+}
+
+/// Degrees of freedom from which splitting a factorization pays: a cloth of about 10⁴ particles.
+const LARGE: usize = 30_000;
+
+/// How a factorization is split. Splitting changes how numbers are rounded, so it depends on the system alone, never on
+/// the number of threads; any number of threads then gives the same bits.
+pub fn parallelism(system: &System) -> Par {
+    if system.dofs().len() < LARGE { Par::Seq } else { Par::rayon(2) }
+}
+
+impl Wishes {
+    /// The method of adaptive steps where none is asked for.
+    const ADAPTIVE: Method = Method::W2;
+
+    /// The tolerance of adaptive steps where no step is given.
+    const RTOL: f64 = 1e-2;
+
+    /// The method asked for by name, or the one that stands for none; `None` for the program's own choice.
+    pub fn method(&self) -> Option<Method> {
+        match self.method {
+            Some(MethodChoice::Named(method)) => Some(method),
+            Some(MethodChoice::Auto) => None,
+            None if self.accuracy.is_some() => None,
+            None if self.rtol.is_some() => Some(Self::ADAPTIVE),
+            None => Some(Method::LinearBackwardEuler),
+        }
+    }
+
+    /// The tolerance of adaptive steps for a run for which no dt is given; `None` where a method was asked for that does not
+    /// estimate its error.
+    pub fn rtol_without_step(&self) -> Option<f64> {
+        match self.method {
+            Some(MethodChoice::Named(method)) if !method.estimates_errors() => self.rtol,
+            _ => Some(self.rtol.unwrap_or(Self::RTOL)),
+        }
+    }
+
+    /// Whether what cannot move is to be looked for and left out.
+    pub fn reduces(&self) -> bool {
+        self.accuracy.is_some() || self.method == Some(MethodChoice::Auto)
+    }
+
+    /// The linear solver.
+    fn linear(&self, system: &System) -> SolverOptions {
+        let defaults = SolverOptions::default();
+        SolverOptions {
+            solver: self.solver.unwrap_or(defaults.solver),
+            preconditioner: self.preconditioner,
+            tolerance: self.tolerance.unwrap_or(defaults.tolerance),
+            par: parallelism(system),
+            interrupt: self.interrupt,
+        }
+    }
+
+    /// How to run with steps of dt seconds, or with adaptive ones of a tolerance. Call inside the pool of threads that is to
+    /// compute.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `state`; a matrix that is too large.
+    pub fn plan(&self, system: &System, state: &State, dt: f64, rtol: Option<f64>) -> Result<Plan> {
+        let linear = self.linear(system);
+        let asked = if self.method.is_none() && rtol.is_some() { Some(Self::ADAPTIVE) } else { self.method() };
+        let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
+        let (mut configuration, reason) = match (asked, rtol) {
+            (Some(method), _) => (Configuration { method, options }, None),
+            (None, Some(_)) => {
+                (Configuration { method: Self::ADAPTIVE, options }, Some("the method with an error estimate"))
+            }
+            (None, None) => {
+                let (configuration, reason) = preset(system, state, dt, linear)?;
+                (configuration, Some(reason))
+            }
+        };
+        configuration.options.stiffness = self.stiffness.unwrap_or(configuration.options.stiffness);
+        Ok(Plan { configuration, rtol, reason })
+    }
+
+    /// What an accuracy asks for, if one is asked for.
+    pub fn requirement(&self, system: &System, duration: f64, interval: f64) -> Option<Requirement> {
+        Some(Requirement {
+            accuracy: self.accuracy?,
+            duration,
+            interval,
+            par: self.linear(system).par,
+            method: self.method(),
+            stiffness: self.stiffness,
+            solver: self.solver,
+        })
+    }
+}
+
+/// How a run is to be done.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    /// Method, stiffness and solver.
+    pub configuration: Configuration,
+    /// For adaptive steps.
+    pub rtol: Option<f64>,
+    /// Why, where the program chose.
+    pub reason: Option<&'static str>,
+}
+
+impl Plan {
+    /// A stepper that follows the plan.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `state`; a matrix that is too large; a tolerance for a method without an error estimate.
+    pub fn stepper<'s>(&self, system: &'s System, state: &State) -> Result<Stepper<'s>> {
+        let Configuration { method, options } = &self.configuration;
+        let Some(rtol) = self.rtol else {
+            let stepper = method.stepper(system, state, options)?;
+            return Ok(Stepper::Scheduled(stepper));
+        };
+        let without = || {
+            let methods = Method::ALL.into_iter().filter(|method| method.estimates_errors());
+            let others = methods.map(Method::name).collect::<Vec<_>>().join(", ");
+            Error::Usage(format!("rtol needs an error estimate, and {} has none: use {others}", method.name()))
+        };
+        let stepper = method.adaptive_stepper(system, state, options)?.ok_or_else(without)?;
+        Ok(Stepper::Adaptive { stepper, rtol })
+    }
+
+    /// What a monitor is to do. Only linearised backward Euler has its linearisation in question: the others solve their equations,
+    /// or have none.
+    pub fn monitor(&self, stops_unstable: bool) -> MonitorOptions {
+        MonitorOptions { stops_unstable, forces: self.configuration.method == Method::LinearBackwardEuler }
+    }
+
+    /// The option of the matrices that a failed solve was given, and the dt of the first one of a step.
+    pub fn failed_matrix(&self, step: f64) -> (Stiffness, f64) {
+        let Configuration { method, options } = &self.configuration;
+        let option = match options.stiffness {
+            StiffnessPolicy::Always(option) => option,
+            StiffnessPolicy::OnDemand => Stiffness::Full,
+        };
+        (option, method.matrix_dt(step))
+    }
+}
+
+/// A stepper with steps as scheduled, or with steps that keep an error within a tolerance.
+pub enum Stepper<'s> {
+    /// As scheduled.
+    Scheduled(Box<dyn TimeStepper + 's>),
+    /// With error control.
+    Adaptive {
+        /// The method.
+        stepper: Box<dyn AdaptiveStepper + 's>,
+        /// The tolerance.
+        rtol: f64,
+    },
+}
+
+impl Stepper<'_> {
+    /// Runs a schedule or a part of one; `observe` sees the state after every step, with error control at every multiple of dt.
+    pub fn run(
+        &mut self,
+        system: &System,
+        state: &mut State,
+        schedule: &Schedule,
+        monitor: &mut Monitor,
+        mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
+    ) -> Outcome {
+        match self {
+            Self::Scheduled(stepper) => run_monitored(&mut **stepper, state, schedule, monitor, observe),
+            Self::Adaptive { stepper, rtol } => {
+                let (first, dt) = (schedule.first(), schedule.dt());
+                let duration = schedule.elapsed(schedule.len()) - schedule.elapsed(first);
+                // A later part of a run begins with a step that the forces suggest.
+                let first_step = (first == 0).then_some(dt);
+                let how = Adaptivity { duration, rtol: *rtol, first_step, sampling: Sampling::Every(dt) };
+                let observe = |count, state: &State, monitor: &Monitor| observe(first + count, state, monitor);
+                run_adaptive_monitored(&mut **stepper, system, state, &how, monitor, observe)
+            }
+        }
+    }
+
+    /// What can be asked of it.
+    pub fn get(&self) -> &dyn TimeStepper {
+        match self {
+            Self::Scheduled(stepper) => &**stepper,
+            Self::Adaptive { stepper, .. } => &**stepper,
+        }
+    }
+}
