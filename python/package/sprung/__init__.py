@@ -1,0 +1,52 @@
+"""Implicit mass-spring systems with their matrices in numpy and scipy.
+
+`sprung` assembles the system matrix ``A = M/dt**2 - G/dt - K`` of a mass-spring system explicitly, steps in time with
+it, and proves what it says: whether the Jacobian is right, whether A is definite and which springs spoil it, which step
+is safe, and how wrong a run is.
+
+>>> import sprung
+>>> system = sprung.System(
+...     positions=[[0, 0, 0], [1.1, 0, 0]], pairs=[[0, 1]], masses=1.0, stiffness=100.0, rest_lengths=1.0,
+...     gravity=[0, -9.81, 0], constraints=[sprung.Constraint(0)])
+>>> matrices = system.matrices(dt=0.01)
+>>> matrices.A.shape
+(3, 3)
+>>> result = sprung.Stepper(system, method="bdf2").run(1.0, dt=0.01)
+>>> result.status
+'completed'
+
+SI units everywhere; particles and springs are numbered from 0. ``K = df_elastic/dx`` and ``G = df_damping/dv`` are
+negative (semidefinite) where the system is stable.
+"""
+
+from ._errors import Breakdown, DoubtWarning, NotPositiveDefinite
+from ._inspect import Inspection, inspect
+from ._jacobian import Entry, JacobianCheck, check_jacobian
+from ._matrices import Factor, Matrices
+from ._native import __version__
+from ._result import Result
+from ._stepper import Stepper
+from ._system import Constraint, Energy, State, System
+from ._verify import Verification, verify
+
+__all__ = [
+    "Breakdown",
+    "Constraint",
+    "DoubtWarning",
+    "Energy",
+    "Entry",
+    "Factor",
+    "Inspection",
+    "JacobianCheck",
+    "Matrices",
+    "NotPositiveDefinite",
+    "Result",
+    "State",
+    "Stepper",
+    "System",
+    "Verification",
+    "__version__",
+    "check_jacobian",
+    "inspect",
+    "verify",
+]

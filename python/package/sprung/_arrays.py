@@ -1,0 +1,91 @@
+"""Arguments as arrays: any real type and any layout, with errors that say which argument is wrong and where."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+def real(name: str, value: ArrayLike) -> Floats:
+    """Any real numbers as doubles; those that are doubles already are not copied."""
+    try:
+        array = np.asarray(value)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{name}: {error}") from None
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"{name} = an array of {array.dtype}: must be an array of real numbers")
+    with np.errstate(over="ignore"):
+        return array.astype(np.float64, copy=False)
+
+
+def number(name: str, value: ArrayLike) -> float:
+    """One real number."""
+    array = real(name, value)
+    if array.ndim != 0:
+        raise ValueError(f"{name} = an array of shape {array.shape}: must be one number")
+    return float(array)
+
+
+def positive(name: str, value: ArrayLike) -> float:
+    """One number that is finite and positive."""
+    found = number(name, value)
+    if not (np.isfinite(found) and found > 0):
+        raise ValueError(f"{name} = {found!r}: must be finite and positive")
+    return found
+
+
+def rows(name: str, value: ArrayLike, of: str = "particle", width: int | None = None) -> Floats:
+    """One row of one to three numbers each, in the layout that is read fastest."""
+    array = real(name, value)
+    if array.size == 0 and array.ndim < 2:
+        array = np.zeros((0, 3 if width is None else width))
+    if array.ndim != 2 or not 1 <= array.shape[1] <= 3 or (width is not None and array.shape[1] != width):
+        length = "1, 2 or 3 numbers" if width is None else f"length {width}"
+        raise ValueError(f"{name} = an array of shape {array.shape}: must have one row of {length} for each {of}")
+    return np.ascontiguousarray(array)
+
+
+def each(name: str, value: ArrayLike, count: int, of: str, zero: bool = False) -> Floats:
+    """One number for each of ``count``; one for all is repeated. Those of an array are checked where they are used."""
+    array = real(name, value)
+    if array.ndim == 0:
+        if not (np.isfinite(array) and (array >= 0 if zero else array > 0)):
+            rule = "not negative" if zero else "positive"
+            raise ValueError(f"{name} = {float(array)!r}: must be finite and {rule}")
+        return np.full(count, float(array))
+    if array.shape != (count,):
+        raise ValueError(
+            f"{name} = an array of shape {array.shape}: must be one number, or one for each of the {count} {of}"
+        )
+    return array
+
+
+def integers(name: str, value: ArrayLike) -> NDArray[np.integer]:
+    """Whole numbers."""
+    try:
+        array = np.asarray(value)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{name}: {error}") from None
+    if array.size == 0:
+        return array.astype(np.int64)
+    if array.dtype.kind not in "iu":
+        raise ValueError(f"{name} = an array of {array.dtype}: must be an array of integers")
+    return array
+
+
+def pairs(name: str, value: ArrayLike, particles: int) -> NDArray[np.uint32]:
+    """End points of springs, each the number of a particle."""
+    array = integers(name, value)
+    if array.size == 0:
+        array = array.reshape(0, 2)
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise ValueError(f"{name} = an array of shape {array.shape}: must have one row of two for each spring")
+    wrong = np.flatnonzero(((array < 0) | (array >= particles)).any(axis=1))
+    if wrong.size:
+        at = int(wrong[0])
+        raise ValueError(
+            f"{name}[{at}] = {array[at].tolist()}: names a particle that does not exist (there are {particles})"
+        )
+    return np.ascontiguousarray(array, dtype=np.uint32)

@@ -1,0 +1,151 @@
+"""What a run hands out."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import _arrays, _native
+from ._arrays import Floats
+from ._html import framed
+
+if TYPE_CHECKING:
+    from ._system import State, System
+
+#: Columns of the energies, as in ``energy.csv``.
+_COLUMNS = ("kinetic", "elastic", "gravitational", "total", "work", "dissipated", "imbalance")
+
+
+class Result:
+    """A run: its frames, its energies, how wrong it is about, and what it took.
+
+    Attributes
+    ----------
+    system : System
+    state : State
+        At the end.
+    times : ndarray, shape (frames,)
+        In s.
+    positions, velocities : ndarray, shape (frames, particles, dimension)
+        In m and m/s.
+    energies : dict of ndarray
+        ``time`` and, in J, ``kinetic``, ``elastic``, ``gravitational`` and ``total``; ``work`` done by moving
+        constraints, ``dissipated`` by damping, and the ``imbalance`` that neither explains; at every record, of which
+        frames are every so many.
+    summary : dict
+        What the command writes to ``summary.json``.
+    """
+
+    def __init__(self, system: System, handed: dict[str, Any]) -> None:
+        from ._system import State
+
+        self.system = system
+        self.summary: dict[str, Any] = json.loads(handed["summary"])
+        self.state: State = State._of(handed["state"])
+        self.times: Floats = handed["times"]
+        self.positions: Floats = handed["positions"]
+        self.velocities: Floats = handed["velocities"]
+        self.energies: dict[str, Floats] = {"time": handed["record_times"]}
+        self.energies.update(zip(_COLUMNS, handed["energies"].T))
+
+    @property
+    def status(self) -> str:
+        """``"completed"``; ``"interrupted"`` by a callback; ``"unconfirmed"``; of a run that broke down what broke it."""
+        return self.summary["status"]
+
+    @property
+    def steps(self) -> int:
+        """Steps done."""
+        return self.summary["steps"]
+
+    @property
+    def error(self) -> float | None:
+        """About the relative position error at the end; ``None`` where nothing is known.
+
+        Right to about ten times where ``error_kind`` is ``"indicator"``; ``"confirmed"`` where independent runs agree.
+        """
+        return None if self.summary["error"] is None else self.summary["error"]["estimate"]
+
+    @property
+    def error_kind(self) -> str | None:
+        """``"indicator"`` or ``"confirmed"``."""
+        return None if self.summary["error"] is None else self.summary["error"]["kind"]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What makes the run doubtful, in words."""
+        return self.summary["warnings"]
+
+    @property
+    def work(self) -> dict[str, int]:
+        """Counts of force evaluations, assemblies, factorizations, solves and iterations."""
+        return self.summary["work"]
+
+    def at(self, times: ArrayLike) -> Floats:
+        """Positions at any times of the run, in m: cubic Hermite polynomials between frames, right to their distance**4.
+
+        Parameters
+        ----------
+        times : float or array_like
+            In s, from the first frame to the last.
+
+        Returns
+        -------
+        ndarray, shape (*times.shape, particles, dimension)
+        """
+        wanted = _arrays.real("times", times)
+        outside = np.flatnonzero(~((wanted.ravel() >= self.times[0]) & (wanted.ravel() <= self.times[-1])))
+        if outside.size:
+            at = int(outside[0])
+            span = f"from {self.times[0]} to {self.times[-1]} s"
+            raise ValueError(f"times[{at}] = {wanted.ravel()[at]}: must be within the run, {span}")
+        if len(self.times) == 1:
+            return np.broadcast_to(self.positions[0], (*wanted.shape, *self.positions.shape[1:])).copy()
+        from scipy.interpolate import CubicHermiteSpline
+
+        after = int(np.clip(np.searchsorted(self.times, wanted.max(initial=self.times[0])), 1, len(self.times) - 1))
+        before = int(max(np.searchsorted(self.times, wanted.min(initial=self.times[-1]), side="right") - 1, 0))
+        used = slice(min(before, after - 1), after + 1)
+        return CubicHermiteSpline(self.times[used], self.positions[used], self.velocities[used])(wanted)
+
+    def to_html(self, path: str | os.PathLike[str] | None = None, limit: int = 38_000_000) -> str:
+        """A page that plays the motion in any browser, and loads nothing; written to ``path`` where one is given.
+
+        Parameters
+        ----------
+        path : path-like, optional
+        limit : int
+            Bytes that the frames may take; where they would take more, some are left out, and the page says so.
+        """
+        summary = self.summary
+        method = summary["method"]
+        if summary["stiffness"] != "none":
+            method += f", stiffness {summary['stiffness']}"
+        remarks = [method, f"dt = {float(format(summary['dt'], '.4e'))} s"]
+        if self.status != "completed":
+            remarks.append(f"the run ended {self.status}")
+        tracks = []
+        times = self.energies["time"].tolist()
+        if len(times) > 1:
+            for title, names in (("energies", _COLUMNS[:4]), ("balance of energy", _COLUMNS[4:])):
+                tracks.append((title, "J", times, [(name, self.energies[name].tolist()) for name in names]))
+        native = self.system._native
+        page = _native.view(native, self.system.name, remarks, self.times, self.positions, tracks, limit)
+        if path is not None:
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(page)
+        return page
+
+    def _repr_html_(self) -> str:
+        return framed(self.to_html(limit=4_000_000), 640)
+
+    def __repr__(self) -> str:
+        error = "" if self.error is None else f", error about {self.error:.1e} ({self.error_kind})"
+        return (
+            f"<Result of {self.system.name!r}: {self.status} after {self.steps} steps, at t = {self.state.time} s, "
+            f"{len(self.times)} frames{error}>"
+        )

@@ -1,0 +1,67 @@
+//! A run of a required accuracy.
+
+use crate::compute::Flag;
+use crate::recorded::Recorded;
+use crate::run::{Done, Pacing, Subject};
+use sprung::accuracy::{Audience, Requirement, answer};
+use sprung::force::Energy;
+use sprung::integrate::{Monitor, Schedule};
+use sprung::output::{EnergyChange, Summary};
+use sprung::{Result, State, System};
+use std::time::Instant;
+
+/// What is kept of a run until it is known whether it is the answer.
+struct Kept {
+    recorded: Recorded,
+    initial: Energy,
+    energy: EnergyChange,
+}
+
+/// Records runs.
+struct Onlooker<'a> {
+    system: &'a System,
+    start: &'a State,
+    pacing: &'a Pacing,
+}
+
+impl Audience for Onlooker<'_> {
+    type Records = Kept;
+
+    fn begin(&mut self, monitor: &Monitor) -> Result<Kept> {
+        let Pacing { interval, duration, every, .. } = *self.pacing;
+        let mut recorded = Recorded::new(self.system, Schedule::duration(interval, duration).len(), every)?;
+        recorded.push(0, self.start, monitor);
+        let initial = monitor.initial();
+        let energy = EnergyChange::between(&initial, &initial, monitor.balance());
+        Ok(Kept { recorded, initial, energy })
+    }
+
+    fn record(&mut self, kept: &mut Kept, number: u64, state: &State, monitor: &Monitor) -> Result<()> {
+        kept.energy = EnergyChange::between(&kept.initial, &monitor.energy(), monitor.balance());
+        kept.recorded.push(number, state, monitor);
+        Ok(())
+    }
+}
+
+/// Searches for an answer, and moves the state to its end; `None` where no run comes to the end.
+pub fn search(
+    subject: &Subject<'_>,
+    requirement: &Requirement,
+    pacing: &Pacing,
+    flag: &Flag,
+    state: &mut State,
+) -> Result<Option<Done>> {
+    let clock = Instant::now();
+    let start = state.clone();
+    let mut onlooker = Onlooker { system: subject.system, start: &start, pacing };
+    let go_on = || !flag.is_raised();
+    let Some(found) = answer(subject.system, &start, requirement, &mut onlooker, &go_on)? else { return Ok(None) };
+    let Subject { name, system, reductions } = subject;
+    let (energy, seconds) = (found.records.energy, clock.elapsed().as_secs_f64());
+    let name = (*name).to_owned();
+    let summary = Summary::of_answer(name, system, &found, requirement, energy, seconds, reductions.clone());
+    *state = found.state;
+    let mut recorded = found.records.recorded;
+    recorded.end(state);
+    Ok(Some(Done { summary, recorded }))
+}

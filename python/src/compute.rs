@@ -1,0 +1,150 @@
+//! Computing without the lock of the interpreter, so that other threads of Python go on, and so that Ctrl-C works.
+//!
+//! Python answers signals in its main thread, between two of its own instructions; while that thread computes there is none. So the
+//! work goes to a pool of threads, and the thread that called waits for it: every twentieth of a second it lets Python look for signals,
+//! and raises a flag that the library looks at between pieces of work when one of them raised an exception. The work may ask the
+//! caller something in between, such as to call a function of the user's: that runs in the thread that called, where users expect it.
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use sprung::interrupt::Interrupt;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// How often signals are looked for.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// A request to stop, of one computation. The library holds flags for ever, so they are used again.
+pub struct Flag(&'static AtomicBool);
+
+static UNUSED: Mutex<Vec<&'static AtomicBool>> = Mutex::new(Vec::new());
+
+impl Flag {
+    /// One that nobody uses.
+    pub fn new() -> Self {
+        let unused = UNUSED.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        Self(unused.unwrap_or_else(|| Box::leak(Box::new(AtomicBool::new(false)))))
+    }
+
+    /// As the library takes it.
+    pub fn interrupt(&self) -> Interrupt {
+        Interrupt::on(self.0)
+    }
+
+    /// Whether to stop.
+    pub fn is_raised(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Flag {
+    fn drop(&mut self) {
+        self.0.store(false, Ordering::Relaxed);
+        UNUSED.lock().unwrap_or_else(PoisonError::into_inner).push(self.0);
+    }
+}
+
+/// What the work says to the thread that waits for it.
+enum Message<M> {
+    Asks(M),
+    Done,
+}
+
+/// The way from the work to the thread that waits for it.
+pub struct Line<M> {
+    messages: Sender<Message<M>>,
+    answers: Receiver<ControlFlow<()>>,
+}
+
+impl<M> Line<M> {
+    /// Asks the caller something, and waits for the answer: whether to go on.
+    pub fn ask(&self, message: M) -> ControlFlow<()> {
+        match self.messages.send(Message::Asks(message)) {
+            Ok(()) => self.answers.recv().unwrap_or(ControlFlow::Break(())),
+            Err(_) => ControlFlow::Break(()),
+        }
+    }
+}
+
+/// Computes, see the module.
+///
+/// # Errors
+/// What a handler of a signal raised; the work has ended then, early where it looks at the flag.
+pub fn compute<T: Send>(py: Python<'_>, flag: &Flag, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    converse(py, flag, |_: &Line<()>| work(), |_, ()| Ok(ControlFlow::Continue(())))
+}
+
+/// As [`compute`], with questions that the caller answers.
+///
+/// # Errors
+/// As for [`compute`]; what an answer raised.
+pub fn converse<T: Send, M: Send>(
+    py: Python<'_>,
+    flag: &Flag,
+    work: impl FnOnce(&Line<M>) -> T + Send,
+    mut answer: impl FnMut(Python<'_>, M) -> PyResult<ControlFlow<()>> + Send,
+) -> PyResult<T> {
+    let pool = pool()?;
+    flag.0.store(false, Ordering::Relaxed);
+    let mut result = None;
+    let mut raised = None;
+    py.detach(|| {
+        let (messages, inbox) = channel();
+        let (replies, answers) = channel();
+        let line = Line { messages, answers };
+        let (result, raised) = (&mut result, &mut raised);
+        pool.in_place_scope(move |scope| {
+            scope.spawn(move |_| {
+                *result = Some(work(&line));
+                let _ = line.messages.send(Message::Done);
+            });
+            loop {
+                let (outcome, asked) = match inbox.recv_timeout(LOOK) {
+                    Ok(Message::Done) | Err(RecvTimeoutError::Disconnected) => break,
+                    Ok(Message::Asks(_)) if raised.is_some() => (Ok(ControlFlow::Break(())), true),
+                    Ok(Message::Asks(message)) => (Python::attach(|py| answer(py, message)), true),
+                    Err(RecvTimeoutError::Timeout) if raised.is_some() => continue,
+                    Err(RecvTimeoutError::Timeout) => {
+                        (Python::attach(|py| py.check_signals().map(|()| ControlFlow::Continue(()))), false)
+                    }
+                };
+                let reply = outcome.unwrap_or_else(|error| {
+                    flag.0.store(true, Ordering::Relaxed);
+                    *raised = Some(error);
+                    ControlFlow::Break(())
+                });
+                if asked {
+                    let _ = replies.send(reply);
+                }
+            }
+        });
+    });
+    flag.0.store(false, Ordering::Relaxed);
+    match (raised, result) {
+        (Some(error), _) => Err(error),
+        (None, Some(result)) => Ok(result),
+        (None, None) => Err(PyRuntimeError::new_err("the computation ended without a result")),
+    }
+}
+
+/// The pool of threads of this process, as many as there are cores or as `RAYON_NUM_THREADS` says. A process that was forked has
+/// none of its parent's threads, so it gets a pool of its own.
+fn pool() -> PyResult<Arc<ThreadPool>> {
+    static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
+    let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
+    let process = std::process::id();
+    if let Some((owner, pool)) = &*pool
+        && *owner == process
+    {
+        return Ok(pool.clone());
+    }
+    let made = ThreadPoolBuilder::new().build().map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
+    let made = Arc::new(made);
+    // The parent's cannot be ended from here.
+    std::mem::forget(pool.replace((process, made.clone())));
+    Ok(made)
+}

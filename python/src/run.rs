@@ -1,0 +1,231 @@
+//! A whole run, as the command makes it.
+
+use crate::answer::search;
+use crate::arrays::{Handed, handed};
+use crate::compute::converse;
+use crate::error::{invalid, raised};
+use crate::recorded::Recorded;
+use crate::stepper::{Moving, Stepper};
+use pyo3::exceptions::{PyRuntimeError, PyStopIteration};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sprung::accuracy::reduce;
+use sprung::error::Invalid;
+use sprung::integrate::{Method, Monitor, Schedule, Status};
+use sprung::output::{ChoiceReport, ErrorKind, ErrorReport, Ran, Summary};
+use sprung::plan::{DEFAULT_STEP, Plan, Wishes, records_every};
+use sprung::{State, System};
+use std::num::NonZeroU64;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// How long a run is, and how its steps and records are made.
+#[derive(Debug, Clone, Copy)]
+pub struct Pacing {
+    pub duration: f64,
+    /// Length of steps, or interval of records.
+    pub interval: f64,
+    /// The tolerance of adaptive steps.
+    pub rtol: Option<f64>,
+    /// Whether steps are adaptive because nothing was given.
+    pub is_chosen: bool,
+    pub stops_unstable: bool,
+    pub every: NonZeroU64,
+}
+
+/// A run that has ended.
+pub struct Done {
+    pub summary: Summary,
+    pub recorded: Recorded,
+}
+
+/// Runs a stepper from its state for `duration` seconds; hands out a dictionary.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "one for each argument of the method that calls it")]
+pub fn run<'py>(
+    py: Python<'py>,
+    stepper: &Stepper,
+    duration: f64,
+    dt: Option<f64>,
+    rtol: Option<f64>,
+    accuracy: Option<f64>,
+    allow_unstable: bool,
+    every: u64,
+    callback: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let wishes = Wishes { rtol: fraction("rtol", rtol)?, accuracy: fraction("accuracy", accuracy)?, ..stepper.wishes };
+    let pacing = pacing(&wishes, duration, dt, !allow_unstable, every)?;
+    let mut guard = stepper.moving()?;
+    let moving = &mut *guard;
+    let calls_back = callback.is_some();
+    let done = converse(
+        py,
+        &stepper.flag,
+        |line| {
+            let observe = |number, state: &State| {
+                if calls_back { line.ask((number, state.clone())) } else { ControlFlow::Continue(()) }
+            };
+            let done = of_stepper(stepper, &wishes, &pacing, moving, observe);
+            moving.forget();
+            done
+        },
+        |py, (number, state): (u64, State)| called(py, callback.as_ref(), &stepper.system, number, &state),
+    )?;
+    let Some(Done { summary, recorded }) = done.map_err(raised)? else {
+        let accuracy = wishes.accuracy.unwrap_or(0.0);
+        let why = format!("no run comes to the end of this motion: there is no answer to an accuracy of {accuracy:e}");
+        return Err(PyRuntimeError::new_err(why));
+    };
+    let handed_out = PyDict::new(py);
+    let text = serde_json::to_string(&summary).map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
+    handed_out.set_item("summary", text)?;
+    handed_out.set_item("state", handed(py, &stepper.system, &guard.state)?)?;
+    recorded.hand_out(py, &handed_out)?;
+    Ok(handed_out)
+}
+
+/// Calls the user's function; one that raises `StopIteration` ends the run in order.
+fn called(
+    py: Python<'_>,
+    callback: Option<&Py<PyAny>>,
+    system: &System,
+    number: u64,
+    state: &State,
+) -> PyResult<ControlFlow<()>> {
+    let Some(callback) = callback else { return Ok(ControlFlow::Continue(())) };
+    let state: Handed<'_> = handed(py, system, state)?;
+    match callback.call1(py, (number, state)) {
+        Ok(_) => Ok(ControlFlow::Continue(())),
+        Err(error) if error.is_instance_of::<PyStopIteration>(py) => Ok(ControlFlow::Break(())),
+        Err(error) => Err(error),
+    }
+}
+
+/// What the arguments mean, as for the command.
+fn pacing(wishes: &Wishes, duration: f64, dt: Option<f64>, stops_unstable: bool, every: u64) -> PyResult<Pacing> {
+    let Some(every) = NonZeroU64::new(every) else {
+        return Err(invalid(Invalid::new("every", every, "must be positive")));
+    };
+    if !(duration.is_finite() && duration > 0.0) {
+        return Err(invalid(Invalid::new("duration", duration, "must be finite and positive")));
+    }
+    let rtol = if dt.is_none() { wishes.rtol_without_step() } else { wishes.rtol };
+    let is_chosen = dt.is_none() && rtol.is_some();
+    let chosen = if rtol.is_some() || wishes.accuracy.is_some() { records_every(duration) } else { DEFAULT_STEP };
+    let interval = dt.unwrap_or(chosen);
+    Schedule::check(interval, duration).map_err(invalid)?;
+    Ok(Pacing { duration, interval, rtol, is_chosen, stops_unstable, every })
+}
+
+/// A number between zero and one.
+fn fraction(key: &str, value: Option<f64>) -> PyResult<Option<f64>> {
+    match value {
+        Some(value) if !(value > 0.0 && value < 1.0) => {
+            Err(invalid(Invalid::new(key, value, "must be between 0 and 1")))
+        }
+        value => Ok(value),
+    }
+}
+
+/// Runs on; `None` where there is no answer to an accuracy.
+fn of_stepper(
+    stepper: &Stepper,
+    wishes: &Wishes,
+    pacing: &Pacing,
+    moving: &mut Moving,
+    observe: impl FnMut(u64, &State) -> ControlFlow<()>,
+) -> sprung::Result<Option<Done>> {
+    let reduced = wishes.reduces().then(|| reduce(&stepper.system, &moving.state));
+    let reductions = reduced.iter().flat_map(|reduced| &reduced.reductions).map(ToString::to_string).collect();
+    let system = reduced.as_ref().map_or(&*stepper.system, |reduced| &reduced.system);
+    let subject = Subject { name: &stepper.name, system, reductions };
+    if let Some(requirement) = wishes.requirement(system, pacing.duration, pacing.interval) {
+        return search(&subject, &requirement, pacing, &stepper.flag, &mut moving.state);
+    }
+    simulate(&subject, wishes, pacing, &mut moving.state, observe).map(Some)
+}
+
+/// What is run.
+pub struct Subject<'s> {
+    pub name: &'s str,
+    pub system: &'s System,
+    /// What was left out of it, in words.
+    pub reductions: Vec<String>,
+}
+
+fn simulate(
+    subject: &Subject<'_>,
+    wishes: &Wishes,
+    pacing: &Pacing,
+    state: &mut State,
+    mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
+) -> sprung::Result<Done> {
+    let Subject { name, system, reductions } = subject;
+    let schedule = Schedule::duration(pacing.interval, pacing.duration);
+    let clock = Instant::now();
+    let plan = wishes.plan(system, state, schedule.dt(), pacing.rtol)?;
+    let mut monitor = Monitor::new(system, state, plan.monitor(pacing.stops_unstable))?;
+    let mut stepper = plan.stepper(system, state)?;
+    let mut recorded = Recorded::new(system, schedule.len(), pacing.every)?;
+    recorded.push(0, state, &monitor);
+    let outcome = stepper.run(system, state, &schedule, &mut monitor, |number, state, monitor| {
+        recorded.push(number, state, monitor);
+        // Of steps without systems to solve nobody else looks whether to stop.
+        match wishes.interrupt.is_requested() {
+            true => ControlFlow::Break(()),
+            false if recorded.is_frame(number) => observe(number, state),
+            false => ControlFlow::Continue(()),
+        }
+    });
+    let status = outcome.status();
+    if matches!(status, Status::Completed | Status::Interrupted) {
+        recorded.end(state);
+    }
+    let (error, warnings) = doubts(&plan, status, &monitor, state);
+    let stepper = stepper.get();
+    let ran = Ran {
+        scene: (*name).to_owned(),
+        system,
+        plan: &plan,
+        schedule: &schedule,
+        stepper,
+        monitor: &monitor,
+        outcome: &outcome,
+        statistics: *stepper.statistics(),
+        state,
+        wall_seconds: clock.elapsed().as_secs_f64(),
+        error,
+        warnings,
+        choice: choice(pacing, &plan),
+        reductions: reductions.clone(),
+    };
+    Ok(Done { summary: ran.summary(), recorded })
+}
+
+/// What the program chose.
+fn choice(pacing: &Pacing, plan: &Plan) -> Option<ChoiceReport> {
+    let rtol = pacing.rtol;
+    let steps = rtol.filter(|_| pacing.is_chosen).map(|rtol| format!("no dt is given: adaptive steps, rtol {rtol:e}"));
+    let reasons: Vec<String> = steps.into_iter().chain(plan.reason.map(Into::into)).collect();
+    (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) })
+}
+
+/// How wrong a run is about, and what makes it doubtful. One that broke down says nothing of the motion.
+fn doubts(plan: &Plan, status: Status, monitor: &Monitor, state: &State) -> (Option<ErrorReport>, Vec<String>) {
+    let method = plan.configuration.method;
+    if !matches!(status, Status::Completed | Status::Interrupted) {
+        return (None, Vec::new());
+    }
+    let figures = monitor.figures(state);
+    let mut warnings: Vec<String> = figures.warnings(method, plan.rtol).iter().map(ToString::to_string).collect();
+    if let Some(first) = warnings.first_mut() {
+        let advice = match (plan.rtol, method) {
+            (Some(_), _) => "try a smaller rtol",
+            (None, Method::Bdf2) => "leave out dt, or make it shorter",
+            (None, _) => "leave out dt, or try method=\"bdf2\"",
+        };
+        *first = format!("{first}: {advice}");
+    }
+    let report = |estimate| ErrorReport { estimate, kind: ErrorKind::Indicator };
+    (figures.estimate(method).map(report), warnings)
+}

@@ -1,0 +1,240 @@
+//! Systems: from arrays, from files, ready ones; what is asked of a state.
+
+use crate::arrays::{Given, Handed, handed, rows, state, vectors};
+use crate::compute::{Flag, compute};
+use crate::error::{of_argument, raised};
+use crate::names;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use sprung::error::Invalid;
+use sprung::force::{Energy, Extensions, add_damping_force, add_elastic_force, add_weight};
+use sprung::nalgebra::Vector3;
+use sprung::scene::{Scene, TimeSettings, builtin};
+use sprung::spring::Extension;
+use sprung::system::{Axes, Constraint, Motion};
+use sprung::{Error, Spring, State, SystemBuilder};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A system with the state it starts from, and what its scene says beside.
+#[pyclass(frozen, module = "sprung._native")]
+pub struct System {
+    pub system: Arc<sprung::System>,
+    pub start: State,
+    pub name: String,
+    pub time: TimeSettings,
+    /// Of its mesh, to be shown.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// Particles, axes, velocity, and times and offsets of a path.
+type GivenConstraint = (Vec<usize>, Option<Vec<usize>>, Option<[f64; 3]>, Option<(Vec<f64>, Vec<[f64; 3]>)>);
+
+impl System {
+    fn of_scene(scene: Scene) -> PyResult<Self> {
+        let (system, start, triangles) = scene.build_with_triangles().map_err(raised)?;
+        Ok(Self { system: Arc::new(system), start, name: scene.name, time: scene.time, triangles })
+    }
+}
+
+#[pymethods]
+impl System {
+    /// From arrays that have the right types and lengths; values are checked here.
+    #[staticmethod]
+    #[expect(clippy::too_many_arguments, reason = "one for each argument of the class's own constructor")]
+    fn from_arrays(
+        py: Python<'_>,
+        name: String,
+        positions: PyReadonlyArray2<'_, f64>,
+        velocities: PyReadonlyArray2<'_, f64>,
+        masses: PyReadonlyArray1<'_, f64>,
+        pairs: PyReadonlyArray2<'_, u32>,
+        stiffness: PyReadonlyArray1<'_, f64>,
+        rest_lengths: Option<PyReadonlyArray1<'_, f64>>,
+        damping: PyReadonlyArray1<'_, f64>,
+        gravity: [f64; 3],
+        constraints: Vec<GivenConstraint>,
+    ) -> PyResult<Self> {
+        let dimension = positions.as_array().dim().1;
+        if pairs.as_array().dim().1 != 2 {
+            let found = format!("rows of {}", pairs.as_array().dim().1);
+            return Err(raised(Error::Invalid(Invalid::new("pairs", found, "must have two entries in each row"))));
+        }
+        let positions = vectors(&positions);
+        let pairs: Vec<[u32; 2]> = pairs.as_array().outer_iter().map(|pair| [pair[0], pair[1]]).collect();
+        let rest_lengths: Vec<f64> = match rest_lengths {
+            Some(given) => given.as_array().to_vec(),
+            None => pairs.iter().map(|pair| distance(&positions, pair)).collect(),
+        };
+        let parameters = stiffness.as_array().into_iter().zip(rest_lengths).zip(damping.as_array());
+        let springs = parameters
+            .map(|((&stiffness, rest_length), &damping)| Spring { stiffness, rest_length, damping })
+            .collect();
+        let builder = SystemBuilder {
+            dimension,
+            gravity: gravity.into(),
+            velocities: vectors(&velocities),
+            masses: masses.as_array().to_vec(),
+            pairs,
+            springs,
+            constraints: constraints.into_iter().map(|given| constraint(given, dimension)).collect(),
+            positions,
+        };
+        let (system, start) = py.detach(|| builder.build()).map_err(of_argument)?;
+        let (system, time, triangles) = (Arc::new(system), TimeSettings::default(), Vec::new());
+        Ok(Self { system, start, name, time, triangles })
+    }
+
+    /// From a scene file.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        py.detach(|| Scene::load(path).map_err(raised).and_then(Self::of_scene))
+    }
+
+    /// From the text of a scene file, `toml` or `json`.
+    #[staticmethod]
+    fn parse(py: Python<'_>, text: &str, format: &str) -> PyResult<Self> {
+        let parse = match format {
+            "toml" => Scene::from_toml,
+            "json" => Scene::from_json,
+            _ => {
+                let rule = "must be one of toml, json";
+                return Err(raised(Error::Invalid(Invalid::new("format", format!("{format:?}"), rule))));
+            }
+        };
+        py.detach(|| parse(text).map_err(raised).and_then(Self::of_scene))
+    }
+
+    /// A ready scene.
+    #[staticmethod]
+    fn ready(py: Python<'_>, kind: &str, size: Option<usize>) -> PyResult<Self> {
+        let kind = names::kind(kind)?;
+        py.detach(|| builtin(kind, size.unwrap_or(kind.default_size())).map_err(raised).and_then(Self::of_scene))
+    }
+
+    /// The system at a state as a scene file, `toml` or `json`.
+    fn write(&self, py: Python<'_>, given: Given<'_>, format: &str) -> PyResult<String> {
+        let state = state(&self.system, &given)?;
+        let is_json = format == "json";
+        Ok(py.detach(|| {
+            let scene = Scene { time: self.time, ..Scene::snapshot(&self.name, &self.system, &state) };
+            if is_json { scene.to_json() } else { scene.to_toml() }
+        }))
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Number of modelled axes.
+    #[getter]
+    fn dimension(&self) -> usize {
+        self.system.dimension()
+    }
+
+    /// Number of free degrees of freedom.
+    #[getter]
+    fn order(&self) -> usize {
+        self.system.dofs().len()
+    }
+
+    /// `time.dt` and `time.duration` of the scene.
+    #[getter]
+    fn time(&self) -> (Option<f64>, Option<f64>) {
+        (self.time.dt, self.time.duration)
+    }
+
+    #[getter]
+    fn gravity(&self) -> Vec<f64> {
+        self.system.gravity().iter().take(self.system.dimension()).copied().collect()
+    }
+
+    #[getter]
+    fn masses<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.system.masses())
+    }
+
+    #[getter]
+    fn pairs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        use numpy::PyArrayMethods;
+        let pairs = self.system.pairs();
+        PyArray1::from_vec(py, pairs.as_flattened().to_vec()).reshape([pairs.len(), 2])
+    }
+
+    /// Stiffness, rest length and damping of every spring.
+    #[getter]
+    fn springs<'py>(&self, py: Python<'py>) -> [Bound<'py, PyArray1<f64>>; 3] {
+        let each = |value: fn(&Spring) -> f64| PyArray1::from_iter(py, self.system.springs().iter().map(value));
+        [each(|spring| spring.stiffness), each(|spring| spring.rest_length), each(|spring| spring.damping)]
+    }
+
+    /// Particle and axis of every row of the matrices.
+    #[getter]
+    fn dofs<'py>(&self, py: Python<'py>) -> (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray1<i8>>) {
+        let dofs = || self.system.dofs().iter();
+        let particles: Vec<i64> = dofs().map(|dof| dof.particle as i64).collect();
+        let axes: Vec<i8> = dofs().map(|dof| dof.axis as i8).collect();
+        (PyArray1::from_vec(py, particles), PyArray1::from_vec(py, axes))
+    }
+
+    /// The state that it starts from.
+    fn start<'py>(&self, py: Python<'py>) -> PyResult<Handed<'py>> {
+        handed(py, &self.system, &self.start)
+    }
+
+    /// Forces on all particles at a state, in N: those of springs, of damping, of gravity, or all.
+    fn force<'py>(&self, py: Python<'py>, given: Given<'py>, kind: &str) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (system, state) = (&*self.system, state(&self.system, &given)?);
+        let [elastic, damping, weight] = match kind {
+            "all" => [true; 3],
+            "elastic" => [true, false, false],
+            "damping" => [false, true, false],
+            "weight" => [false, false, true],
+            _ => {
+                let rule = "must be one of all, elastic, damping, weight";
+                return Err(raised(Error::Invalid(Invalid::new("kind", format!("{kind:?}"), rule))));
+            }
+        };
+        let force = compute(py, &Flag::new(), || {
+            let extensions = Extensions::at(system, &state.positions)?;
+            let mut force = vec![Vector3::zeros(); system.particles()];
+            if elastic {
+                add_elastic_force(system, &extensions, &mut force);
+            }
+            if damping {
+                add_damping_force(system, &extensions, &state.velocities, &mut force);
+            }
+            if weight {
+                add_weight(system, &mut force);
+            }
+            Ok(force)
+        })?;
+        rows(py, &force.map_err(raised)?, system.dimension())
+    }
+
+    /// Kinetic, elastic and gravitational energy of a state, in J.
+    fn energy(&self, py: Python<'_>, given: Given<'_>) -> PyResult<(f64, f64, f64)> {
+        let state = state(&self.system, &given)?;
+        let Energy { kinetic, elastic, gravitational } = py.detach(|| Energy::of(&self.system, &state));
+        Ok((kinetic, elastic, gravitational))
+    }
+}
+
+/// The length of a spring; NaN where an end does not exist, for which the builder rejects the pair.
+fn distance(positions: &[Vector3<f64>], &[i, j]: &[u32; 2]) -> f64 {
+    let ends = positions.get(i as usize).zip(positions.get(j as usize));
+    ends.map_or(f64::NAN, |(xi, xj)| Extension::between(xi, xj).map_or(0.0, |at| at.length))
+}
+
+fn constraint((particles, axes, velocity, path): GivenConstraint, dimension: usize) -> Constraint {
+    let axes = axes.map_or(Axes::first(dimension), |axes| Axes::of(&axes));
+    let motion = match (velocity, path) {
+        (Some(velocity), _) => Motion::Velocity(velocity.into()),
+        (None, Some((times, offsets))) => {
+            Motion::Path { times, offsets: offsets.into_iter().map(Vector3::from).collect() }
+        }
+        (None, None) => Motion::Held,
+    };
+    Constraint { particles, axes, motion }
+}

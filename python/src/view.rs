@@ -1,0 +1,49 @@
+//! The page that plays a motion.
+
+use crate::error::{invalid, raised};
+use crate::system::System;
+use numpy::{PyReadonlyArray1, PyReadonlyArray3};
+use pyo3::prelude::*;
+use sprung::error::Invalid;
+use sprung::figure::{Animation, Cast, Track};
+use sprung::nalgebra::Vector3;
+use sprung::report::view::within;
+
+/// Title, unit, times, and named curves.
+type GivenTrack = (String, String, Vec<f64>, Vec<(String, Vec<f64>)>);
+
+/// The page of frames of a system, with curves below; of at most so many bytes of data.
+#[pyfunction]
+pub fn view(
+    py: Python<'_>,
+    system: &System,
+    title: String,
+    remarks: Vec<String>,
+    times: PyReadonlyArray1<'_, f64>,
+    positions: PyReadonlyArray3<'_, f64>,
+    tracks: Vec<GivenTrack>,
+    limit: usize,
+) -> PyResult<String> {
+    let shape = positions.as_array().dim();
+    if shape != (times.as_array().len(), system.system.particles(), system.system.dimension()) {
+        let found = format!("an array of {} × {} × {}", shape.0, shape.1, shape.2);
+        return Err(invalid(Invalid::new("positions", found, "must have a row for each time and particle")));
+    }
+    let mut animation = Animation::new(title, Cast::of(&system.system, &system.triangles));
+    animation.remarks = remarks;
+    animation.tracks =
+        tracks.into_iter().map(|(title, unit, times, curves)| Track { title, unit, times, curves }).collect();
+    for (&time, frame) in times.as_array().iter().zip(positions.as_array().outer_iter()) {
+        let frame: Vec<Vector3<f64>> = frame
+            .outer_iter()
+            .map(|row| {
+                let mut vector = Vector3::zeros();
+                vector.iter_mut().zip(row).for_each(|(component, &value)| *component = value);
+                vector
+            })
+            .collect();
+        animation.push(time, &frame);
+    }
+    let page = py.detach(|| within(&animation, limit));
+    page.map_err(|source| raised(sprung::Error::io("view.html", source)))
+}

@@ -1,0 +1,222 @@
+"""Systems from arrays of any kind, from files, and what they refuse."""
+
+from __future__ import annotations
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+import sprung
+from conftest import ROOT, tangle
+
+
+def arrays(system: sprung.System):
+    return system.masses, system.pairs, system.stiffness, system.rest_lengths, system.damping, system.gravity
+
+
+def same(a: sprung.System, b: sprung.System) -> None:
+    for one, other in zip(arrays(a), arrays(b)):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(a.dofs, b.dofs)
+    for one, other in ((a.initial_state(), b.initial_state()),):
+        np.testing.assert_array_equal(one.positions, other.positions)
+        np.testing.assert_array_equal(one.velocities, other.velocities)
+
+
+TRIANGLE = dict(
+    positions=[[0, 0, 0], [1, 0, 0], [1, 2, 0]],
+    pairs=[[0, 1], [1, 2]],
+    masses=[1, 2, 3],
+    stiffness=[10, 20],
+    rest_lengths=[1, 1],
+    damping=[0, 1],
+)
+
+
+@pytest.mark.parametrize("dtype", ["f8", "f4", "f2", ">f8", "g", "i1", "i8", "u2", ">i4"])
+def test_any_real_type_gives_the_same_system(dtype):
+    changed = {key: np.array(value, dtype=dtype) for key, value in TRIANGLE.items() if key != "pairs"}
+    integers = dtype if np.dtype(dtype).kind in "iu" else "u8"
+    same(sprung.System(**changed, pairs=np.array(TRIANGLE["pairs"], integers)), sprung.System(**TRIANGLE))
+
+
+def test_any_layout_gives_the_same_system():
+    positions = np.array(TRIANGLE["positions"], float)
+    wide = np.zeros((6, 6))
+    wide[::2, ::2] = positions
+    reversed_pairs = np.array(TRIANGLE["pairs"])[::-1][::-1]
+    for layout in (np.asfortranarray(positions), wide[::2, ::2], positions[::-1][::-1], positions.copy()[:, ::-1][:, ::-1]):
+        layout.flags.writeable = False
+        changed = {**TRIANGLE, "positions": layout, "pairs": np.asfortranarray(reversed_pairs), "masses": np.arange(1, 7, 2)[[0, 0, 1]] * [1, 2, 1]}
+        same(sprung.System(**changed), sprung.System(**TRIANGLE))
+
+
+def test_scalars_stand_for_all_and_absent_rest_lengths_for_distances():
+    system = sprung.System([[0, 0], [3, 4]], [[0, 1]], masses=2, stiffness=np.float32(5))
+    assert (system.dimension, system.rest_lengths[0], system.damping[0], list(system.masses)) == (2, 5.0, 0.0, [2.0, 2.0])
+
+
+def test_initial_states_are_the_users_own(system):
+    state = system.initial_state()
+    state.positions += 1.0
+    assert (system.initial_state().positions != state.positions).all()
+    assert state.positions is state.positions and state.positions.flags.writeable
+
+
+def test_files_hold_systems_to_the_bit(system, tmp_path):
+    for name in ("scene.toml", "scene.json"):
+        system.save(tmp_path / name)
+        same(sprung.System.load(tmp_path / name), system)
+    same(sprung.System.parse(system.to_toml()), system)
+    same(pickle.loads(pickle.dumps(system)), system)
+
+
+def test_meshes_load():
+    system = sprung.System.load(ROOT / "verification/scenes/bunny.toml")
+    assert len(system.masses) == 1839 and "iframe" in system._repr_html_()
+
+
+@pytest.mark.parametrize("kind", ["chain", "cloth", "lattice", "column", "pendulum", "string", "network"])
+def test_ready_scenes(kind):
+    assert sprung.System.ready(kind).name == kind
+
+
+def test_constraints_are_those_of_scene_files():
+    positions = np.eye(3)
+    by_class = [
+        sprung.Constraint([0], axes=["x", "z"], velocity=[1, 0, 2]),
+        sprung.Constraint(2, path=([0, 1], [[0, 0, 0], [0, 1, 0]])),
+    ]
+    by_mapping = [
+        {"particles": [0], "axes": "xz", "velocity": (1, 0, 2)},
+        {"particles": np.array([2]), "path": {"times": [0, 1], "offsets": [[0, 0, 0], [0, 1, 0]]}},
+    ]
+    a, b = (sprung.System(positions, masses=1.0, constraints=given) for given in (by_class, by_mapping))
+    same(a, b)
+    assert a.dofs.tolist() == [[0, 1], [1, 0], [1, 1], [1, 2]]
+    assert a.initial_state().velocities.tolist() == [[1, 0, 2], [0, 0, 0], [0, 1, 0]]
+    written = json.loads(a.to_json())["constraints"]
+    assert written == json.loads(b.to_json())["constraints"] and len(written) == 2
+
+
+REFUSED = {
+    "masses[1] = -2: must be finite and positive": dict(masses=[1, -2, 3]),
+    "masses[2] = NaN: must be finite and positive": dict(masses=[1, 1, np.nan]),
+    "masses = -1.0: must be finite and positive": dict(masses=-1),
+    "masses = an array of shape (2,): must be one number, or one for each of the 3 particles": dict(masses=[1, 2]),
+    "masses = an array of complex128": dict(masses=[1j, 1, 1]),
+    "masses = an array of <U1": dict(masses=["a", "b", "c"]),
+    "masses = an array of object": dict(masses=[None, 1, 1]),
+    "stiffness[1] = 0: must be finite and positive": dict(stiffness=[1, 0]),
+    "stiffness = absent": dict(stiffness=None),
+    "rest_lengths[0] = inf": dict(rest_lengths=[np.inf, 1]),
+    "damping[1] = -0.5": dict(damping=[0, -0.5]),
+    "damping = -1.0: must be finite and not negative": dict(damping=-1),
+    "positions[1] = [NaN, 0.0, 0.0]: must be finite": dict(positions=[[0, 0, 0], [np.nan, 0, 0], [1, 2, 0]]),
+    "positions = an array of shape (3,)": dict(positions=[0, 1, 2]),
+    "positions = an array of shape (3, 4)": dict(positions=np.zeros((3, 4))),
+    "positions: ": dict(positions=[[0, 0, 0], [1, 0], [1, 2, 0]]),
+    "pairs[1] = [1, 3]: names a particle that does not exist (there are 3)": dict(pairs=[[0, 1], [1, 3]]),
+    "pairs[0] = [-1, 1]: names a particle that does not exist (there are 3)": dict(pairs=[[-1, 1], [1, 2]]),
+    "pairs[1] = [2, 2]: joins a particle to itself": dict(pairs=[[0, 1], [2, 2]]),
+    "pairs = an array of float64: must be an array of integers": dict(pairs=[[0.0, 1.0], [1, 2]]),
+    "pairs = an array of shape (2, 3)": dict(pairs=[[0, 1, 2], [0, 1, 2]]),
+    "pairs[0] = [0, 1]: is a spring of zero current length": dict(positions=[[0, 0, 0], [0, 0, 0], [1, 2, 0]]),
+    "velocities[2] = [inf, 0.0, 0.0]": dict(velocities=[[0, 0, 0], [0, 0, 0], [np.inf, 0, 0]]),
+    "velocities = an array of shape (2, 3)": dict(velocities=np.zeros((2, 3))),
+    "gravity = [0.0, NaN, 0.0]": dict(gravity=[0, np.nan, 0]),
+    "gravity = an array of shape (2,)": dict(gravity=[0, -9.81]),
+    "constraints[0] = 3: must be a Constraint or a mapping": dict(constraints=[3]),
+    "constraints[0] = 'axis': unknown key": dict(constraints=[{"particles": 0, "axis": "x"}]),
+    "constraints[0].particles = absent": dict(constraints=[{"axes": "x"}]),
+    "constraints[1].particles[1] = 7": dict(constraints=[sprung.Constraint(0), sprung.Constraint([1, 7])]),
+    "constraints[0].particles[0] = -1": dict(constraints=[sprung.Constraint(-1)]),
+    "constraints[0].axes[1] = 'w'": dict(constraints=[sprung.Constraint(0, axes="xw")]),
+    "constraints[0] = velocity and path": dict(
+        constraints=[sprung.Constraint(0, velocity=[0, 0, 0], path=([0], [[0, 0, 0]]))]
+    ),
+    "constraints[0].velocity = an array of shape (2,)": dict(constraints=[sprung.Constraint(0, velocity=[0, 0])]),
+    "constraints[0].path.times[1] = 1": dict(
+        constraints=[sprung.Constraint(0, path=([1, 1], [[0, 0, 0], [0, 0, 0]]))]
+    ),
+    "constraints[0].path = ['times']": dict(constraints=[sprung.Constraint(0, path={"times": [0]})]),
+    "constraints[0].path.offsets = a list of 1": dict(constraints=[sprung.Constraint(0, path=([0, 1], [[0, 0, 0]]))]),
+}
+
+
+@pytest.mark.parametrize("message", REFUSED)
+def test_unusable_values_are_named(message):
+    with pytest.raises(ValueError) as raised:
+        sprung.System(**{**TRIANGLE, **REFUSED[message]})
+    assert str(raised.value).startswith(message)
+
+
+def test_unusable_files_are_named(tmp_path):
+    with pytest.raises(FileNotFoundError) as missing:
+        sprung.System.load(tmp_path / "none.toml")
+    assert missing.value.filename.endswith("none.toml")
+    broken = tmp_path / "broken.toml"
+    broken.write_text("[particles]\npositions = [[0]]\nmasses = [-1]\n")
+    with pytest.raises(ValueError, match=r"broken.toml: particles.masses\[0\] = -1: must be finite and positive"):
+        sprung.System.load(broken)
+    with pytest.raises(ValueError, match="must end in .toml or .json"):
+        sprung.System.load(tmp_path / "scene.yaml")
+    with pytest.raises(ValueError, match="must end in .toml or .json"):
+        tangle().save(tmp_path / "scene.yaml")
+    with pytest.raises(ValueError, match='format = "yaml"'):
+        sprung.System.parse("", "yaml")
+    with pytest.raises(ValueError, match='kind = "sphere": must be one of chain, '):
+        sprung.System.ready("sphere")
+    with pytest.raises(ValueError, match="size 0: a cloth can have"):
+        sprung.System.ready("cloth", 0)
+
+
+def test_unusable_states_are_named(system):
+    n, dimension = len(system.masses), system.dimension
+    for change, message in (
+        (lambda state: state.positions.__setitem__((4, 0), np.nan), r"positions\[4\] = \[NaN"),
+        (lambda state: state.velocities.__setitem__((2, 0), np.inf), r"velocities\[2\] = \[inf"),
+        (lambda state: setattr(state, "positions", state.positions[1:]), f"positions = an array of {n - 1} × {dimension}"),
+        (lambda state: setattr(state, "velocities", None), "velocities = an array of object"),
+        (lambda state: setattr(state, "time", np.nan), "time = NaN: must be finite"),
+        (lambda state: setattr(state, "time", "now"), "time = an array of <U3"),
+    ):
+        state = system.initial_state()
+        change(state)
+        with pytest.raises(ValueError, match=message):
+            system.force(state)
+
+
+def test_forces_and_energies_are_those_of_the_formulas(system):
+    state = system.initial_state()
+    i, j = system.pairs.T.astype(int)
+    d = state.positions[i] - state.positions[j]
+    length = np.linalg.norm(d, axis=1)
+    n = d / length[:, None]
+    strain = (length - system.rest_lengths) / system.rest_lengths
+    expected = np.zeros_like(state.positions)
+    pull = -(system.stiffness * strain)[:, None] * n
+    drag = -(system.damping * (n * (state.velocities[i] - state.velocities[j])).sum(axis=1))[:, None] * n
+    for part in (pull, drag):
+        np.add.at(expected, i, part)
+        np.add.at(expected, j, -part)
+    expected += system.masses[:, None] * system.gravity
+    # Each entry is a sum of some six terms that may cancel: a few roundings of the largest.
+    np.testing.assert_allclose(system.force(state), expected, rtol=0, atol=1e-14 * abs(pull).max() * 10)
+    parts = sum(system.force(state, kind) for kind in ("elastic", "damping", "weight"))
+    np.testing.assert_allclose(system.force(state), parts, rtol=0, atol=1e-14 * abs(pull).max() * 10)
+    energy = system.energy(state)
+    kinetic = 0.5 * (system.masses * (state.velocities**2).sum(axis=1)).sum()
+    elastic = 0.5 * (system.stiffness * system.rest_lengths * strain**2).sum()
+    np.testing.assert_allclose([energy.kinetic, energy.elastic], [kinetic, elastic], rtol=1e-13)
+    assert energy.total == sum(energy)
+    with pytest.raises(ValueError, match='kind = "magnetic"'):
+        system.force(state, "magnetic")
+
+
+def test_gather_and_scatter_are_inverse(system):
+    full = np.arange(float(len(system.masses) * system.dimension)).reshape(-1, system.dimension)
+    reduced = system.gather(full)
+    np.testing.assert_array_equal(system.scatter(reduced, full), full)
+    np.testing.assert_array_equal(system.gather(system.scatter(reduced)), reduced)
