@@ -7,7 +7,7 @@ use crate::names;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use sprung::error::Invalid;
-use sprung::force::{Energy, Extensions, add_damping_force, add_elastic_force, add_weight};
+use sprung::force::{DegenerateSpring, Energy, add_weight};
 use sprung::nalgebra::Vector3;
 use sprung::scene::{Scene, TimeSettings, builtin};
 use sprung::spring::Extension;
@@ -196,14 +196,22 @@ impl System {
                 return Err(raised(Error::Invalid(Invalid::new("kind", format!("{kind:?}"), rule))));
             }
         };
-        let force = compute(py, &Flag::new(), || {
-            let extensions = Extensions::at(system, &state.positions)?;
+        // Of springs between two held particles too: they move nothing, and pull on what holds them.
+        let force = compute(py, &Flag::new(), || -> sprung::Result<_> {
             let mut force = vec![Vector3::zeros(); system.particles()];
-            if elastic {
-                add_elastic_force(system, &extensions, &mut force);
-            }
-            if damping {
-                add_damping_force(system, &extensions, &state.velocities, &mut force);
+            for (index, spring) in system.springs().iter().enumerate() {
+                let pair @ [i, j] = system.pair(index);
+                let at = Extension::between(&state.positions[i], &state.positions[j]);
+                let at = at.ok_or(DegenerateSpring { spring: index, pair })?;
+                let mut f = Vector3::zeros();
+                if elastic {
+                    f += spring.elastic_force(&at);
+                }
+                if damping {
+                    f += spring.damping_force(&at, &(state.velocities[i] - state.velocities[j]));
+                }
+                force[i] += f;
+                force[j] -= f;
             }
             if weight {
                 add_weight(system, &mut force);

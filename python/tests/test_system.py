@@ -202,10 +202,11 @@ def test_forces_and_energies_are_those_of_the_formulas(system):
         np.add.at(expected, i, part)
         np.add.at(expected, j, -part)
     expected += system.masses[:, None] * system.gravity
-    # Each entry is a sum of some six terms that may cancel: a few roundings of the largest.
-    np.testing.assert_allclose(system.force(state), expected, rtol=0, atol=1e-14 * abs(pull).max() * 10)
+    # Each entry is a sum of some twenty terms of a few roundings each: some hundred roundings of the largest.
+    allowed = 100 * 1.1e-16 * abs(pull).max()
+    np.testing.assert_allclose(system.force(state), expected, rtol=0, atol=allowed)
     parts = sum(system.force(state, kind) for kind in ("elastic", "damping", "weight"))
-    np.testing.assert_allclose(system.force(state), parts, rtol=0, atol=1e-14 * abs(pull).max() * 10)
+    np.testing.assert_allclose(system.force(state), parts, rtol=0, atol=allowed)
     energy = system.energy(state)
     kinetic = 0.5 * (system.masses * (state.velocities**2).sum(axis=1)).sum()
     elastic = 0.5 * (system.stiffness * system.rest_lengths * strain**2).sum()

@@ -19,14 +19,16 @@ SI units everywhere; particles and springs are numbered from 0. ``K = df_elastic
 negative (semidefinite) where the system is stable.
 """
 
+from ._constraint import Constraint
 from ._errors import Breakdown, DoubtWarning, NotPositiveDefinite
 from ._inspect import Inspection, inspect
 from ._jacobian import Entry, JacobianCheck, check_jacobian
 from ._matrices import Factor, Matrices
 from ._native import __version__
 from ._result import Result
+from ._state import Energy, State
 from ._stepper import Stepper
-from ._system import Constraint, Energy, State, System
+from ._system import System
 from ._verify import Verification, verify
 
 __all__ = [

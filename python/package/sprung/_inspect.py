@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 from . import _native
 from ._arrays import Floats
 from ._html import framed
-from ._system import State, System
+from ._state import State
+from ._system import System
 
 
 class Inertia(NamedTuple):

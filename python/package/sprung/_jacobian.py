@@ -13,7 +13,8 @@ from scipy import sparse
 from . import _arrays, _native
 from ._arrays import Floats
 from ._html import framed
-from ._system import State, System
+from ._state import State
+from ._system import System
 
 #: Coordinates from which columns are measured in groups unless it is asked otherwise.
 _LARGE = 200

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike
 from . import _arrays, _native
 from ._arrays import Floats
 from ._html import framed
+from ._state import State
 
 if TYPE_CHECKING:
-    from ._system import State, System
+    from ._system import System
 
 #: Columns of the energies, as in ``energy.csv``.
 _COLUMNS = ("kinetic", "elastic", "gravitational", "total", "work", "dissipated", "imbalance")
@@ -41,8 +42,6 @@ class Result:
     """
 
     def __init__(self, system: System, handed: dict[str, Any]) -> None:
-        from ._system import State
-
         self.system = system
         self.summary: dict[str, Any] = json.loads(handed["summary"])
         self.state: State = State._of(handed["state"])

@@ -10,7 +10,8 @@ from typing import Any
 from . import _arrays, _native
 from ._errors import Breakdown, DoubtWarning
 from ._result import Result
-from ._system import State, System
+from ._state import State
+from ._system import System
 
 
 class Stepper:

@@ -1,12 +1,11 @@
-"""Systems, states and constraints."""
+"""Mass-spring systems: from arrays, from files, ready ones; what is asked of a state."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from functools import cached_property
-from typing import Any, NamedTuple, Union
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,148 +13,10 @@ from scipy.sparse.linalg import LinearOperator
 
 from . import _arrays, _native
 from ._arrays import Floats
+from ._constraint import Constraint, constraint, vector
 from ._html import framed
 from ._matrices import Factor, Matrices, linear_operator
-
-Given = tuple[Floats, Floats, float]
-
-
-class Energy(NamedTuple):
-    """The energy of a state by kind, in J."""
-
-    #: ``sum(m v**2 / 2)``, prescribed particles included.
-    kinetic: float
-    #: ``sum(k (l - l0)**2 / (2 l0))`` over all springs.
-    elastic: float
-    #: ``-sum(m gravity . x)``, zero at the origin.
-    gravitational: float
-
-    @property
-    def total(self) -> float:
-        """The sum of all kinds."""
-        return self.kinetic + self.elastic + self.gravitational
-
-
-class State:
-    """Positions and velocities of all particles at one time.
-
-    The arrays belong to numpy and may be changed; what computes with a state reads it and changes nothing.
-
-    Parameters
-    ----------
-    positions : array_like, shape (particles, dimension)
-        In m.
-    velocities : array_like, shape (particles, dimension), optional
-        In m/s; at rest where it is absent.
-    time : float
-        In s.
-    """
-
-    __slots__ = ("positions", "time", "velocities")
-
-    def __init__(self, positions: ArrayLike, velocities: ArrayLike | None = None, time: float = 0.0) -> None:
-        self.positions: Floats = _arrays.rows("positions", positions)
-        if velocities is None:
-            self.velocities: Floats = np.zeros_like(self.positions)
-        else:
-            self.velocities = _arrays.rows("velocities", velocities, width=self.positions.shape[1])
-        self.time = _arrays.number("time", time)
-
-    @classmethod
-    def _of(cls, handed: Given) -> State:
-        state = cls.__new__(cls)
-        state.positions, state.velocities, state.time = handed
-        return state
-
-    def _given(self) -> Given:
-        width = self.positions.shape[1] if getattr(self.positions, "ndim", 0) == 2 else None
-        return (
-            _arrays.rows("positions", self.positions),
-            _arrays.rows("velocities", self.velocities, width=width),
-            _arrays.number("time", self.time),
-        )
-
-    def copy(self) -> State:
-        """A state of its own."""
-        positions, velocities, time = self._given()
-        return State._of((positions.copy(), velocities.copy(), time))
-
-    def __repr__(self) -> str:
-        return f"<State of {len(self.positions)} particles at t = {self.time} s>"
-
-
-@dataclass(frozen=True)
-class Constraint:
-    """Particles whose coordinates along some axes are prescribed; later constraints override earlier ones.
-
-    Parameters
-    ----------
-    particles : int or array_like of int
-        The kinematic particles.
-    axes : str or sequence of str, optional
-        The prescribed axes, as ``"xy"`` or ``["x", "y"]``; absent: all.
-    velocity : array_like, optional
-        In m/s: ``x(t) = x(0) + t velocity``.
-    path : (times, offsets) or mapping with these keys, optional
-        ``x(t) = x(0) + offset(t)``, piecewise linear and clamped at both ends; times in s, one row in m for each.
-        With neither a velocity nor a path the coordinates are held.
-    """
-
-    particles: Any
-    axes: Union[str, Sequence[str], None] = None
-    velocity: Any = None
-    path: Any = None
-
-    def _given(self, index: int, particles: int, dimension: int) -> tuple[Any, ...]:
-        key = f"constraints[{index}]"
-        numbers = np.atleast_1d(_arrays.integers(f"{key}.particles", self.particles))
-        wrong = np.flatnonzero((numbers.ravel() < 0) | (numbers.ravel() >= particles))
-        if wrong.size:
-            at = int(wrong[0])
-            raise ValueError(
-                f"{key}.particles[{at}] = {int(numbers.ravel()[at])}: names a particle that does not exist "
-                f"(there are {particles})"
-            )
-        axes = None if self.axes is None else [_axis(key, at, axis, dimension) for at, axis in enumerate(self.axes)]
-        if self.velocity is not None and self.path is not None:
-            raise ValueError(f"{key} = velocity and path: must have at most one of the two")
-        velocity = path = None
-        if self.velocity is not None:
-            velocity = _vector(f"{key}.velocity", self.velocity, dimension)
-        if self.path is not None:
-            path = _path(f"{key}.path", self.path, dimension)
-        return numbers.ravel().tolist(), axes, velocity, path
-
-
-def _axis(key: str, at: int, axis: str, dimension: int) -> int:
-    number = "xyz".find(axis) if isinstance(axis, str) and len(axis) == 1 else -1
-    if not 0 <= number < dimension:
-        known = ", ".join("xyz"[:dimension])
-        raise ValueError(f"{key}.axes[{at}] = {axis!r}: must be one of {known}")
-    return number
-
-
-def _vector(key: str, value: ArrayLike, dimension: int) -> list[float]:
-    vector = _arrays.real(key, value)
-    if vector.shape != (dimension,):
-        raise ValueError(f"{key} = an array of shape {vector.shape}: must have length {dimension}, as the positions")
-    return [*vector.tolist(), *[0.0] * (3 - dimension)]
-
-
-def _path(key: str, path: Any, dimension: int) -> tuple[list[float], list[list[float]]]:
-    if isinstance(path, Mapping):
-        unknown = sorted(set(path) - {"times", "offsets"})
-        if unknown or len(path) != 2:
-            raise ValueError(f"{key} = {sorted(path)}: must have the keys times and offsets")
-        path = path["times"], path["offsets"]
-    try:
-        times, offsets = path
-    except (TypeError, ValueError):
-        raise ValueError(f"{key} = {path!r}: must be (times, offsets)") from None
-    times = np.atleast_1d(_arrays.real(f"{key}.times", times)).ravel()
-    offsets = _arrays.rows(f"{key}.offsets", offsets, of="time", width=dimension)
-    absent = np.zeros((len(offsets), 3 - dimension))
-    return times.tolist(), np.hstack([offsets, absent]).tolist()
+from ._state import Energy, Given, State
 
 
 class System:
@@ -225,7 +86,7 @@ class System:
             if springs:
                 raise ValueError(f"stiffness = absent: must be given, one number for all {springs} springs or one for each")
             stiffness = 1.0
-        entries = [entry if isinstance(entry, Constraint) else _constraint(at, entry) for at, entry in enumerate(constraints)]
+        entries = [constraint(at, entry) for at, entry in enumerate(constraints)]
         self._native = _native.System.from_arrays(
             str(name),
             places,
@@ -235,7 +96,7 @@ class System:
             _arrays.each("stiffness", stiffness, springs, "springs"),
             None if rest_lengths is None else _arrays.each("rest_lengths", rest_lengths, springs, "springs"),
             _arrays.each("damping", damping, springs, "springs", zero=True),
-            [0.0] * 3 if gravity is None else _vector("gravity", gravity, dimension),
+            [0.0] * 3 if gravity is None else vector("gravity", gravity, dimension),
             [entry._given(at, count, dimension) for at, entry in enumerate(entries)],
         )
 
@@ -449,14 +310,3 @@ class System:
         start = self.initial_state()
         page = _native.view(self._native, self.name, [], np.zeros(1), start.positions[np.newaxis], [], 4_000_000)
         return framed(page, 480)
-
-
-def _constraint(index: int, entry: Any) -> Constraint:
-    if not isinstance(entry, Mapping):
-        raise ValueError(f"constraints[{index}] = {entry!r}: must be a Constraint or a mapping")
-    unknown = sorted(set(entry) - {"particles", "axes", "velocity", "path"})
-    if unknown:
-        raise ValueError(f"constraints[{index}] = {unknown[0]!r}: unknown key")
-    if "particles" not in entry:
-        raise ValueError(f"constraints[{index}].particles = absent: must be given")
-    return Constraint(**entry)

@@ -8,7 +8,8 @@ from typing import Any
 
 from . import _arrays, _native
 from ._html import framed
-from ._system import State, System
+from ._state import State
+from ._system import System
 
 
 class Verification:
