@@ -15,6 +15,9 @@ use sprung::plan::parallelism;
 use sprung::report::inspection::{InspectionRecord, html, text};
 use std::sync::Arc;
 
+/// Eigenvalues, and eigenvectors as rows.
+type Eigenpairs<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
 /// What an inspection found, with what it was made of.
 #[pyclass(frozen, module = "sprung._native")]
 pub struct Inspection {
@@ -58,7 +61,7 @@ impl Inspection {
     }
 
     /// The lowest eigenvalues of A that were found, ascending, and their eigenvectors as rows.
-    fn eigenpairs<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+    fn eigenpairs<'py>(&self, py: Python<'py>) -> PyResult<Eigenpairs<'py>> {
         let lowest = &self.found.spectrum.lowest;
         let values: Vec<f64> = lowest.iter().map(|pair| pair.value).collect();
         let vectors: Vec<f64> = lowest.iter().flat_map(|pair| pair.vector.iter().copied()).collect();

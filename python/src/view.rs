@@ -14,6 +14,7 @@ type GivenTrack = (String, String, Vec<f64>, Vec<(String, Vec<f64>)>);
 
 /// The page of frames of a system, with curves below; of at most so many bytes of data.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "one for each thing that the page shows")]
 pub fn view(
     py: Python<'_>,
     system: &System,
