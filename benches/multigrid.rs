@@ -7,7 +7,7 @@
 mod scenes;
 
 use sprung::force::Extensions;
-use sprung::linear::{CgSolver, LinearSolver, PreconditionerKind};
+use sprung::linear::{CgSolver, LinearSolver, PreconditionerKind, Prepare};
 use sprung::multigrid::Multigrid;
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::work::Work;
@@ -93,10 +93,10 @@ fn measure((kind, size, stiffer, option): (&str, &str, &str, &str)) {
     let mut work = Work::default();
     let mut solver = CgSolver::matrix_free(&system, Some(PreconditionerKind::Multigrid), 1e-10).unwrap();
     solver.place(&state.positions);
-    solver.prepare(&a, &mut work).unwrap();
+    let mut solver = solver.prepare(&a, &mut work).unwrap();
     z.fill(0.0);
     // Once: the next time it would start from this solution.
-    let solve = time(1, || _ = solver.solve(&a, &b, &mut z, &mut work).unwrap());
+    let solve = time(1, || _ = solver.solve(&b, &mut z, &mut work).unwrap());
     println!(
         "{kind} {size} ×{stiffer} {}: {} iterations; analyse {analyse}, first set-up {first}, refill {refill}, rebuild \
          {rebuild}, solve {solve}, cycle {cycle}, product {product}; {bytes} B a particle, nodes {:?}",

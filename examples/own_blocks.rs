@@ -8,7 +8,7 @@ use sprung::assembly::{BlockPattern, SymmetricMatrix};
 use sprung::linear::Cholesky;
 use std::sync::Arc;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+pub(crate) fn main() -> Result<(), Box<dyn std::error::Error>> {
     const PARTICLES: usize = 50;
     let kappa = 3.0;
     let elements: Vec<[usize; 3]> = (0..PARTICLES - 2).map(|i| [i, i + 1, i + 2]).collect();

@@ -45,6 +45,12 @@ pub enum Error {
         /// How many there are.
         room: u64,
     },
+    /// A scene that there is no reader or no recipe for.
+    #[error("{0}")]
+    Scene(String),
+    /// What was asked for does not exist in this combination.
+    #[error("{0}")]
+    Unsupported(String),
     /// The command's arguments do not fit together or do not fit the scene.
     #[error("{0}")]
     Usage(String),

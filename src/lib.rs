@@ -1,8 +1,39 @@
 //! Implicit mass–spring systems with an explicitly assembled sparse matrix.
 //!
-//! The way of the data, and the rooms it passes; every room uses only those above it in this list:
+//! A [`SystemBuilder`] checks a description and gives a [`System`], which does not change any more, and its [`State`], which steppers
+//! move. Most programs need three things: a [`Method`]'s stepper, [`integrate::run`], and, where they want to look inside,
+//! [`integrate::StepMatrices`] and [`inspect`].
 //!
-//! | room | what it holds |
+//! ```
+//! use sprung::integrate::{ImplicitOptions, Schedule, run};
+//! use sprung::{Method, Spring, SystemBuilder};
+//! use std::ops::ControlFlow;
+//!
+//! let mut builder = SystemBuilder::new();
+//! builder.gravity(0.0, -9.81, 0.0);
+//! let anchor = builder.particle([0.0, 0.0, 0.0], 1.0);
+//! let bob = builder.particle([1.0, 0.0, 0.0], 2.0);
+//! builder.spring(anchor, bob, Spring { stiffness: 1000.0, rest_length: 1.0, damping: 0.3 });
+//! builder.hold(anchor);
+//! let (system, mut state) = builder.build()?;
+//!
+//! let mut stepper = Method::Bdf2.stepper(&system, &state, &ImplicitOptions::default())?;
+//! let mut lowest = 0.0_f64;
+//! let outcome = run(&mut *stepper, &mut state, &Schedule::duration(0.01, 1.0), |_, state| {
+//!     lowest = lowest.min(state.positions[bob].y);
+//!     ControlFlow::Continue(())
+//! });
+//! assert_eq!((outcome.status().name(), outcome.steps), ("completed", 100));
+//! assert!((-1.2..-1.0).contains(&lowest));
+//! # Ok::<(), sprung::Error>(())
+//! ```
+//!
+//! A [linear solver](linear::LinearSolver), a [preconditioner](linear::Precondition), a [spring law](spring::SpringLaw) and a
+//! [force from outside](system::ExternalForce) may be your own.
+//!
+//! The modules, in the order of the data's way; each uses only those above it in this list:
+//!
+//! | module | what it holds |
 //! |---|---|
 //! | [`spring`] | the mathematics of one spring: 3-vectors and 3×3 blocks, no indices |
 //! | [`system`] | particles, springs, constraints, and the one map of free degrees of freedom; the moving [`State`] |
@@ -22,7 +53,7 @@
 //! | [`report`] | checks and pictures as HTML, SVG, JSON, JUnit and text |
 //! | [`output`] | results of runs as files, whole or not at all |
 //!
-//! [`error`], [`interrupt`] (requests to stop), [`memory`] (how much there is) and [`work`] (counters) serve all rooms.
+//! [`error`], [`interrupt`] (requests to stop), [`memory`] (how much there is) and [`work`] (counters) serve all of them.
 //!
 //! `K = ∂f_el/∂x` and `G = ∂f_d/∂v` are negative (semidefinite) where the system is stable, `K^s` is the positive block
 //! of one spring, and `A = M/dt² − G/dt − K`. SI units everywhere; particles and springs are numbered from 0.
@@ -69,6 +100,7 @@ pub use nalgebra;
 pub use nalgebra_sparse;
 
 pub use error::{Error, Result};
+pub use integrate::Method;
 #[cfg(feature = "scene")]
 pub use scene::Scene;
 pub use spring::{Spring, Stiffness};

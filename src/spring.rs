@@ -16,13 +16,30 @@
 //! CS838-2, University of Wisconsin–Madison, 7 October 2011, whose force law this is; the derivation is our own.
 //!
 //! **Edge cases.** At `l = l0` the transverse coefficient is zero, so all options agree. As `l → 0` it tends to −∞:
-//! a spring may be arbitrarily short, and its block is right to rounding, but at `l = 0` the direction does not
-//! exist and [`Extension::between`] returns `None`. The test is on the computed length, so ends nearer than about
+//! a spring may be short, and its block is right to rounding, but at `l = 0` the direction does not exist and
+//! [`Extension::between`] returns `None`. The test is on the computed length, so ends nearer than about
 //! 1e-162 m, whose squared distance underflows, count as coincident too.
+
+mod law;
+
+pub use law::{SpringLaw, Tension};
 
 use nalgebra::{Matrix3, Vector3};
 
 /// Parameters of one spring.
+///
+/// # Examples
+/// ```
+/// use sprung::nalgebra::Vector3;
+/// use sprung::spring::{Extension, Spring, Stiffness};
+///
+/// let spring = Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 };
+/// let at = Extension::between(&Vector3::new(3.0, 0.0, 0.0), &Vector3::zeros()).ok_or("coincident ends")?;
+/// assert_eq!(spring.elastic_force(&at), Vector3::new(-10.0, 0.0, 0.0)); // 20 N · (3/2 − 1), pulling back
+/// assert_eq!(spring.elastic_energy(&at), 5.0);
+/// assert_eq!(spring.stiffness_block(&at, Stiffness::Full).axial, 10.0); // k/l0
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spring {
     /// k, the force per unit strain, in N; positive.

@@ -1,7 +1,7 @@
 //! The chart: what it measures, that failures stay on it, and that its files are whole.
 
 use sprung::accuracy::{Configuration, Pace, relative_position_error, trial};
-use sprung::chart::stability::{Axis, Tile, Verdict};
+use sprung::chart::stability::{Tile, Varied, Verdict};
 use sprung::chart::{Reference, SweepOptions, WorkPrecision, configurations};
 use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy};
 use sprung::scene::Scene;
@@ -117,7 +117,7 @@ fn the_map_knows_the_three_deaths() {
     let all = configurations(faer::Par::Seq);
     let tile = |method: Method, stiffness: &str| {
         let configuration = all.iter().find(|c| c.method == method && c.stiffness() == stiffness).unwrap();
-        Tile::measure(configuration, Axis::Stretch, &[1.0, 4.0], &[0.5, 2.0]).unwrap().verdicts
+        Tile::measure(configuration, Varied::Stretch, &[1.0, 4.0], &[0.5, 2.0]).unwrap().verdicts
     };
     use Verdict::*;
     let [full, axial] = ["full", "axial"].map(|option| tile(Method::LinearBackwardEuler, option));

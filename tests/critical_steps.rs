@@ -6,18 +6,18 @@ use nalgebra::{DMatrix, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sprung::assembly::SymmetricMatrix;
-use sprung::inspect::{CriticalSteps, Inertia, LargestStep, Requirement};
+use sprung::inspect::{CriticalSteps, Inertia, LargestStep, Property};
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, StepMatrices, TimeStepper};
 use sprung::linear::{SolverChoice, SolverOptions};
 use sprung::{Spring, State, Stiffness, System, SystemBuilder};
 use std::f64::consts::PI;
 
-fn largest(system: &System, state: &State, requirement: Requirement, option: Stiffness) -> LargestStep {
+fn largest(system: &System, state: &State, requirement: Property, option: Stiffness) -> LargestStep {
     CriticalSteps::new(system, state, Par::Seq).expect("a small system").largest_step(requirement, option)
 }
 
 fn definite(system: &System, state: &State) -> f64 {
-    largest(system, state, Requirement::Definite, Stiffness::Full).dt().expect("a limit")
+    largest(system, state, Property::Definite, Stiffness::Full).dt().expect("a limit")
 }
 
 fn negative(system: &System, state: &State, dt: f64) -> usize {
@@ -45,10 +45,10 @@ fn of_one_compressed_spring() {
         assert_eq!(negative(&system, &state, expected * (1.0 - 1e-6)), 0);
         assert_eq!(negative(&system, &state, expected * (1.0 + 1e-6)), 2);
         for option in [Stiffness::Tension, Stiffness::Axial] {
-            assert_eq!(largest(&system, &state, Requirement::Definite, option), LargestStep::Every);
-            assert_eq!(largest(&system, &state, Requirement::Stable, option), LargestStep::Every);
+            assert_eq!(largest(&system, &state, Property::Definite, option), LargestStep::Every);
+            assert_eq!(largest(&system, &state, Property::Stable, option), LargestStep::Every);
         }
-        let stable = largest(&system, &state, Requirement::Stable, Stiffness::Full).dt();
+        let stable = largest(&system, &state, Property::Stable, Stiffness::Full).dt();
         assert_eq!(stable, Some(dt), "no step is called stable beyond the definite one");
     }
 }
@@ -78,16 +78,16 @@ fn of_a_straight_free_chain() {
 #[test]
 fn has_no_limit_where_k_is_semidefinite() {
     let (system, state) = taut_chain(5, 1.3);
-    assert_eq!(largest(&system, &state, Requirement::Definite, Stiffness::Full), LargestStep::Every);
-    assert_eq!(largest(&system, &state, Requirement::Stable, Stiffness::Full), LargestStep::Every);
-    assert_eq!(largest(&system, &state, Requirement::Stable, Stiffness::Tension), LargestStep::Every);
+    assert_eq!(largest(&system, &state, Property::Definite, Stiffness::Full), LargestStep::Every);
+    assert_eq!(largest(&system, &state, Property::Stable, Stiffness::Full), LargestStep::Every);
+    assert_eq!(largest(&system, &state, Property::Stable, Stiffness::Tension), LargestStep::Every);
 
     let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
     builder.particle([0.0; 3], 1.0);
     builder.particle([0.5, 0.0, 0.0], 1.0);
     builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.0 });
     let (system, state) = builder.build().expect("a valid scene");
-    assert_eq!(largest(&system, &state, Requirement::Definite, Stiffness::Full), LargestStep::Every);
+    assert_eq!(largest(&system, &state, Property::Definite, Stiffness::Full), LargestStep::Every);
 }
 
 /// n equal masses between walls on a line, links `stretch` times as long as at rest.
@@ -114,9 +114,9 @@ fn of_stretched_chains_without_their_transverse_terms() {
     for n in [1, 2, 7, 30] {
         for stretch in [1.02, 1.4, 2.0] {
             let (system, state) = taut_chain(n, stretch);
-            let stable = largest(&system, &state, Requirement::Stable, Stiffness::Axial).dt().expect("a limit");
+            let stable = largest(&system, &state, Property::Stable, Stiffness::Axial).dt().expect("a limit");
             assert_relative_eq!(stable, taut_chain_limit(n, stretch), max_relative = 1e-9);
-            assert_eq!(largest(&system, &state, Requirement::Definite, Stiffness::Axial), LargestStep::Every);
+            assert_eq!(largest(&system, &state, Property::Definite, Stiffness::Axial), LargestStep::Every);
         }
     }
 }
@@ -147,7 +147,7 @@ fn growth(n: usize, stretch: f64, dt: f64) -> f64 {
 fn are_where_runs_begin_to_grow() {
     for (n, stretch) in [(1, 1.4), (2, 1.1), (7, 2.0)] {
         let (system, state) = taut_chain(n, stretch);
-        let stable = largest(&system, &state, Requirement::Stable, Stiffness::Axial).dt().expect("a limit");
+        let stable = largest(&system, &state, Property::Stable, Stiffness::Axial).dt().expect("a limit");
         let below = growth(n, stretch, stable * (1.0 - 1e-6));
         let above = growth(n, stretch, stable * (1.0 + 1e-6));
         println!("n = {n}: {below:.3} below, {above:.1} above");
@@ -178,7 +178,7 @@ fn cost_few_factorizations() {
     }
     let (system, state) = builder.build().expect("a valid scene");
     let mut steps = CriticalSteps::new(&system, &state, Par::Seq).expect("a small system");
-    for (requirement, option) in [(Requirement::Definite, Stiffness::Full), (Requirement::Stable, Stiffness::Axial)] {
+    for (requirement, option) in [(Property::Definite, Stiffness::Full), (Property::Stable, Stiffness::Axial)] {
         let before = steps.work.factorizations;
         let LargestStep::UpTo { dt, refused } = steps.largest_step(requirement, option) else { panic!("no limit") };
         let spent = steps.work.factorizations - before;
@@ -224,7 +224,7 @@ fn definite_steps_are_sharp_on_random_damped_bodies() {
     let mut limited = 0;
     for _ in 0..100 {
         let (system, state) = random_body(&mut rng, 0.8..1.5);
-        let Some(dt) = largest(&system, &state, Requirement::Definite, Stiffness::Full).dt() else { continue };
+        let Some(dt) = largest(&system, &state, Property::Definite, Stiffness::Full).dt() else { continue };
         limited += 1;
         assert_eq!(negative(&system, &state, dt * (1.0 - 1e-7)), 0);
         assert!(negative(&system, &state, dt * (1.0 + 1e-7)) > 0);
@@ -257,10 +257,10 @@ fn stable_steps_are_those_of_the_amplification_matrix_on_random_damped_bodies() 
         // Stretched only: −K is positive definite, and growth can only come from the method.
         let (system, state) = random_body(&mut rng, 0.4..1.0);
         for option in [Stiffness::Full, Stiffness::Tension] {
-            assert_eq!(largest(&system, &state, Requirement::Stable, option), LargestStep::Every);
+            assert_eq!(largest(&system, &state, Property::Stable, option), LargestStep::Every);
             assert!(spectral_radius(&system, &state, option, 10.0) < 1.0);
         }
-        let Some(dt) = largest(&system, &state, Requirement::Stable, Stiffness::Axial).dt() else { continue };
+        let Some(dt) = largest(&system, &state, Property::Stable, Stiffness::Axial).dt() else { continue };
         limited += 1;
         let [below, above] =
             [1.0 - 1e-3, 1.0 + 1e-3].map(|r| spectral_radius(&system, &state, Stiffness::Axial, r * dt));

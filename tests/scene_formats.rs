@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use sprung::scene::{
-    Axis, ConstraintEntry, Kind, Mesh, Particles, Path, Row, Scene, Springs, TimeSettings, Values, builtin,
+    AxisName, ConstraintEntry, Kind, Mesh, Particles, Path, Row, Scene, Springs, TimeSettings, Values, builtin,
 };
 use std::io::Cursor;
 
@@ -29,7 +29,7 @@ fn valid_in_code() -> Scene {
         constraints: vec![
             ConstraintEntry {
                 particles: vec![0],
-                axes: Some(vec![Axis::X, Axis::Y]),
+                axes: Some(vec![AxisName::X, AxisName::Y]),
                 velocity: Some([0.0, 0.0, 0.5].into()),
                 path: None,
             },
@@ -134,7 +134,7 @@ fn entry(dimension: usize) -> impl Strategy<Value = ConstraintEntry> {
     let path = (prop::collection::vec(number(), 0..20), rows(dimension));
     (
         prop::collection::vec(any::<u32>(), 0..40),
-        prop::option::of(prop::collection::vec(prop::sample::select(&Axis::ALL[..]), 0..4)),
+        prop::option::of(prop::collection::vec(prop::sample::select(&AxisName::ALL[..]), 0..4)),
         prop::option::of(row(dimension)),
         prop::option::of(path.prop_map(|(times, offsets)| Path { times, offsets })),
     )

@@ -4,7 +4,7 @@ use nalgebra_sparse::CscMatrix;
 use sprung::assembly::{SpringPattern, SystemMatrix};
 use sprung::force::Extensions;
 use sprung::integrate::StepMatrices;
-use sprung::linear::{CgSolver, Cholesky, LinearSolver, PreconditionerKind};
+use sprung::linear::{CgSolver, Cholesky, PreconditionerKind, Prepare};
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::scene::{Kind, builtin};
 use sprung::verify::*;
@@ -177,8 +177,7 @@ fn an_iteration_that_stops_early_is_caught() {
         let mut cg = CgSolver::matrix_free(&step.system, Some(PreconditionerKind::Jacobi), tolerance).unwrap();
         let mut work = Work::default();
         let mut x = vec![0.0; step.b.len()];
-        cg.prepare(&operator, &mut work).unwrap();
-        cg.solve(&operator, &step.b, &mut x, &mut work).unwrap();
+        cg.prepare(&operator, &mut work).unwrap().solve(&step.b, &mut x, &mut work).unwrap();
         x
     };
     let (early, late) = (solve(1e-4), solve(1e-10));

@@ -10,7 +10,7 @@ use sprung::integrate::{
     StepMatrices, TimeStepper, run,
 };
 use sprung::linear::{
-    CgSolver, Cholesky, Definiteness, Ldlt, LdltSolver, LinearSolver, PreconditionerKind, SolveFailure, SolverChoice,
+    CgSolver, Cholesky, Definiteness, Ldlt, LdltSolver, PreconditionerKind, Prepare, SolveFailure, SolverChoice,
     SolverOptions,
 };
 use sprung::operator::{Combination, SystemOperator};
@@ -131,7 +131,7 @@ fn vanishing_pivots() -> Outcome {
             for seed in 1..10 {
                 let b: Vec<f64> = (0..system.dofs().len()).map(|row| ((seed * (row + 3)) as f64).sin()).collect();
                 let mut x = vec![0.0; b.len()];
-                match solver.prepare(&a, &mut work).and_then(|_| solver.solve(&a, &b, &mut x, &mut work)) {
+                match solver.prepare(&a, &mut work).and_then(|mut solver| solver.solve(&b, &mut x, &mut work)) {
                     Ok(_) => accepted.push(backward_error(&system, &state, dt, &x, &b)?),
                     Err(SolveFailure::Untrusted { .. } | SolveFailure::Indefinite(_)) => refused += counted,
                     Err(failure) => return Err(failure.into()),
@@ -210,9 +210,10 @@ fn straight_chain() -> Outcome {
     b.iter_mut().step_by(3).enumerate().for_each(|(p, b)| *b = 1.0 + p as f64);
     let mut work = Work::default();
     let mut cg = CgSolver::matrix_free(&system, Some(PreconditionerKind::None), 1e-12)?;
-    let known = cg.prepare(&a, &mut work)?;
+    let mut prepared = cg.prepare(&a, &mut work)?;
+    let known = prepared.definiteness();
     let mut x = vec![0.0; b.len()];
-    let residual = cg.solve(&a, &b, &mut x, &mut work).map(|solution| solution.relative_residual);
+    let residual = prepared.solve(&b, &mut x, &mut work).map(|solution| solution.relative_residual);
     let matrix = StepMatrices::assemble(&system, &state, Stiffness::Full, 1.0)?.a;
     let refused = Cholesky::analyse(matrix.pattern(), Par::Seq)?.factor(&matrix).is_err();
     let mut ldlt = Ldlt::analyse(matrix.pattern(), Par::Seq)?;

@@ -167,7 +167,7 @@ pub(super) fn attempt<A: Audience>(
         }
         Pace::Adaptive { rtol, first_step } => {
             let mut stepper = method.adaptive_stepper(system, start, options)?.ok_or_else(|| {
-                crate::Error::Usage(format!("{} has no error estimate for adaptive steps", method.name()))
+                crate::Error::Unsupported(format!("{} has no error estimate for adaptive steps", method.name()))
             })?;
             let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Every(grid.spacing) };
             let mut metered = Metered { stepper: &mut *stepper, meter: &meter };

@@ -4,7 +4,7 @@ use super::Configuration;
 use crate::error::Result;
 use crate::force::Extensions;
 use crate::integrate::{ImplicitOptions, Method, StiffnessPolicy};
-use crate::linear::{CholeskySolver, LinearSolver, SolverOptions};
+use crate::linear::{CholeskySolver, Prepare, SolverOptions};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};

@@ -204,7 +204,7 @@ fn at_rest(system: &System, state: &State, extensions: &Extensions, parts: &Part
     let mut compressed = vec![false; n];
     let moving = moving_axes(system);
     let mut resting = vec![true; n];
-    for ((_, pair, spring), at) in system.active().zip(extensions.iter()) {
+    for ((_, pair, spring), at) in extensions.springs(system) {
         // A length is rounded like the coordinates that it is the difference of.
         let reach: f64 = pair.iter().map(|&p| state.positions[p].norm()).sum();
         let terms = spring.elastic_force(at).norm() + spring.stiffness / spring.rest_length * reach;

@@ -14,7 +14,7 @@
 use super::extent;
 use crate::error::Result;
 use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
-use crate::linear::{CostModel, LinearSolver, Promise, SolverOptions, select};
+use crate::linear::{Assurance, CostModel, Equations, SolverOptions, select};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -41,14 +41,10 @@ pub(super) fn unresolved(
     // Without the terms that make A indefinite: a filter must be one.
     let operator = SystemOperator::new(system, &extensions, Stiffness::Tension, combination);
     let mut work = Work { assemblies: 1, force_evaluations: 1, ..Work::default() };
-    let mut filter = Filter {
-        system,
-        solver: select(system, &SolverOptions { tolerance: 1e-6, ..*options }, Promise::Definite, &mut work)?,
-        operator,
-        h,
-    };
-    filter.solver.place(&state.positions);
-    if filter.solver.prepare(&filter.operator, &mut work).is_err() {
+    let solver = select(system, &SolverOptions { tolerance: 1e-6, ..*options }, Assurance::Definite, &mut work)?;
+    let mut filter = Filter { system, equations: Equations::new(operator, solver), h };
+    filter.equations.place(&state.positions);
+    if filter.equations.prepare(|_| {}, &mut work).is_err() {
         return Ok((f64::INFINITY, costs.cost(&work, None)));
     }
     let mut acceleration = vec![Vector3::zeros(); system.particles()];
@@ -67,14 +63,13 @@ pub(super) fn unresolved(
     let acceleration = filter.fast(acceleration, &mut work);
     let displacement = velocity.zip(acceleration).map(|(v, a)| h * v + h * h * a);
     let relative = displacement.map(|d| d / extent(&state.positions, &state.positions));
-    let factor = filter.solver.factor().map(|factor| factor.size);
+    let factor = filter.equations.factor().map(|factor| factor.size);
     Ok((relative.unwrap_or(f64::INFINITY), costs.cost(&work, factor)))
 }
 
 struct Filter<'s> {
     system: &'s System,
-    solver: Box<dyn LinearSolver>,
-    operator: SystemOperator<'s>,
+    equations: Equations<'s>,
     h: f64,
 }
 
@@ -93,9 +88,9 @@ impl Filter<'_> {
                     to[dof.axis] = from[dof.axis];
                 }
             }
-            self.operator.subtract_coupling(&prescribed, &mut rhs);
+            self.equations.matrix().subtract_coupling(&prescribed, &mut rhs);
             slow.fill(0.0);
-            self.solver.solve(&self.operator, &rhs, &mut slow, work).ok()?;
+            self.equations.prepared()?.solve(&rhs, &mut slow, work).ok()?;
             // What is prescribed is slow by itself.
             let mut kept = prescribed;
             dofs.scatter(&slow, &mut kept);

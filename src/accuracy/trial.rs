@@ -93,7 +93,7 @@ pub fn trial(
         }
         Pace::Adaptive { rtol, first_step } => {
             let mut stepper = method.adaptive_stepper(system, start, options)?.ok_or_else(|| {
-                crate::Error::Usage(format!("{} has no error estimate for adaptive steps", method.name()))
+                crate::Error::Unsupported(format!("{} has no error estimate for adaptive steps", method.name()))
             })?;
             let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Steps };
             (run_adaptive(stepper.as_mut(), system, &mut state, &how, observe), stepper)

@@ -9,6 +9,23 @@ use nalgebra_sparse::{CooMatrix, CscMatrix};
 use std::sync::Arc;
 
 /// A symmetric sparse matrix over the free degrees of freedom; the lower triangle is stored.
+///
+/// # Examples
+/// ```
+/// use sprung::DofMap;
+/// use sprung::assembly::{BlockPattern, SymmetricMatrix};
+/// use sprung::nalgebra::Matrix3;
+/// use std::sync::Arc;
+///
+/// let pattern = Arc::new(BlockPattern::new(&DofMap::unconstrained(2), [[0, 1]].into_iter())?);
+/// let slot = pattern.slot(0, 1).ok_or("no such pair")?;
+/// let mut a = SymmetricMatrix::zeros(pattern);
+/// a.add_diagonal_block(0, &Matrix3::identity());
+/// a.add_block(slot, &Matrix3::from_diagonal_element(-0.5));
+/// assert_eq!(a.to_csc().nnz(), 18 + 18); // two diagonal blocks, and the pair's block twice
+/// assert_eq!(a.as_faer().nrows(), 6);    // nothing copied: the lower triangle
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct SymmetricMatrix {
     pattern: Arc<BlockPattern>,

@@ -11,6 +11,33 @@ use nalgebra::Matrix3;
 use std::sync::Arc;
 
 /// A system's matrix with the slot map that refills it.
+///
+/// # Examples
+/// ```
+/// use sprung::Stiffness;
+/// use sprung::assembly::{SpringPattern, SystemMatrix};
+/// use sprung::force::Extensions;
+/// use sprung::operator::{Combination, SystemOperator};
+/// use std::sync::Arc;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// // Once: the pattern, and where every spring's block goes.
+/// let mut matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(&system)?));
+/// // As often as the values change: no search, no sort, no allocation.
+/// let extensions = Extensions::at(&system, &state.positions)?;
+/// for dt in [0.1, 0.5] {
+///     let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(dt));
+///     matrix.refill(&a);
+/// }
+/// assert_eq!(matrix.matrix().values()[0], 4.0 + 10.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct SystemMatrix {
     springs: Arc<SpringPattern>,

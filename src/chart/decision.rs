@@ -2,7 +2,8 @@
 //!
 //! Only runs of a [tail](super::tail()) are recommended, so that no advice is contradicted by a finer run of the same table.
 
-use super::figures::{Curve, best_of_each, curves};
+use super::curve::{Curve, curves};
+use super::figures::best_of_each;
 use super::tail::tail;
 use super::{Run, WorkPrecision};
 

@@ -1,14 +1,12 @@
 //! What a chart shows, as plain pictures: speed against accuracy in time and in counted work, conservation, tolerances,
 //! solvers.
 
+use super::curve::{ADAPTIVE, Curve, curves};
 use super::tail::tail;
 use super::{Run, WorkPrecision};
 use crate::figure::{Axis, Guide, Look, Plot, Series};
 use crate::integrate::Method;
 use std::collections::BTreeMap;
-
-/// An error above this is no result: the run counts as failed.
-pub const LARGEST_ERROR: f64 = 1.0;
 
 /// A plot with the name of its file and a sentence on how to read it.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,35 +17,6 @@ pub struct Figure {
     pub caption: String,
     /// The plot.
     pub plot: Plot,
-}
-
-/// Runs of one configuration from long steps to short ones.
-#[derive(Debug, Clone)]
-pub struct Curve<'a> {
-    /// The method's name, `w2, adaptive` where steps are.
-    pub method: String,
-    /// The stiffness policy's name.
-    pub stiffness: &'static str,
-    /// The linear solver.
-    pub solver: &'static str,
-    /// The runs.
-    pub runs: Vec<&'a Run>,
-}
-
-impl Run {
-    /// The error of a run that led somewhere: completed, and off by less than [`LARGEST_ERROR`].
-    pub fn useful_error(&self) -> Option<f64> {
-        self.error.filter(|error| *error < LARGEST_ERROR)
-    }
-
-    /// Why a run has no useful error, in a word or two.
-    pub fn cause(&self) -> Option<String> {
-        match self.error {
-            Some(error) if error < LARGEST_ERROR => None,
-            Some(_) => Some("error above 100 %".into()),
-            None => Some(self.status.name().replace('-', " ")),
-        }
-    }
 }
 
 /// The colour and shape of a method, the same in all pictures; hollow where its steps adapt.
@@ -63,9 +32,6 @@ fn look_of_option(stiffness: &str, solver: &str) -> Look {
     Look { number: known.unwrap_or(4), hollow: solver.starts_with("cg") }
 }
 
-/// What follows the name of a method whose steps adapt.
-const ADAPTIVE: &str = ", adaptive";
-
 impl Curve<'_> {
     /// How much the configuration costs, without regard to how far it was taken: the least of `cost · error^(1/2)` over its
     /// [tail](super::tail()).
@@ -77,21 +43,6 @@ impl Curve<'_> {
     fn points(&self, y: impl Fn(&Run) -> f64) -> Vec<(f64, f64)> {
         self.runs.iter().filter_map(|run| Some((run.useful_error()?, y(run)))).collect()
     }
-}
-
-/// The sweep's runs by configuration, in the sweep's order.
-pub fn curves(runs: &[Run]) -> Vec<Curve<'_>> {
-    let mut curves: Vec<Curve<'_>> = Vec::new();
-    for run in runs {
-        let method = if run.rtol.is_some() { format!("{}{ADAPTIVE}", run.method) } else { run.method.to_owned() };
-        // A run that failed before it solved anything does not know its solver better than the others of its curve.
-        let same = |c: &&mut Curve<'_>| c.method == method && c.stiffness == run.stiffness && c.solver == run.solver;
-        match curves.iter_mut().find(same) {
-            Some(curve) => curve.runs.push(run),
-            None => curves.push(Curve { method, stiffness: run.stiffness, solver: run.solver, runs: vec![run] }),
-        }
-    }
-    curves
 }
 
 /// The runs that failed, by cause.
@@ -233,7 +184,7 @@ impl WorkPrecision {
             let (name, look) = legend(curve);
             plot = plot.with_series(Series::line(name, points).looking(look));
         }
-        let all = self::curves(&self.runs);
+        let all = super::curves(&self.runs);
         for curve in curves {
             // Those of the method's other configurations too.
             let of_method = all.iter().filter(|other| other.method == curve.method);

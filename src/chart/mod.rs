@@ -4,6 +4,7 @@
 //! how far it ends from a [`Reference`] of independent origin. How this looks is decided elsewhere.
 
 mod conclusion;
+mod curve;
 mod decision;
 mod dop853;
 mod figures;
@@ -16,9 +17,10 @@ mod tail;
 mod tolerance;
 mod work_precision;
 
+pub use curve::{Curve, LARGEST_ERROR, curves};
 pub use decision::Decision;
 pub use dop853::dop853;
-pub use figures::{Curve, Figure, LARGEST_ERROR, best_of_each, curves};
+pub use figures::{Figure, best_of_each};
 pub use quality::Quality;
 pub use reference::Reference;
 pub use sizes::SizeRun;

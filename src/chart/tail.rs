@@ -5,7 +5,7 @@
 //! every one succeeded and erred more than all that are shorter. Errors near that of the reference say nothing about each
 //! other: below a *floor* they need not fall. A tail of one run is none, as nothing confirms it.
 
-use super::figures::{Curve, curves};
+use super::curve::{Curve, curves};
 use super::{Run, WorkPrecision};
 use std::cmp::Ordering;
 

@@ -25,6 +25,21 @@ pub struct SweepOptions {
 }
 
 /// Work–precision data of one scene.
+///
+/// # Examples
+/// ```no_run
+/// use sprung::chart::{SweepOptions, WorkPrecision};
+/// use std::time::Duration;
+///
+/// let (system, start) = sprung::scene::builtin::cloth(8)?.build()?;
+/// let budget = Duration::from_secs(30);
+/// let options = SweepOptions { duration: 0.1, dt: 1e-3, budget, par: sprung::faer::Par::Seq };
+/// let chart = WorkPrecision::measure("cloth", &system, &start, &options, &mut |_, _: &str| {})?;
+/// for sentence in chart.iter().flat_map(|chart| chart.conclusions()) {
+///     println!("{sentence}");
+/// }
+/// # Ok::<(), sprung::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct WorkPrecision {
     /// The scene's name.

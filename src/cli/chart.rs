@@ -3,7 +3,7 @@
 use super::common::{SceneFile, Threads, check_writable};
 use super::console::{Console, error};
 use super::values::positive;
-use super::{Outcome, Stop};
+use super::{Exit, Stop};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use sprung::Result;
@@ -69,7 +69,7 @@ struct Report<'a> {
 }
 
 impl Chart {
-    pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let scene = self.scene.load()?;
         let dt = scene.step_or_default(console, self.dt);
         let duration = scene.motion_length(self.duration, "a chart")?;
@@ -99,7 +99,7 @@ impl Chart {
             error(
                 "no reference solution was found within a third of the budget: give it more, or a shorter --duration",
             );
-            return Ok(Outcome::Failed);
+            return Ok(Exit::Failed);
         };
         let report = Report {
             scene: &chart.scene,
@@ -119,10 +119,10 @@ impl Chart {
         lines.push(format!("  files      {} and chart/*.svg in {}", FILES.join(", "), folder.display()));
         let text = lines.join("\n");
         console.result(&report, text)?;
-        let mut outcome = Outcome::Done;
+        let mut outcome = Exit::Done;
         for check in map.checks().iter().filter(|check| !check.passed()) {
             error(format_args!("{}, {}: {}", check.name, check.scene, check.why));
-            outcome = Outcome::Failed;
+            outcome = Exit::Failed;
         }
         Ok(outcome)
     }

@@ -1,7 +1,7 @@
 //! `sprung completions`: what a shell needs to complete commands and options.
 
 use super::console::print;
-use super::{Arguments, Outcome, Stop};
+use super::{Arguments, Exit, Stop};
 use clap::CommandFactory;
 use clap_complete::{Shell, generate};
 
@@ -17,10 +17,10 @@ pub struct Completions {
 }
 
 impl Completions {
-    pub fn execute(&self) -> Result<Outcome, Stop> {
+    pub fn execute(&self) -> Result<Exit, Stop> {
         let mut script = Vec::new();
         generate(self.shell, &mut Arguments::command(), "sprung", &mut script);
         print(String::from_utf8_lossy(&script).trim_end())?;
-        Ok(Outcome::Done)
+        Ok(Exit::Done)
     }
 }

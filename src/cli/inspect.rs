@@ -4,7 +4,7 @@ use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
 use super::recorder::progress_bar;
 use super::values::{choice, count, positive};
-use super::{Outcome, Stop};
+use super::{Exit, Stop};
 use sprung::inspect::{FirstLosses, Follower, Inspection, Pictures};
 use sprung::integrate::{ImplicitOptions, Method, RunFailure, Schedule, run};
 use sprung::linear::SolverOptions;
@@ -68,13 +68,13 @@ struct Arrival {
 }
 
 impl Inspect {
-    pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let scene = self.scene.load()?;
         let dt = scene.step_or_default(console, self.dt);
         self.threads.install(|| self.inspect(console, scene, dt))
     }
 
-    fn inspect(&self, console: &Console, mut scene: LoadedScene, dt: f64) -> Result<Outcome, Stop> {
+    fn inspect(&self, console: &Console, mut scene: LoadedScene, dt: f64) -> Result<Exit, Stop> {
         let folder = scene.folder(&self.out);
         let file = scene.file.clone();
         let in_file = |error: sprung::Error| error.in_file(&file);
@@ -84,7 +84,7 @@ impl Inspect {
         let inspection = Inspection::at(system, state, dt, self.stiffness, par).map_err(in_file)?;
         if !inspection.examined().largest.is_finite() && !system.dofs().is_empty() {
             error(format_args!("A has entries that are not finite numbers (dt = {dt:?} s)"));
-            return Ok(Outcome::Failed);
+            return Ok(Exit::Failed);
         }
         let _claimed = check_writable(&folder, &FILES)?;
         let images = Pictures::of(system, state, &inspection, par).map_err(in_file)?;
@@ -96,10 +96,10 @@ impl Inspect {
         let page = folder.join("inspect.html");
         console.result(&record, format!("{text}\n  pictures     {}", page.display()))?;
         match arrival.failure {
-            None => Ok(Outcome::Done),
+            None => Ok(Exit::Done),
             Some(RunFailure { step, time, failure }) => {
                 error(format_args!("{} in step {step}, at t = {time} s: {failure}", failure.status().name()));
-                Ok(Outcome::Failed)
+                Ok(Exit::Failed)
             }
         }
     }

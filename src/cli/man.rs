@@ -1,7 +1,7 @@
 //! `sprung man`: manual pages.
 
 use super::console::print;
-use super::{Arguments, Outcome, Stop};
+use super::{Arguments, Exit, Stop};
 use clap::CommandFactory;
 use sprung::Error;
 
@@ -16,7 +16,7 @@ pub struct Man {
 }
 
 impl Man {
-    pub fn execute(&self) -> Result<Outcome, Stop> {
+    pub fn execute(&self) -> Result<Exit, Stop> {
         let mut program = Arguments::command();
         program.build();
         let command = match &self.command {
@@ -30,6 +30,6 @@ impl Man {
         let written = clap_mangen::Man::new(command).render(&mut page);
         written.map_err(|source| Stop::Broken(Error::io("the manual page", source)))?;
         print(String::from_utf8_lossy(&page).trim_end())?;
-        Ok(Outcome::Done)
+        Ok(Exit::Done)
     }
 }

@@ -3,7 +3,7 @@
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
 use super::values::{choice, positive};
-use super::{Outcome, Stop};
+use super::{Exit, Stop};
 use serde::Serialize;
 use sprung::assembly::SymmetricMatrix;
 use sprung::integrate::StepMatrices;
@@ -75,7 +75,7 @@ struct Entries {
 }
 
 impl Matrix {
-    pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let scene = self.scene.load()?;
         let dt = scene.step_or_default(console, self.dt);
         let matrices = self.threads.install(|| {
@@ -84,14 +84,14 @@ impl Matrix {
         })?;
         if let Some(name) = not_finite(&matrices) {
             error(format_args!("{name} has entries that are not finite numbers (dt = {dt:?} s)"));
-            return Ok(Outcome::Failed);
+            return Ok(Exit::Failed);
         }
         let folder = scene.folder(&self.out);
         let _claimed = check_writable(&folder, &FILES)?;
         write(&folder, &scene, &matrices, &format!("dt = {dt:?} s, stiffness {}", self.stiffness.name()))
             .map_err(Stop::Broken)?;
         self.report(console, &scene, &matrices, dt, &folder)?;
-        Ok(Outcome::Done)
+        Ok(Exit::Done)
     }
 
     fn report(

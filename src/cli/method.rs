@@ -53,7 +53,7 @@ pub struct MethodArguments {
 fn describe_choice(choice: MethodChoice) -> &'static str {
     match choice {
         MethodChoice::Named(method) => describe_method(method),
-        MethodChoice::Auto => "w2 where its matrix is safely definite, else linear-backward-euler; see --accuracy",
+        MethodChoice::Auto => "w2 where A is definite for the first step, else linear-backward-euler; see --accuracy",
     }
 }
 
@@ -64,19 +64,22 @@ fn describe_method(method: Method) -> &'static str {
             "backward Euler, its equations solved by Newton's method with line search; first order"
         }
         Method::Bdf2 => "BDF2, forces linearised where the step ends: one linear solve a step as a rule; second order",
-        Method::W2 => "two linear solves a step with one matrix, as stable as backward Euler; second order",
+        Method::W2 => "two linear solves a step with one matrix, damps what is stiff; second order",
         Method::Rodas4 => "six or more linear solves a step with one matrix of the full stiffness; fourth order",
         Method::Verlet => "explicit, one force evaluation a step: needs small steps; second order",
         Method::Dop853 => "explicit, twelve force evaluations a step, for high accuracy; eighth order",
         Method::ImplicitMidpoint => "keeps momenta and, nearly, energy; Newton's method as above; second order",
         Method::ForwardEuler => "explicit, for comparison: needs very small steps; first order",
         Method::SymplecticEuler => "explicit, for comparison: needs small steps; first order",
+        other => other.name(),
     }
 }
 
 fn describe_stiffness(policy: StiffnessPolicy) -> &'static str {
     match policy {
-        StiffnessPolicy::OnDemand => "full while A is positive definite, tension in the solves where it is not",
+        StiffnessPolicy::OnDemand => {
+            "full while A is positive definite; in solves where it is not, without the few terms that spoil it"
+        }
         StiffnessPolicy::Always(Stiffness::Full) => {
             "the exact stiffness; A may be indefinite when springs are compressed"
         }
@@ -92,6 +95,7 @@ fn describe_solver(solver: SolverChoice) -> &'static str {
         SolverChoice::Ldlt => "sparse LDLᵀ factorization; accepts an indefinite A",
         SolverChoice::Cg => "conjugate gradients without a matrix",
         SolverChoice::CgAssembled => "conjugate gradients on the assembled A",
+        other => other.name(),
     }
 }
 
@@ -112,6 +116,7 @@ fn describe_preconditioner(choice: PreconditionerChoice) -> &'static str {
         PreconditionerChoice::Kind(PreconditionerKind::Multigrid) => {
             "algebraic multigrid: few iterations whatever the size, each costing as much as several others"
         }
+        PreconditionerChoice::Kind(other) => other.name(),
     }
 }
 

@@ -56,7 +56,7 @@ enum Command {
 
 /// How a command ended that could start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
+pub enum Exit {
     /// It did what was asked.
     Done,
     /// It computed, and the computation failed.
@@ -104,8 +104,8 @@ pub fn main() -> ExitCode {
         Command::Man(man) => man.execute(),
     };
     match outcome {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::Failed) => ExitCode::from(1),
+        Ok(Exit::Done) => ExitCode::SUCCESS,
+        Ok(Exit::Failed) => ExitCode::from(1),
         Err(Stop::Computation(message)) => {
             console::error(message);
             ExitCode::from(1)

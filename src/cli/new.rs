@@ -2,7 +2,7 @@
 
 use super::console::{Console, print};
 use super::values::size;
-use super::{Outcome, Stop};
+use super::{Exit, Stop};
 use sprung::output::AtomicFile;
 use sprung::scene::{Kind, builtin};
 use sprung::{Error, Scene};
@@ -31,14 +31,14 @@ pub struct New {
 }
 
 impl New {
-    pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let scene = builtin(self.kind, self.size.unwrap_or(self.kind.default_size()))?;
         match &self.output {
             Some(file) => write(&scene, file)?,
             None if console.json => print(&scene.to_json())?,
             None => print(scene.to_toml().trim_end())?,
         }
-        Ok(Outcome::Done)
+        Ok(Exit::Done)
     }
 }
 

@@ -11,7 +11,7 @@ use super::recorder::Recorder;
 use super::time::in_words;
 use super::values::{count, positive, positive_count};
 use super::view::{self, PAGE};
-use super::{Outcome, Stop, interrupt};
+use super::{Exit, Stop, interrupt};
 use sprung::accuracy::{Reduction, Requirement, reduce};
 use sprung::integrate::{Balance, Schedule, Status, percent};
 use sprung::output::{
@@ -101,7 +101,7 @@ struct Pacing {
 pub const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
 
 impl Run {
-    pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let mut scene = self.scene.load()?;
         self.method.note_unused(console);
         let requirement = self.requirement(&scene)?;
@@ -134,7 +134,7 @@ impl Run {
             let solves = summary.statistics.indefinite_solves;
             console.note(format_args!("A was indefinite in {solves} solves: the motion may look right and be wrong"));
         }
-        Ok(if summary.status == Status::Completed { Outcome::Done } else { Outcome::Failed })
+        Ok(if summary.status == Status::Completed { Exit::Done } else { Exit::Failed })
     }
 
     /// How long the steps are, and for how long. A number of steps asks for steps of one length.

@@ -2,7 +2,7 @@
 
 use super::common::{Threads, check_writable, folder_of, read_scene};
 use super::console::Console;
-use super::{Outcome, Stop};
+use super::{Exit, Stop};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 use sprung::Error;
@@ -32,7 +32,7 @@ pub struct Verify {
 const FILES: [&str; 3] = ["report.html", "report.json", "junit.xml"];
 
 impl Verify {
-    pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let subjects = self.subjects()?;
         let folder = self.folder(&subjects);
         let _claimed = check_writable(&folder, &FILES)?;
@@ -43,7 +43,7 @@ impl Verify {
             .map_err(|error| Stop::Broken(Error::io(folder.join(FILES[1]), error.into())))?;
         let text = format!("{}report: {}", report::text(&results), folder.join(FILES[0]).display());
         console.result(&json, text)?;
-        Ok(if results.all_passed() { Outcome::Done } else { Outcome::Failed })
+        Ok(if results.all_passed() { Exit::Done } else { Exit::Failed })
     }
 
     fn subjects(&self) -> Result<Vec<Subject>, Error> {

@@ -2,7 +2,7 @@
 
 use super::common::SceneFile;
 use super::console::Console;
-use super::{Outcome, Stop};
+use super::{Exit, Stop};
 use serde::Serialize;
 use sprung::figure::{Animation, Cast};
 use sprung::integrate::Schedule;
@@ -41,7 +41,7 @@ struct Written<'a> {
 }
 
 impl View {
-    pub fn execute(&self, console: &Console) -> Result<Outcome, Stop> {
+    pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let (animation, folder) = if self.subject.is_dir() {
             (motion(&self.subject)?, self.subject.clone())
         } else {
@@ -55,7 +55,7 @@ impl View {
         let of_what = if frames == 1 { "the scene".to_owned() } else { format!("{frames} frames") };
         let text = format!("{}: {of_what} in {} ({:.1} MB)", animation.title, page.display(), bytes as f64 / 1e6);
         console.result(&Written { page: &page, frames, bytes }, text)?;
-        Ok(Outcome::Done)
+        Ok(Exit::Done)
     }
 }
 

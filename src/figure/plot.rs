@@ -3,6 +3,16 @@
 use serde::Serialize;
 
 /// One plot: two axes, any number of series, and guides to judge them by.
+///
+/// # Examples
+/// ```
+/// use sprung::figure::{Plot, Series};
+///
+/// let plot = Plot::log_log("Error of a first-order method", "step, s", "error")
+///     .with_series(Series::line("measured", vec![(1e-3, 2e-3), (1e-2, 2e-2)]));
+/// let svg = sprung::report::plot::svg(&plot);
+/// assert!(svg.starts_with("<svg") && svg.contains("measured"));
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Plot {
     /// What the plot shows, in a few words.

@@ -6,6 +6,23 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// The energy of a state by kind, in J.
+///
+/// # Examples
+/// ```
+/// use sprung::force::Energy;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, mut state) = builder.build()?;
+/// state.velocities[1].y = 2.0;
+/// let energy = Energy::of(&system, &state);
+/// assert_eq!((energy.kinetic, energy.elastic, energy.total()), (2.0, 5.0, 7.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Energy {
     /// `Σ ½ m v²`, prescribed particles included.
@@ -24,13 +41,13 @@ impl Energy {
         let gravity = system.gravity();
         let gravitational = masses.iter().zip(&state.positions).map(|(m, x)| -m * gravity.dot(x)).sum();
         let elastic = system
-            .springs()
+            .pairs()
             .iter()
-            .zip(system.pairs())
+            .enumerate()
             .map(|(spring, &[i, j])| {
                 let (xi, xj) = (&state.positions[i as usize], &state.positions[j as usize]);
                 let collapsed = Extension { direction: Vector3::zeros(), length: 0.0 };
-                spring.elastic_energy(&Extension::between(xi, xj).unwrap_or(collapsed))
+                system.elastic_energy(spring, &Extension::between(xi, xj).unwrap_or(collapsed))
             })
             .sum();
         // An empty sum is −0, which reads as if it were something; with 0 added it is 0, and every other sum itself.

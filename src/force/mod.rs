@@ -11,10 +11,10 @@ mod total;
 pub use crate::error::DegenerateSpring;
 pub use energy::{Energy, angular_momentum, linear_momentum};
 pub use extensions::Extensions;
-pub use total::TotalForce;
+pub use total::set_total_force;
 
 use crate::spring::{Extension, Spring};
-use crate::system::System;
+use crate::system::{Moment, System};
 use nalgebra::Vector3;
 
 /// Adds the elastic force f_el: `−k (l/l0 − 1) n` on end i of every spring and the opposite on end j.
@@ -58,6 +58,13 @@ pub fn add_weight(system: &System, force: &mut [Vector3<f64>]) {
     let gravity = system.gravity();
     for (f, mass) in force.iter_mut().zip(system.masses()) {
         *f += gravity * *mass;
+    }
+}
+
+/// Adds all external forces of a system.
+pub fn add_external_forces(system: &System, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    for external in system.external_forces() {
+        external.add(at, force);
     }
 }
 

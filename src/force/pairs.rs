@@ -12,11 +12,10 @@ impl<F: Fn(&Spring, [usize; 2], &Extension) -> Option<Vector3<f64>> + Sync> Pair
 
 /// Adds to `total` the force on end i of every active spring and its opposite on end j.
 pub(super) fn add(system: &System, extensions: &Extensions, total: &mut [Vector3<f64>], force: &impl PairForce) {
-    let shares = extensions.shares();
-    if shares.len() > 1 {
-        return add_shares(system, extensions, shares, total, force);
+    if let Some(shares) = system.several_shares() {
+        return add_shares(system, extensions, &shares, total, force);
     }
-    for ((_, pair, spring), at) in system.active().zip(extensions.iter()) {
+    for ((_, pair, spring), at) in extensions.springs(system) {
         if let Some(f) = force(spring, pair, at) {
             add_own(total, 0, pair, f);
         }
@@ -35,9 +34,10 @@ fn add_shares(
         [] => {}
         [Share { particles, springs }] => {
             for &position in &**springs {
-                let spring = system.active_springs()[position as usize] as usize;
-                let pair = system.pair(spring);
-                if let Some(f) = force(&system.springs()[spring], pair, &extensions.as_slice()[position as usize]) {
+                let position = position as usize;
+                let pair = system.pair(system.active_springs()[position] as usize);
+                let spring = extensions.spring(system, position);
+                if let Some(f) = force(spring, pair, &extensions.as_slice()[position]) {
                     add_own(total, particles.start, pair, f);
                 }
             }

@@ -1,69 +1,42 @@
 //! All forces at once, in one pass over the springs that keeps nothing: what explicit methods need.
 
-use super::DegenerateSpring;
+use super::{DegenerateSpring, add_external_forces};
 use crate::spring::Extension;
-use crate::system::{Share, System, shares};
+use crate::system::{Moment, Share, System};
 use nalgebra::Vector3;
 
-/// Computes `f_el + f_d + g`.
-#[derive(Debug, Clone)]
-pub struct TotalForce {
-    /// How the sum over springs is shared out.
-    shares: Vec<Share>,
-}
-
-/// Full-length positions in m and velocities in m/s.
-#[derive(Clone, Copy)]
-struct Motion<'a> {
-    positions: &'a [Vector3<f64>],
-    velocities: &'a [Vector3<f64>],
-}
-
-impl TotalForce {
-    /// For a system, and as many threads as there are now.
-    pub fn new(system: &System) -> Self {
-        Self { shares: shares(system) }
+/// Sets `force`, in N, to the sum of all forces on every particle: of springs, weight, and from outside.
+///
+/// # Errors
+/// A spring whose ends coincide; `force` is then incomplete.
+pub fn set_total_force(system: &System, at: &Moment<'_>, force: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
+    let gravity = system.gravity();
+    for (f, mass) in force.iter_mut().zip(system.masses()) {
+        *f = gravity * *mass;
     }
-
-    /// Sets `force`, in N, to the sum of all forces on every particle at full-length positions and velocities.
-    ///
-    /// # Errors
-    /// A spring whose ends coincide; `force` is then incomplete.
-    pub fn set(
-        &self,
-        system: &System,
-        positions: &[Vector3<f64>],
-        velocities: &[Vector3<f64>],
-        force: &mut [Vector3<f64>],
-    ) -> Result<(), DegenerateSpring> {
-        let gravity = system.gravity();
-        for (f, mass) in force.iter_mut().zip(system.masses()) {
-            *f = gravity * *mass;
-        }
-        let at = Motion { positions, velocities };
-        if self.shares.len() > 1 {
-            return add_shares(system, at, &self.shares, force);
-        }
-        for (spring, [i, j], _) in system.active() {
-            let f = on_first_end(system, at, spring, [i, j])?;
-            force[i] += f;
-            force[j] -= f;
-        }
-        Ok(())
+    add_external_forces(system, at, force);
+    if let Some(shares) = system.several_shares() {
+        return add_shares(system, at, &shares, force);
     }
+    for (spring, [i, j], _) in system.active() {
+        let f = on_first_end(system, at, spring, [i, j])?;
+        force[i] += f;
+        force[j] -= f;
+    }
+    Ok(())
 }
 
 /// The force on end i of a spring.
 #[inline(always)]
 fn on_first_end(
     system: &System,
-    at: Motion<'_>,
+    at: &Moment<'_>,
     spring: usize,
     pair: [usize; 2],
 ) -> Result<Vector3<f64>, DegenerateSpring> {
     let [i, j] = pair;
     let extension = Extension::between(&at.positions[i], &at.positions[j]).ok_or(DegenerateSpring { spring, pair })?;
-    let parameters = &system.springs()[spring];
+    let parameters = system.spring_at(spring, extension.length);
     let mut tension = parameters.stiffness * parameters.strain(&extension);
     // Without damping velocities may be anything, infinite too.
     if parameters.damping > 0.0 {
@@ -75,7 +48,7 @@ fn on_first_end(
 /// `total` holds the particles of these shares.
 fn add_shares(
     system: &System,
-    at: Motion<'_>,
+    at: &Moment<'_>,
     shares: &[Share],
     total: &mut [Vector3<f64>],
 ) -> Result<(), DegenerateSpring> {
@@ -107,7 +80,7 @@ fn add_shares(
 
 #[cfg(all(test, feature = "scene"))]
 mod tests {
-    use super::TotalForce;
+    use super::set_total_force;
     use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
     use crate::scene::builtin::{Kind, builtin};
     use crate::spring::Spring;
@@ -133,9 +106,8 @@ mod tests {
         for threads in [1, 2, 3] {
             let mut force = vec![Vector3::repeat(7.0); system.particles()];
             pool(threads).install(|| {
-                let total = TotalForce::new(&system);
-                assert_eq!(total.shares.len() > 1, threads > 1);
-                total.set(&system, &state.positions, &state.velocities, &mut force).unwrap();
+                assert_eq!(system.several_shares().is_some(), threads > 1);
+                set_total_force(&system, &state.moment(), &mut force).unwrap();
             });
             for (f, expected) in force.iter().zip(&expected) {
                 assert!((f - expected).amax() <= 1e-14 * largest, "{f} {expected}");
@@ -157,8 +129,7 @@ mod tests {
         let (system, mut state) = builder.build().unwrap();
         state.positions[2] = state.positions[1];
         let mut force = [Vector3::zeros(); 3];
-        let failure = TotalForce::new(&system).set(&system, &state.positions, &state.velocities, &mut force);
-        let failure = failure.unwrap_err();
+        let failure = set_total_force(&system, &state.moment(), &mut force).unwrap_err();
         assert_eq!((failure.spring, failure.pair), (1, [1, 2]));
     }
 }

@@ -34,7 +34,7 @@
 //! the bound and what was accepted. The interval ends at the oracle's own rounding: a relative width of
 //! `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
 
-use super::family::{Family, Requirement};
+use super::family::{Family, Property};
 use super::inertia::InertiaCounter;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
@@ -72,6 +72,26 @@ impl LargestStep {
 }
 
 /// Finds critical steps of a system: pattern, ordering and symbolic analysis made once.
+///
+/// # Examples
+/// ```
+/// use sprung::Stiffness;
+/// use sprung::faer::Par;
+/// use sprung::inspect::{CriticalSteps, Property};
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let mut steps = CriticalSteps::new(&system, &state, Par::Seq)?;
+/// let full = steps.largest_step(Property::Definite, Stiffness::Full).dt().ok_or("no limit")?;
+/// assert!((full - 0.1_f64.sqrt()).abs() < 1e-6); // 1/dt² = 10 N/m
+/// assert_eq!(steps.largest_step(Property::Definite, Stiffness::Tension).dt(), None);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct CriticalSteps<'s> {
     family: Family<'s>,
     matrix: SystemMatrix,
@@ -106,18 +126,16 @@ impl<'s> CriticalSteps<'s> {
     }
 
     /// The largest step that keeps the requirement under an option, certified by factorizations on both sides.
-    pub fn largest_step(&mut self, requirement: Requirement, option: Stiffness) -> LargestStep {
+    pub fn largest_step(&mut self, requirement: Property, option: Stiffness) -> LargestStep {
         match (requirement, option) {
             // S(s) is A(2s): semidefinite as far as A is, and beyond.
-            (Requirement::Definite, _) | (Requirement::Stable, Stiffness::Full) => {
-                self.search(Requirement::Definite, option)
-            }
+            (Property::Definite, _) | (Property::Stable, Stiffness::Full) => self.search(Property::Definite, option),
             // A is positive definite for every s.
-            (Requirement::Stable, Stiffness::Tension | Stiffness::Axial) => self.search(Requirement::Stable, option),
+            (Property::Stable, Stiffness::Tension | Stiffness::Axial) => self.search(Property::Stable, option),
         }
     }
 
-    fn search(&mut self, requirement: Requirement, option: Stiffness) -> LargestStep {
+    fn search(&mut self, requirement: Property, option: Stiffness) -> LargestStep {
         self.family.set(requirement, option, 0.0);
         // Blocks that are all positive semidefinite settle it without a factorization.
         if self.family.blocks().iter().all(|block| block.lowest() >= 0.0) {
@@ -175,7 +193,7 @@ impl<'s> CriticalSteps<'s> {
     }
 
     /// The oracle: whether P(s) has a Cholesky factorization.
-    fn is_definite(&mut self, requirement: Requirement, option: Stiffness, s: f64) -> bool {
+    fn is_definite(&mut self, requirement: Property, option: Stiffness, s: f64) -> bool {
         self.family.set(requirement, option, s);
         self.matrix.refill(self.family.operator());
         self.work.assemblies += 1;
@@ -184,7 +202,7 @@ impl<'s> CriticalSteps<'s> {
     }
 
     /// Whether C has negative eigenvalues, where no direction is known; if so, sets u to one along which it curves downwards.
-    fn has_negative_curvature(&mut self, option: Stiffness, requirement: Requirement, u: &mut [f64]) -> bool {
+    fn has_negative_curvature(&mut self, option: Stiffness, requirement: Property, u: &mut [f64]) -> bool {
         self.family.set(requirement, option, 0.0);
         self.matrix.refill(self.family.operator());
         self.work.assemblies += 1;
@@ -196,7 +214,7 @@ impl<'s> CriticalSteps<'s> {
     }
 
     /// Raises the bound to the root along u where that is higher; says whether it is.
-    fn raise(&mut self, requirement: Requirement, option: Stiffness, bound: &mut Bound, u: &[f64]) -> bool {
+    fn raise(&mut self, requirement: Property, option: Stiffness, bound: &mut Bound, u: &[f64]) -> bool {
         let curvature = self.family.curvature(requirement, option, u);
         match curvature.root().filter(|&root| root.is_finite() && root > bound.s) {
             Some(root) => {

@@ -75,7 +75,7 @@ pub fn direction(system: &System, extensions: &Extensions, option: Stiffness, pa
     let stiffness_curvature = -dot(&pair.vector, &product);
     let mut culprits = Vec::new();
     if stiffness_curvature < 0.0 {
-        for ((spring, particles, parameters), at) in system.active().zip(extensions.iter()) {
+        for ((spring, particles, parameters), at) in extensions.springs(system) {
             let w = dofs.get(&pair.vector, particles[0]) - dofs.get(&pair.vector, particles[1]);
             let block = parameters.stiffness_block(at, option);
             let curvature = w.dot(&block.apply(&w));

@@ -16,14 +16,14 @@ use crate::work::Work;
 
 /// What a step is to keep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Requirement {
+pub enum Property {
     /// A is positive definite.
     Definite,
     /// A is positive definite and linearised backward Euler adds no instability of its own: S is positive semidefinite.
     Stable,
 }
 
-impl Requirement {
+impl Property {
     /// μ, the factor of `s² M`.
     fn mass(self) -> f64 {
         match self {
@@ -97,13 +97,13 @@ impl<'s> Family<'s> {
     }
 
     /// Makes the operator P(s).
-    pub fn set(&mut self, requirement: Requirement, option: Stiffness, s: f64) {
+    pub fn set(&mut self, requirement: Property, option: Stiffness, s: f64) {
         let (mass, damping) = (requirement.mass() * s * s, requirement.damping() * s);
         self.operator.set_blocks(&self.extensions, mass, |_, spring, at| {
             let dropped = spring.stiffness_block(at, option);
             let stiffness = match requirement {
-                Requirement::Definite => dropped,
-                Requirement::Stable => dropped * 2.0 + spring.stiffness_block(at, Stiffness::Full) * -1.0,
+                Property::Definite => dropped,
+                Property::Stable => dropped * 2.0 + spring.stiffness_block(at, Stiffness::Full) * -1.0,
             };
             stiffness + spring.damping_block(at) * damping
         });
@@ -118,7 +118,7 @@ impl<'s> Family<'s> {
     }
 
     /// The coefficients of `uᵀP(s)u`. Leaves the operator at s = 0.
-    pub fn curvature(&mut self, requirement: Requirement, option: Stiffness, u: &[f64]) -> Curvature {
+    pub fn curvature(&mut self, requirement: Property, option: Stiffness, u: &[f64]) -> Curvature {
         let dofs = self.system.dofs();
         let square = |p: usize| u[dofs.rows(p)].iter().map(|u| u * u).sum::<f64>();
         let kinetic: f64 = self.system.masses().iter().enumerate().map(|(p, mass)| mass * square(p)).sum();
@@ -172,7 +172,7 @@ impl<'s> Family<'s> {
 
     /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a particle. Expects the operator
     /// at s = 0, so that damping is left out.
-    pub fn norm_bound(&self, s: f64, requirement: Requirement) -> f64 {
+    pub fn norm_bound(&self, s: f64, requirement: Property) -> f64 {
         let mut sums: Vec<f64> = self.system.masses().iter().map(|m| requirement.mass() * s * s * m).collect();
         for ((_, [i, j], _), block) in self.system.active().zip(self.blocks()) {
             let norm = 2.0 * block.transverse.abs().max(block.axial.abs());
@@ -186,7 +186,7 @@ impl<'s> Family<'s> {
     ///
     /// A spring with the lowest eigenvalue −c takes at most `c‖u_i − u_j‖² ≤ 2c(‖u_i‖² + ‖u_j‖²)` from uᵀPu, and only
     /// `c‖u_i‖²` where j is held. So `μ s² m_i > Σ 2c` over the springs at every particle i is enough.
-    pub fn surely_definite(&self, requirement: Requirement) -> f64 {
+    pub fn surely_definite(&self, requirement: Property) -> f64 {
         let largest = self.largest_per_mass(|block| (-block.lowest()).max(0.0));
         // A little above, so that rounding does not make the factorization fail there.
         (largest / requirement.mass()).sqrt() * (1.0 + 1e-6)

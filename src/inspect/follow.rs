@@ -2,11 +2,11 @@
 //!
 //! What holds at one state does not hold at the next: springs become taut, slack or fast. A [`Follower`] looks at state after
 //! state and remembers where each of four things was lost first: that A is [definite](DefinitenessWatch), that the step is
-//! [stable](Requirement::Stable), that it does not [turn](Turn) springs too far, and that energy only comes from
+//! [stable](Property::Stable), that it does not [turn](Turn) springs too far, and that energy only comes from
 //! work, by the [ledger](Monitor). The first three are properties of a state, known before the step that goes wrong; the last is what a wrong step leaves.
 
 use super::along::{DefinitenessWatch, Loss};
-use super::family::{Family, Requirement};
+use super::family::{Family, Property};
 use super::turning::Turn;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
@@ -181,7 +181,7 @@ impl<'s> StabilityWatch<'s> {
 
     fn is_stable(&mut self, state: &State) -> Result<bool, DegenerateSpring> {
         self.family.update(state)?;
-        self.family.set(Requirement::Stable, self.option, 1.0 / self.dt);
+        self.family.set(Property::Stable, self.option, 1.0 / self.dt);
         self.matrix.refill(self.family.operator());
         Ok(self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive())
     }

@@ -32,6 +32,25 @@ use rand::rngs::Xoshiro256PlusPlus;
 use super::random::gaussian;
 
 /// Numbers of eigenvalues by sign, and how far they can be trusted.
+///
+/// # Examples
+/// ```
+/// use sprung::Stiffness;
+/// use sprung::inspect::Inertia;
+/// use sprung::integrate::StepMatrices;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let a = StepMatrices::assemble(&system, &state, Stiffness::Full, 1.0)?.a;
+/// let inertia = Inertia::of(&a)?;
+/// assert_eq!((inertia.negative, inertia.zero, inertia.positive), (2, 0, 1));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inertia {
     /// Eigenvalues below the band.

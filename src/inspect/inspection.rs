@@ -2,7 +2,7 @@
 
 use super::critical::{CriticalSteps, LargestStep};
 use super::culprits::{Cluster, Direction, clusters, direction};
-use super::family::Requirement;
+use super::family::Property;
 use super::inertia::{Inertia, InertiaCounter};
 use super::smallest_set::{DropSet, smallest_set};
 use super::spectrum::{Spectrum, spectrum_with};
@@ -40,6 +40,25 @@ pub struct OptionInspection {
 }
 
 /// The definiteness of `A = M/dt² − G/dt − K` at one state, and what it depends on.
+///
+/// # Examples
+/// ```
+/// use sprung::Stiffness;
+/// use sprung::faer::Par;
+/// use sprung::inspect::Inspection;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let inspection = Inspection::at(&system, &state, 1.0, Stiffness::Full, Par::Seq)?;
+/// assert_eq!(inspection.examined().inertia.negative, 2);
+/// assert!(inspection.smallest_set.is_some()); // one transverse term must go
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inspection {
     /// The time step, in s.
@@ -109,7 +128,7 @@ impl Inspection {
                 false => 1,
             };
             let spectrum = spectrum_with(&mut factorization, &a, &inertia, wanted, &mut work);
-            let definite = critical.largest_step(Requirement::Definite, each);
+            let definite = critical.largest_step(Property::Definite, each);
             let report = OptionInspection {
                 option: each,
                 inertia,
@@ -120,7 +139,7 @@ impl Inspection {
                 // Under `Full` the requirements coincide, see [`CriticalSteps`].
                 stable: match each {
                     Stiffness::Full => definite,
-                    Stiffness::Tension | Stiffness::Axial => critical.largest_step(Requirement::Stable, each),
+                    Stiffness::Tension | Stiffness::Axial => critical.largest_step(Property::Stable, each),
                 },
                 turning: turning.largest_step(each, dt),
             };
@@ -142,7 +161,7 @@ impl Inspection {
         } else {
             Some(smallest_set(system, &extensions, dt, par, &mut work)?)
         };
-        let compressed = system.active().zip(extensions.iter()).filter(|((_, _, spring), at)| spring.is_compressed(at));
+        let compressed = extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
         let compressed_springs = compressed.count();
         let turn = turning.worst(option, dt);
         work.add(&critical.work);

@@ -23,7 +23,7 @@ mod turning;
 pub use along::{DefinitenessWatch, Loss};
 pub use critical::{CriticalSteps, LargestStep};
 pub use culprits::{Cluster, Culprit, Direction, Mover, clusters, direction};
-pub use family::Requirement;
+pub use family::Property;
 pub use follow::{FirstLosses, Follower, Gain, Passed};
 pub use inertia::{Inertia, InertiaCounter, InertiaMethod};
 pub use inspection::{Inspection, OptionInspection};

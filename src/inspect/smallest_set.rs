@@ -66,7 +66,7 @@ const POWER_STEPS: usize = 40;
 /// # Errors
 /// A matrix that is too large.
 pub fn smallest_set(system: &System, extensions: &Extensions, dt: f64, par: Par, work: &mut Work) -> Result<DropSet> {
-    let compressed = || system.active().zip(extensions.iter()).filter(|((_, _, spring), at)| spring.is_compressed(at));
+    let compressed = || extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
     let tension = compressed().count();
     let mut trial = Trial::new(system, extensions, dt, par)?;
     work.symbolic_factorizations += 1;

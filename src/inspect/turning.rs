@@ -89,7 +89,7 @@ impl Turn {
         option: Stiffness,
     ) -> Option<Self> {
         let moved = |p: usize| displacement.get(p).copied().unwrap_or_else(Vector3::zeros);
-        let active = || system.active().zip(extensions.iter());
+        let active = || extensions.springs(system);
         // (k/l0) (n·δ)² of every spring, summed at its ends.
         let axial = |[i, j]: [usize; 2], n: &Vector3<f64>, per_length: f64| {
             let along = n.dot(&(moved(i) - moved(j)));

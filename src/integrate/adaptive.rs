@@ -42,6 +42,7 @@ mod samples;
 mod scales;
 
 use super::{Monitor, Outcome, Statistics, Status, StepFailure, TimeStepper};
+use crate::error::Invalid;
 use crate::system::{State, System};
 use control::Control;
 use nalgebra::Vector3;
@@ -121,6 +122,32 @@ pub trait AdaptiveStepper: TimeStepper {
 }
 
 /// How a run with error control goes.
+///
+/// # Examples
+/// ```
+/// use sprung::integrate::{Adaptivity, ImplicitOptions, Rodas4, run_adaptive};
+/// use std::ops::ControlFlow;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, mut state) = builder.build()?;
+/// let mut stepper = Rodas4::new(&system, &state, &ImplicitOptions::default())?;
+/// let how = Adaptivity::new(1.0, 1e-6)?.sampled_every(0.25)?;
+/// let mut times = Vec::new();
+/// let outcome = run_adaptive(&mut stepper, &system, &mut state, &how, |_, sample| {
+///     times.push(sample.time);
+///     ControlFlow::Continue(())
+/// });
+/// assert_eq!(outcome.status().name(), "completed");
+/// assert_eq!(times, [0.25, 0.5, 0.75, 1.0]);
+/// assert!((state.positions[1].x - (2.0 - 10.0_f64.sqrt().cos())).abs() < 1e-5);
+/// assert!(Adaptivity::new(1.0, 0.0).is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Adaptivity {
     /// Length of the run, in s; positive.
@@ -131,6 +158,33 @@ pub struct Adaptivity {
     pub first_step: Option<f64>,
     /// When the run is observed.
     pub sampling: Sampling,
+}
+
+impl Adaptivity {
+    /// Of a run so long, in s, observed after every step; the first step is chosen by the forces.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a duration that is not positive and finite, or an `rtol` that does not lie between 0 and 1.
+    pub fn new(duration: f64, rtol: f64) -> Result<Self, Invalid> {
+        if !(duration.is_finite() && duration > 0.0) {
+            return Err(Invalid::new("duration", duration, "must be finite and positive"));
+        }
+        if !(rtol > 0.0 && rtol < 1.0) {
+            return Err(Invalid::new("rtol", rtol, "must lie between 0 and 1"));
+        }
+        Ok(Self { duration, rtol, first_step: None, sampling: Sampling::Steps })
+    }
+
+    /// The same, observed every so many seconds, whatever the steps.
+    ///
+    /// # Errors
+    /// [`Invalid`] for an interval that is not positive and finite.
+    pub fn sampled_every(self, interval: f64) -> Result<Self, Invalid> {
+        if !(interval.is_finite() && interval > 0.0) {
+            return Err(Invalid::new("interval", interval, "must be finite and positive"));
+        }
+        Ok(Self { sampling: Sampling::Every(interval), ..self })
+    }
 }
 
 /// When a run with error control is observed.

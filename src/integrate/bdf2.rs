@@ -44,13 +44,34 @@ mod tension;
 use self::estimate::Estimate;
 use self::history::History;
 use self::iteration::Iteration;
-use super::implicit::ImplicitOptions;
+use super::implicit::{ImplicitOptions, LinearSystem};
 use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::linear::LinearSolver;
 use crate::system::{State, System};
 
 /// The second-order backward differentiation formula with variable steps, linearised where the step ends.
+///
+/// # Examples
+/// ```
+/// use sprung::integrate::{Bdf2, ImplicitOptions, TimeStepper};
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, mut state) = builder.build()?;
+/// let mut stepper = Bdf2::new(&system, &state, &ImplicitOptions::default())?;
+/// for _ in 0..100 {
+///     stepper.step(&mut state, 0.001)?;
+/// }
+/// // A particle of 1 kg on 10 N/m, 1 m from rest, at t = 0.1 s.
+/// let exact = 2.0 - (10.0_f64.sqrt() * 0.1).cos();
+/// assert!((state.positions[1].x - exact).abs() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[doc(alias = "BDF2")]
 pub struct Bdf2<'s> {
     iteration: Iteration<'s>,
@@ -70,15 +91,33 @@ impl<'s> Bdf2<'s> {
     /// # Errors
     /// Coincident ends of a spring in `state`; a matrix that is too large.
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
-        Ok(Self {
-            iteration: Iteration::new(system, state, options)?,
+        Ok(Self::of(system, state, LinearSystem::new(system, state, options)?))
+    }
+
+    /// As [`new`](Self::new), with a linear solver of your own, which need not be one of this crate's; `options.linear` then only
+    /// says how exactly it is to solve, and what interrupts.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `state`; a system too large for the memory.
+    pub fn with_solver(
+        system: &'s System,
+        state: &State,
+        options: &ImplicitOptions,
+        solver: Box<dyn LinearSolver + 's>,
+    ) -> Result<Self> {
+        Ok(Self::of(system, state, LinearSystem::with_solver(system, state, options, solver)?))
+    }
+
+    fn of(system: &'s System, state: &State, linear: LinearSystem<'s>) -> Self {
+        Self {
+            iteration: Iteration::new(linear, state),
             history: History::new(system, state),
             estimate: Estimate::new(system),
             base: state.clone(),
             next: state.clone(),
             step: 0.0,
             ratio: 1.0,
-        })
+        }
     }
 
     /// Computes `next`, h seconds after a state, with the given ratio to the last step.
@@ -98,6 +137,7 @@ impl<'s> Bdf2<'s> {
             next.positions[p] = x + (v + dv * (0.5 * ratio)) * h;
         }
         next.time = state.time + h;
+        base.time = next.time - tau;
         system.prescribed().set_positions(next.time, &mut next.positions);
         if ratio == 0.0 {
             iteration.forget(state);

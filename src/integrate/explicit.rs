@@ -2,7 +2,7 @@
 
 use super::{Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+use crate::force::{Extensions, add_damping_force, add_elastic_force, add_external_forces, add_weight};
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
@@ -31,6 +31,7 @@ impl<'s> Explicit<'s> {
         add_elastic_force(system, extensions, force);
         add_damping_force(system, extensions, &state.velocities, force);
         add_weight(system, force);
+        add_external_forces(system, &state.moment(), force);
         Ok(())
     }
 

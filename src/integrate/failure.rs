@@ -6,6 +6,7 @@ use serde::Serialize;
 
 /// Why a step could not be done.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum StepFailure {
     /// The linear system has no solution that can be vouched for.
     #[error(transparent)]
@@ -41,6 +42,7 @@ pub enum StepFailure {
 
 /// What stopped Newton's method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum NotSolved {
     /// No step length along the Newton direction makes progress.
     LineSearch,
@@ -64,6 +66,7 @@ impl std::fmt::Display for NotSolved {
 /// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Status {
     /// It came to its end.
     Completed,
@@ -104,7 +107,9 @@ impl StepFailure {
     pub fn status(&self) -> Status {
         match self {
             Self::Solve(SolveFailure::Indefinite(_)) => Status::Indefinite,
-            Self::Solve(SolveFailure::NotConverged { .. } | SolveFailure::Untrusted { .. }) => Status::NotConverged,
+            Self::Solve(
+                SolveFailure::NotConverged { .. } | SolveFailure::Untrusted { .. } | SolveFailure::Unprepared,
+            ) => Status::NotConverged,
             Self::Solve(SolveFailure::NonFinite) | Self::NonFinite => Status::NonFinite,
             Self::Solve(SolveFailure::Interrupted) => Status::Interrupted,
             Self::DegenerateSpring(_) => Status::DegenerateSpring,

@@ -1,14 +1,16 @@
 //! What implicit methods share: the linear system of a step under a stiffness policy.
 
+use super::terms::{Choice, Terms};
 use super::{Softening, Statistics};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Extensions};
 use crate::interrupt::Interrupt;
-use crate::linear::{Definiteness, Evidence, LinearSolver, Promise, Solution, SolveFailure, SolverOptions, select};
+use crate::linear::{Assurance, Equations, LinearSolver, Solution, SolveFailure, SolverOptions, select};
 use crate::memory;
 use crate::operator::{BlockDiagonal, Combination, SystemOperator};
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{State, System};
+use crate::work::Work;
 use nalgebra::{Matrix3, Vector3};
 
 /// Which stiffness enters the matrix of each solve.
@@ -40,11 +42,11 @@ impl StiffnessPolicy {
         }
     }
 
-    fn promise(self) -> Promise {
+    fn assurance(self) -> Assurance {
         match self {
-            Self::Always(Stiffness::Full) => Promise::Unknown,
-            Self::Always(Stiffness::Tension | Stiffness::Axial) => Promise::Definite,
-            Self::OnDemand => Promise::MadeDefinite,
+            Self::Always(Stiffness::Full) => Assurance::Unknown,
+            Self::Always(Stiffness::Tension | Stiffness::Axial) => Assurance::Definite,
+            Self::OnDemand => Assurance::MadeDefinite,
         }
     }
 }
@@ -64,6 +66,32 @@ pub struct ImplicitOptions {
     pub linear: SolverOptions,
 }
 
+impl ImplicitOptions {
+    /// With this stiffness in the matrix: an option, or the policy.
+    ///
+    /// ```
+    /// use sprung::Stiffness;
+    /// use sprung::integrate::ImplicitOptions;
+    /// use sprung::linear::{SolverChoice, SolverOptions};
+    ///
+    /// let linear = SolverOptions::default().with_solver(SolverChoice::Cg).with_tolerance(1e-8)?;
+    /// let options = ImplicitOptions::default().with_stiffness(Stiffness::Tension).with_linear(linear);
+    /// assert_eq!(options.stiffness.name(), "tension");
+    /// assert!(SolverOptions::default().with_tolerance(1.5).is_err());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn with_stiffness(self, stiffness: impl Into<StiffnessPolicy>) -> Self {
+        Self { stiffness: stiffness.into(), ..self }
+    }
+
+    /// With these options of the linear solver.
+    #[must_use]
+    pub fn with_linear(self, linear: SolverOptions) -> Self {
+        Self { linear, ..self }
+    }
+}
+
 impl Default for ImplicitOptions {
     fn default() -> Self {
         Self { stiffness: StiffnessPolicy::OnDemand, linear: SolverOptions::default() }
@@ -75,74 +103,70 @@ impl Default for ImplicitOptions {
 const SPRING: u64 = 200;
 const PARTICLE: u64 = 1000;
 
-/// The linear systems of a stepper: extensions, operator, solver and reduced vectors, all allocated once.
+/// The linear systems of a stepper: extensions, matrix, solver and reduced vectors, all allocated once.
 pub(super) struct LinearSystem<'s> {
     pub system: &'s System,
     /// Those of the matrix: nothing else may be written here between `prepare` and the last solve with it.
     pub extensions: Extensions,
     pub statistics: Statistics,
-    operator: SystemOperator<'s>,
+    equations: Equations<'s>,
     /// Made when the policy asks for it, or Newton's method first does.
     softening: Option<Softening>,
-    solver: Box<dyn LinearSolver>,
     pub policy: StiffnessPolicy,
     /// The relative residual asked of iterative solvers.
     pub tolerance: f64,
     interrupt: Interrupt,
-    prepared: Prepared,
+    combination: Combination,
+    choice: Choice,
     /// The matrix's diagonal ones; filled when first asked for.
     blocks: Vec<Matrix3<f64>>,
     rhs: Vec<f64>,
     solution: Vec<f64>,
 }
 
-/// The matrix that the solver holds.
-struct Prepared {
-    policy: StiffnessPolicy,
-    combination: Combination,
-    terms: Terms,
-    /// Transverse terms that the on-demand policy has dropped from it.
-    dropped: usize,
-    definiteness: Definiteness,
-}
-
-/// Which transverse terms a matrix has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Terms {
-    /// Those of an option.
-    Of(Stiffness),
-    /// All but those that a [`Softening`] drops.
-    Softened,
-    /// All, in a matrix whose definiteness its caller sees to.
-    Whole,
-}
-
 impl<'s> LinearSystem<'s> {
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
+        // Before the solver, which may be large: a refusal comes early.
+        Self::check(system, options)?;
+        let mut work = Work::default();
+        let solver = select(system, &options.linear, options.stiffness.assurance(), &mut work)?;
+        let mut linear = Self::with_solver(system, state, options, solver)?;
+        linear.statistics.work = work;
+        Ok(linear)
+    }
+
+    fn check(system: &System, options: &ImplicitOptions) -> Result<()> {
+        options.linear.check()?;
         let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
-        memory::ensure(SPRING * springs + PARTICLE * particles, "the state of the method")?;
+        memory::ensure(SPRING * springs + PARTICLE * particles, "the state of the method")
+    }
+
+    /// With a solver of the caller's own.
+    pub fn with_solver(
+        system: &'s System,
+        state: &State,
+        options: &ImplicitOptions,
+        solver: Box<dyn LinearSolver + 's>,
+    ) -> Result<Self> {
+        Self::check(system, options)?;
         let extensions = Extensions::at(system, &state.positions)?;
-        let (option, combination) = (Stiffness::Full, Combination::STIFFNESS);
-        let operator = SystemOperator::new(system, &extensions, option, combination);
         let (policy, tolerance) = (options.stiffness, options.linear.tolerance);
-        let mut statistics = Statistics::default();
-        let solver = select(system, &options.linear, policy.promise(), &mut statistics.work)?;
-        let prepared =
-            Prepared { policy, combination, terms: Terms::Of(option), dropped: 0, definiteness: Definiteness::Unknown };
+        let combination = Combination::STIFFNESS;
+        let matrix = SystemOperator::new(system, &extensions, Stiffness::Full, combination);
         let softening = (policy == StiffnessPolicy::OnDemand).then(|| Softening::new(system));
         let zeros = || vec![0.0; system.dofs().len()];
         let (rhs, solution) = (zeros(), zeros());
         Ok(Self {
             system,
             extensions,
-            statistics,
-            operator,
+            statistics: Statistics::default(),
+            equations: Equations::new(matrix, solver),
             softening,
-            solver,
             policy,
             tolerance,
             interrupt: options.linear.interrupt,
-            prepared,
+            combination,
+            choice: Choice::first(policy),
             blocks: Vec::new(),
             rhs,
             solution,
@@ -150,11 +174,11 @@ impl<'s> LinearSystem<'s> {
     }
 
     pub fn solver(&self) -> &dyn LinearSolver {
-        &*self.solver
+        self.equations.solver()
     }
 
     pub fn set_extensions(&mut self, positions: &[Vector3<f64>]) -> Result<(), DegenerateSpring> {
-        self.solver.place(positions);
+        self.equations.place(positions);
         self.extensions.update(self.system, positions)
     }
 
@@ -173,17 +197,15 @@ impl<'s> LinearSystem<'s> {
 
     /// How exactly iterative solvers are to solve from now on.
     pub fn set_tolerance(&mut self, tolerance: f64) {
-        self.solver.set_tolerance(tolerance);
+        self.equations.set_tolerance(tolerance);
     }
 
     /// Takes over the matrix of the given combination at the current extensions under a policy, as a rule
     /// [`policy`](Self::policy).
     pub fn prepare(&mut self, policy: StiffnessPolicy, combination: Combination) -> Result<(), SolveFailure> {
-        self.prepared.policy = policy;
-        self.prepared.combination = combination;
-        let first = if let StiffnessPolicy::Always(option) = policy { option } else { Stiffness::Full };
-        let mut outcome = self.take_over(Terms::Of(first));
-        while let (Err(SolveFailure::Indefinite(_)), Some(softer)) = (&outcome, self.softer()) {
+        self.combination = combination;
+        let mut outcome = self.take_over(Choice::first(policy));
+        while let (Err(SolveFailure::Indefinite(_)), Some(softer)) = (&outcome, self.choice.softer()) {
             outcome = self.take_over(softer);
         }
         outcome
@@ -192,9 +214,8 @@ impl<'s> LinearSystem<'s> {
     /// Takes over the matrix of the given combination at the current extensions with the full stiffness. It is refused as
     /// indefinite, here or by [`solve`](Self::solve), where it is not positive definite, whatever the solver.
     pub fn prepare_whole(&mut self, combination: Combination) -> Result<(), SolveFailure> {
-        self.prepared.policy = StiffnessPolicy::OnDemand;
-        self.prepared.combination = combination;
-        self.take_over(Terms::Whole)
+        self.combination = combination;
+        self.take_over(Choice::whole())
     }
 
     /// Takes over the matrix of the given combination at the current extensions, with transverse coefficients of its own in
@@ -204,27 +225,27 @@ impl<'s> LinearSystem<'s> {
         combination: Combination,
         transverse: impl Fn(usize, &Spring, &Extension) -> f64 + Sync,
     ) -> Result<(), SolveFailure> {
-        let Self { extensions, operator, prepared, statistics, solver, .. } = self;
-        prepared.policy = StiffnessPolicy::Always(Stiffness::Tension);
-        prepared.combination = combination;
-        prepared.terms = Terms::Of(Stiffness::Tension);
-        prepared.dropped = 0;
-        operator.set_blocks(extensions, combination.mass, |position, spring, at| {
-            let axial = spring.stiffness_block(at, Stiffness::Axial);
-            let block = SpringBlock { transverse: transverse(position, spring, at), ..axial } * -combination.stiffness;
-            if spring.damping > 0.0 { block + spring.damping_block(at) * -combination.damping } else { block }
-        });
+        self.combination = combination;
+        self.choice = Choice::first(Stiffness::Tension.into());
+        let Self { extensions, equations, statistics, choice, .. } = self;
         statistics.work.assemblies += 1;
-        prepared.definiteness = solver.prepare(operator, &mut statistics.work)?;
-        Ok(())
+        let change = |matrix: &mut SystemOperator<'s>| {
+            matrix.set_blocks(extensions, combination.mass, |position, spring, at| {
+                let axial = spring.stiffness_block(at, Stiffness::Axial);
+                let block =
+                    SpringBlock { transverse: transverse(position, spring, at), ..axial } * -combination.stiffness;
+                if spring.damping > 0.0 { block + spring.damping_block(at) * -combination.damping } else { block }
+            });
+        };
+        choice.accept(equations.prepare(change, &mut statistics.work)?)
     }
 
     /// `fᵀ D⁻¹ f` with D the 3×3 diagonal blocks of the prepared matrix: about `fᵀ A⁻¹ f`. Infinite where D is not positive
     /// definite.
     pub fn block_energy(&mut self, force: &[Vector3<f64>]) -> f64 {
-        let Self { system, operator, blocks, .. } = self;
+        let Self { system, equations, blocks, .. } = self;
         blocks.resize(system.particles(), Matrix3::zeros());
-        operator.diagonal_blocks(blocks);
+        equations.matrix().diagonal_blocks(blocks);
         let energy = |(p, (block, force)): (usize, (&Matrix3<f64>, &Vector3<f64>))| {
             let free = system.dofs().free_axes(p);
             let (mut block, mut force) = (*block, *force);
@@ -239,7 +260,7 @@ impl<'s> LinearSystem<'s> {
 
     /// Whether the prepared matrix is the full one less some terms.
     pub fn is_softened(&self) -> bool {
-        self.prepared.dropped > 0
+        self.choice.dropped > 0
     }
 
     /// Solves `A_ff δx_f = force_f − A_fc δx_c` with the prepared matrix.
@@ -253,30 +274,13 @@ impl<'s> LinearSystem<'s> {
         displacement: &mut [Vector3<f64>],
     ) -> Result<Solution, SolveFailure> {
         let mut outcome = self.attempt(force, displacement);
-        while let (Err(SolveFailure::Indefinite(_)), Some(softer)) = (&outcome, self.softer()) {
+        while let (Err(SolveFailure::Indefinite(_)), Some(softer)) = (&outcome, self.choice.softer()) {
             outcome = self.take_over(softer).and_then(|()| self.attempt(force, displacement));
         }
         let solution = outcome?;
-        let is_whole = matches!(self.prepared.terms, Terms::Of(Stiffness::Full) | Terms::Whole);
-        if self.prepared.policy == StiffnessPolicy::OnDemand && !is_whole {
-            self.statistics.softened_solves += 1;
-            self.statistics.dropped_terms += self.prepared.dropped as u64;
-        }
-        if let Definiteness::Indefinite { .. } = self.prepared.definiteness {
-            self.statistics.indefinite_solves += 1;
-        }
+        self.choice.count(&mut self.statistics);
         self.system.dofs().scatter(&self.solution, displacement);
         Ok(solution)
-    }
-
-    /// What replaces a matrix that turns out to be indefinite, if the policy allows: first the few terms that may be enough,
-    /// then, should rounding have spoilt that, all that can be.
-    fn softer(&self) -> Option<Terms> {
-        match (self.prepared.policy, self.prepared.terms) {
-            (StiffnessPolicy::OnDemand, Terms::Of(Stiffness::Full)) => Some(Terms::Softened),
-            (StiffnessPolicy::OnDemand, Terms::Softened) => Some(Terms::Of(Stiffness::Tension)),
-            _ => None,
-        }
     }
 
     /// Where there is much to do, it is asked for again and again: here a request to stop is answered.
@@ -284,45 +288,42 @@ impl<'s> LinearSystem<'s> {
         if self.interrupt.is_requested() { Err(SolveFailure::Interrupted) } else { Ok(()) }
     }
 
-    fn take_over(&mut self, terms: Terms) -> Result<(), SolveFailure> {
+    /// Takes over the matrix with the terms of a choice.
+    fn take_over(&mut self, choice: Choice) -> Result<(), SolveFailure> {
         self.go_on()?;
-        let work = &mut self.statistics.work;
-        work.assemblies += 1;
-        self.prepared.terms = terms;
-        let Self { system, extensions, operator, softening, prepared, .. } = self;
-        match terms {
+        self.choice = choice;
+        let Self { system, extensions, equations, statistics, softening, choice, combination, .. } = self;
+        let combination = *combination;
+        statistics.work.assemblies += 1;
+        let change = |matrix: &mut SystemOperator<'s>| match choice.terms() {
             Terms::Of(option) => {
-                let compressed = || system.active().zip(extensions.iter()).filter(|((.., s), at)| s.is_compressed(at));
-                prepared.dropped = if option == Stiffness::Tension { compressed().count() } else { 0 };
-                operator.update(extensions, option, prepared.combination);
+                let compressed = || extensions.springs(system).filter(|((.., s), at)| s.is_compressed(at));
+                choice.dropped = if option == Stiffness::Tension { compressed().count() } else { 0 };
+                matrix.update(extensions, option, combination);
             }
             Terms::Whole => {
-                prepared.dropped = 0;
-                operator.update(extensions, Stiffness::Full, prepared.combination);
+                choice.dropped = 0;
+                matrix.update(extensions, Stiffness::Full, combination);
             }
             Terms::Softened => {
                 let softening = softening.get_or_insert_with(|| Softening::new(system));
-                prepared.dropped = softening.choose(system, extensions, prepared.combination);
+                choice.dropped = softening.choose(system, extensions, combination);
                 let options = softening.options();
-                operator.update_each(extensions, prepared.combination, |position| options[position]);
+                matrix.update_each(extensions, combination, |position| options[position]);
             }
-        }
-        self.prepared.definiteness = self.solver.prepare(&self.operator, work)?;
-        match self.prepared.definiteness {
-            Definiteness::Indefinite { dof, .. } if self.prepared.policy == StiffnessPolicy::OnDemand => {
-                Err(SolveFailure::Indefinite(Evidence::Pivot(dof)))
-            }
-            _ => Ok(()),
-        }
+        };
+        let definiteness = equations.prepare(change, &mut statistics.work)?;
+        choice.accept(definiteness)
     }
 
     fn attempt(&mut self, force: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Result<Solution, SolveFailure> {
         self.go_on()?;
         self.system.dofs().gather(force, &mut self.rhs);
-        self.operator.subtract_coupling(displacement, &mut self.rhs);
+        self.equations.matrix().subtract_coupling(displacement, &mut self.rhs);
         self.solution.fill(0.0);
-        let work = &mut self.statistics.work;
-        self.solver.solve(&self.operator, &self.rhs, &mut self.solution, work)
+        let Self { equations, rhs, solution, statistics, .. } = self;
+        let mut prepared = equations.prepared().ok_or(SolveFailure::Unprepared)?;
+        prepared.solve(rhs, solution, &mut statistics.work)
     }
 }
 

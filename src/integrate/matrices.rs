@@ -2,7 +2,7 @@
 
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::error::Result;
-use crate::force::{Extensions, add_elastic_force, add_weight};
+use crate::force::{Extensions, add_elastic_force, add_external_forces, add_weight};
 use crate::memory;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
@@ -11,6 +11,24 @@ use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// Everything of `A δx = b` at a state, over the free degrees of freedom ordered by particle, then axis.
+///
+/// # Examples
+/// ```
+/// use sprung::Stiffness;
+/// use sprung::integrate::StepMatrices;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let step = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.5)?;
+/// assert_eq!(step.k.to_csc().values(), [-10.0, 10.0, 10.0]); // stable along the spring, unstable across
+/// assert_eq!(step.b, [10.0, 0.0, 0.0]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct StepMatrices {
     /// `A = M/dt² − G/dt − K`, in N/m.
@@ -51,6 +69,7 @@ impl StepMatrices {
         let mut force: Vec<Vector3<f64>> =
             system.masses().iter().zip(&state.velocities).map(|(m, v)| v * (m / dt)).collect();
         add_weight(system, &mut force);
+        add_external_forces(system, &state.moment(), &mut force);
         add_elastic_force(system, &extensions, &mut force);
         let mut displacement = vec![Vector3::zeros(); system.particles()];
         system.prescribed().displacement(state.time + dt, &state.positions, &mut displacement);

@@ -63,7 +63,7 @@ impl Balance {
             let force = mass * (momentum / dt + gravity);
             sums[p] = Vector3::new(force, f64::EPSILON * force, 0.0);
         }
-        for ((_, [i, j], spring), at) in system.active().zip(extensions.iter()) {
+        for ((_, [i, j], spring), at) in extensions.springs(system) {
             let damping = spring.damping * at.direction.dot(&(trial.velocities[i] - trial.velocities[j]));
             let force = (spring.stiffness * spring.strain(at)).abs() + damping.abs();
             // Of the positions, and of the length that is computed from them.

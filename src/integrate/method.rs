@@ -8,7 +8,30 @@ use crate::error::Result;
 use crate::system::{State, System};
 
 /// Which method advances the state.
+///
+/// # Examples
+/// ```
+/// use sprung::Method;
+/// use sprung::integrate::{ImplicitOptions, TimeStepper};
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, start) = builder.build()?;
+/// for method in Method::ALL {
+///     let mut state = start.clone();
+///     let mut stepper = method.stepper(&system, &state, &ImplicitOptions::default())?;
+///     stepper.step(&mut state, 0.01)?;
+///     assert!(state.positions[1].x >= 1.0, "{}: the spring pushes", method.name());
+/// }
+/// assert_eq!(Method::Bdf2.order(), 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Method {
     /// [`LinearBackwardEuler`].
     LinearBackwardEuler,
@@ -34,6 +57,7 @@ pub enum Method {
 
 /// What the equations of a step are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Equations {
     /// None: forces at known states only.
     Explicit,
@@ -47,6 +71,7 @@ pub enum Equations {
 
 /// The velocity by which a step moves positions, `x' = x + dt v`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum MovesBy {
     /// That at its beginning.
     Old,

@@ -22,6 +22,7 @@ mod run;
 mod schedule;
 mod softening;
 mod statistics;
+mod terms;
 mod verlet;
 mod w_method;
 

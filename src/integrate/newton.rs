@@ -31,34 +31,22 @@
 //!
 //! **The matrix** is that of the stiffness option as long as it serves, and otherwise one that does, see [`Filter`].
 
+mod options;
+
+pub use options::NewtonOptions;
+
 use super::filter::{Filter, Matrix};
 use super::forcing::Forcing;
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::merit::{Balance, Point};
 use super::{NotSolved, StepFailure, StiffnessPolicy};
 use crate::error::Result;
-use crate::force::{add_damping_differential, add_damping_force, add_elastic_force, add_weight};
+use crate::force::{add_damping_differential, add_damping_force, add_elastic_force, add_external_forces, add_weight};
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use nalgebra::Vector3;
-
-/// When Newton's method is done, and when it gives up.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NewtonOptions {
-    /// Converged at `‖r‖ ≤ tolerance·s`, s the norm of the magnitudes of the forces that balance in r (and never
-    /// below what rounding the positions does to r).
-    pub tolerance: f64,
-    /// The most iterations a step may take.
-    pub iteration_limit: u64,
-}
-
-impl Default for NewtonOptions {
-    fn default() -> Self {
-        Self { tolerance: 1e-10, iteration_limit: 200 }
-    }
-}
 
 /// How often a step is shortened before the line search gives up.
 const SHORTENINGS: usize = 40;
@@ -76,6 +64,7 @@ const NOISE: f64 = 1e-13;
 pub(super) struct Newton<'s> {
     pub linear: LinearSystem<'s>,
     options: NewtonOptions,
+    /// Whether there are forces without a potential: of damping, or external.
     is_damped: bool,
     /// δ; its prescribed entries are given, its free ones the solution.
     pub displacement: Vec<Vector3<f64>>,
@@ -90,18 +79,24 @@ pub(super) struct Newton<'s> {
 
 impl<'s> Newton<'s> {
     pub fn new(system: &'s System, state: &State, implicit: &ImplicitOptions, options: NewtonOptions) -> Result<Self> {
+        Ok(Self::of(LinearSystem::new(system, state, implicit)?, state, options))
+    }
+
+    /// With the linear system given.
+    pub fn of(linear: LinearSystem<'s>, state: &State, options: NewtonOptions) -> Self {
+        let system = linear.system;
         let zeros = || vec![Vector3::zeros(); system.particles()];
-        Ok(Self {
-            linear: LinearSystem::new(system, state, implicit)?,
+        Self {
+            linear,
             options,
-            is_damped: system.is_damped(),
+            is_damped: system.is_damped() || system.has_external_forces(),
             displacement: zeros(),
             force: zeros(),
             direction: zeros(),
             part: zeros(),
             defect: zeros(),
             trial: state.clone(),
-        })
+        }
     }
 
     /// Solves for the free entries of `displacement` over dt seconds from a state.
@@ -188,7 +183,8 @@ impl<'s> Newton<'s> {
             force[p] = (trial.velocities[p] - state.velocities[p]) * (-mass / dt) + system.gravity() * *mass;
         }
         add_elastic_force(system, &linear.extensions, force);
-        if self.is_damped {
+        add_external_forces(system, &trial.moment(), force);
+        if system.is_damped() {
             add_damping_force(system, &linear.extensions, &trial.velocities, force);
         }
         let slope = -dot(force, direction);
@@ -242,6 +238,7 @@ impl<'s> Newton<'s> {
             trial.positions[p] = state.positions[p] + d;
             trial.velocities[p] = d / dt;
         }
+        trial.time = state.time + dt;
         linear.statistics.work.force_evaluations += 1;
         Ok(linear.set_extensions(&trial.positions)?)
     }
@@ -264,8 +261,8 @@ impl<'s> Newton<'s> {
             rounding += f64::EPSILON * mass * change.norm() * (state.velocities[p].norm() + trial.velocities[p].norm());
             add(-mass * system.gravity().dot(&trial.velocities[p]) * dt);
         }
-        for ((_, [i, j], spring), at) in system.active().zip(linear.extensions.iter()) {
-            add(spring.elastic_energy(at));
+        for ((number, [i, j], spring), at) in linear.extensions.springs(system) {
+            add(system.elastic_energy(number, at));
             // Far from the origin a rounded position is a displacement, against which the spring does work.
             let reach = trial.positions[i].norm() + trial.positions[j].norm();
             rounding += f64::EPSILON * (spring.stiffness * spring.strain(at)).abs() * reach;
@@ -275,6 +272,7 @@ impl<'s> Newton<'s> {
         add_weight(system, force);
         let conservative = -dot(force, direction);
         add_damping_force(system, &linear.extensions, &trial.velocities, force);
+        add_external_forces(system, &trial.moment(), force);
         let residual = free_norm(system, force);
         if !(residual.is_finite() && noise.is_finite()) {
             return Err(StepFailure::NonFinite);
@@ -336,6 +334,7 @@ impl<'s> Newton<'s> {
         }
         defect.fill(Vector3::zeros());
         add_damping_force(system, &linear.extensions, &trial.velocities, defect);
+        add_external_forces(system, &trial.moment(), defect);
         Ok([slope, -dot(defect, direction)])
     }
 

@@ -37,8 +37,8 @@ mod coefficients;
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::pieces::Piece;
 use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, StiffnessPolicy, TimeStepper};
-use crate::error::Result;
-use crate::force::{TotalForce, add_damping_differential, add_damping_force};
+use crate::error::{Error, Result};
+use crate::force::{add_damping_differential, add_damping_force, set_total_force};
 use crate::linear::{LinearSolver, SolveFailure};
 use crate::operator::Combination;
 use crate::system::{State, System};
@@ -46,10 +46,30 @@ use coefficients::{A, B, C, GAMMA, Row, STAGES};
 use nalgebra::Vector3;
 
 /// Fourth order with the full stiffness, A- and L-stable; steps with an indefinite matrix are refused or cut.
+///
+/// # Examples
+/// ```
+/// use sprung::integrate::{ImplicitOptions, Rodas4, TimeStepper};
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, mut state) = builder.build()?;
+/// let mut stepper = Rodas4::new(&system, &state, &ImplicitOptions::default())?;
+/// for _ in 0..100 {
+///     stepper.step(&mut state, 0.001)?;
+/// }
+/// // A particle of 1 kg on 10 N/m, 1 m from rest, at t = 0.1 s.
+/// let exact = 2.0 - (10.0_f64.sqrt() * 0.1).cos();
+/// assert!((state.positions[1].x - exact).abs() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[doc(alias = "Rosenbrock")]
 pub struct Rodas4<'s> {
     linear: LinearSystem<'s>,
-    total: TotalForce,
     is_damped: bool,
     /// u_x and u_v of the stages.
     displacements: Vec<Vec<Vector3<f64>>>,
@@ -77,13 +97,33 @@ impl<'s> Rodas4<'s> {
     /// option has no say.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a matrix that is too large.
+    /// Coincident ends of a spring in `state`; a matrix that is too large; external forces, whose derivatives the method would need.
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
-        let zeros = || vec![Vector3::zeros(); system.particles()];
+        check(system)?;
         let options = ImplicitOptions { stiffness: StiffnessPolicy::OnDemand, ..*options };
-        Ok(Self {
-            linear: LinearSystem::new(system, state, &options)?,
-            total: TotalForce::new(system),
+        Ok(Self::of(system, state, LinearSystem::new(system, state, &options)?))
+    }
+
+    /// As [`new`](Self::new), with a linear solver of your own, which need not be one of this crate's; `options.linear` then only
+    /// says how exactly it is to solve, and what interrupts.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with_solver(
+        system: &'s System,
+        state: &State,
+        options: &ImplicitOptions,
+        solver: Box<dyn LinearSolver + 's>,
+    ) -> Result<Self> {
+        check(system)?;
+        let options = ImplicitOptions { stiffness: StiffnessPolicy::OnDemand, ..*options };
+        Ok(Self::of(system, state, LinearSystem::with_solver(system, state, &options, solver)?))
+    }
+
+    fn of(system: &'s System, state: &State, linear: LinearSystem<'s>) -> Self {
+        let zeros = || vec![Vector3::zeros(); system.particles()];
+        Self {
+            linear,
             is_damped: system.is_damped(),
             displacements: (0..STAGES).map(|_| zeros()).collect(),
             velocities: (0..STAGES).map(|_| zeros()).collect(),
@@ -93,7 +133,7 @@ impl<'s> Rodas4<'s> {
             r: zeros(),
             b: zeros(),
             corrected: zeros(),
-        })
+        }
     }
 
     /// Computes `next`, h seconds after `base`. No kink may be in between.
@@ -124,12 +164,12 @@ impl<'s> Rodas4<'s> {
     fn set_right_hand_side(&mut self, stage: usize, h: f64) -> Result<(), StepFailure> {
         let system = self.linear.system;
         let tau = GAMMA * h;
-        let Self { linear, total, point, r, b, corrected, displacements, velocities, .. } = self;
+        let Self { linear, point, r, b, corrected, displacements, velocities, .. } = self;
         let row = C.get(stage).unwrap_or(&B);
         r.copy_from_slice(&point.velocities);
         add_multiples(row, 1.0 / h, displacements, r);
         linear.statistics.work.force_evaluations += 1;
-        total.set(system, &point.positions, &point.velocities, b)?;
+        set_total_force(system, &point.moment(), b)?;
         // M (Σ C_ij u_v + r_x τ⁻¹), by way of a buffer that is free now.
         for (sum, r) in corrected.iter_mut().zip(&*r) {
             *sum = r / tau;
@@ -218,6 +258,16 @@ fn add_multiples(row: &Row, factor: f64, stages: &[Vec<Vector3<f64>>], to: &mut 
             *to += u * coefficient;
         }
     }
+}
+
+/// The order of the method hangs on the exact Jacobian, and of external forces there is none.
+fn check(system: &System) -> Result<()> {
+    if system.has_external_forces() {
+        return Err(Error::Unsupported(
+            "rodas4 takes no external forces, as it needs their derivatives; use bdf2 or w2".into(),
+        ));
+    }
+    Ok(())
 }
 
 impl TimeStepper for Rodas4<'_> {

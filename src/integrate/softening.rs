@@ -63,7 +63,7 @@ impl Softening {
     /// Chooses for the matrix `combination` at the given extensions, without allocating; returns the number of terms that
     /// are dropped.
     pub fn choose(&mut self, system: &System, extensions: &Extensions, combination: Combination) -> usize {
-        for (position, ((_, ends, spring), at)) in system.active().zip(extensions.iter()).enumerate() {
+        for (position, ((_, ends, spring), at)) in extensions.springs(system).enumerate() {
             let transverse = spring.stiffness_block(at, Stiffness::Full).transverse * -combination.stiffness;
             let both_move = ends.iter().all(|&end| system.dofs().free_axes(end) != Axes::NONE);
             self.taken[position] = (-transverse).max(0.0) * if both_move { 2.0 } else { 1.0 };

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// Work and quality of the steps done so far.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Statistics {
     /// Counters of work.
     pub work: Work,

@@ -42,15 +42,36 @@
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+use crate::force::{Extensions, add_damping_force, add_elastic_force, add_external_forces, add_weight};
 use crate::linear::LinearSolver;
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
-use crate::system::{State, System};
+use crate::system::{Moment, State, System};
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 /// Second order with the matrix of linearised backward Euler; A- and L-stable with the full stiffness.
+///
+/// # Examples
+/// ```
+/// use sprung::integrate::{ImplicitOptions, TimeStepper, WMethod};
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, mut state) = builder.build()?;
+/// let mut stepper = WMethod::new(&system, &state, &ImplicitOptions::default())?;
+/// for _ in 0..100 {
+///     stepper.step(&mut state, 0.001)?;
+/// }
+/// // A particle of 1 kg on 10 N/m, 1 m from rest, at t = 0.1 s.
+/// let exact = 2.0 - (10.0_f64.sqrt() * 0.1).cos();
+/// assert!((state.positions[1].x - exact).abs() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[doc(alias = "Rosenbrock")]
 pub struct WMethod<'s> {
     linear: LinearSystem<'s>,
@@ -94,11 +115,27 @@ impl<'s> WMethod<'s> {
     /// # Errors
     /// Coincident ends of a spring in `state`; a matrix that is too large.
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
-        let zeros = || vec![Vector3::zeros(); system.particles()];
-        let linear = LinearSystem::new(system, state, options)?;
+        Ok(Self::of(state, LinearSystem::new(system, state, options)?))
+    }
+
+    /// As [`new`](Self::new), with a linear solver of your own, which need not be one of this crate's; `options.linear` then only
+    /// says how exactly it is to solve, and what interrupts.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring in `state`; a system too large for the memory.
+    pub fn with_solver(
+        system: &'s System,
+        state: &State,
+        options: &ImplicitOptions,
+        solver: Box<dyn LinearSolver + 's>,
+    ) -> Result<Self> {
+        Ok(Self::of(state, LinearSystem::with_solver(system, state, options, solver)?))
+    }
+
+    fn of(state: &State, linear: LinearSystem<'s>) -> Self {
+        let zeros = || vec![Vector3::zeros(); linear.system.particles()];
         let extensions = linear.extensions.clone();
-        Ok(Self {
-            linear,
+        Self {
             held: None,
             extensions,
             velocities: zeros(),
@@ -110,7 +147,8 @@ impl<'s> WMethod<'s> {
             minus_r: zeros(),
             s: zeros(),
             forces: zeros(),
-        })
+            linear,
+        }
     }
 
     /// Takes A at the state's positions for steps of length h.
@@ -145,6 +183,7 @@ impl<'s> WMethod<'s> {
             self.middle.velocities[p] = v + k_v * (0.5 * h);
             self.minus_r[p] = k_x - self.middle.velocities[p];
         }
+        self.middle.time = state.time + 0.5 * h;
         self.set_force(Point::Middle)?;
         for (p, mass) in system.masses().iter().enumerate() {
             self.forces[p] += self.s[p] * (4.0 + SQRT_2);
@@ -193,17 +232,18 @@ impl<'s> WMethod<'s> {
     /// Sets s to `f_el + f_d + g` at a point of the step.
     fn set_force(&mut self, at: Point) -> Result<(), StepFailure> {
         let Self { linear, extensions, velocities, middle, next, s, .. } = self;
-        let (positions, velocities) = match at {
-            Point::Start(state) => (&state.positions, &*velocities),
-            Point::Middle => (&middle.positions, &middle.velocities),
-            Point::Next => (&next.positions, &next.velocities),
+        let at = match at {
+            Point::Start(state) => Moment { velocities, ..state.moment() },
+            Point::Middle => middle.moment(),
+            Point::Next => next.moment(),
         };
         linear.statistics.work.force_evaluations += 1;
-        extensions.update(linear.system, positions)?;
+        extensions.update(linear.system, at.positions)?;
         s.fill(Vector3::zeros());
         add_elastic_force(linear.system, extensions, s);
-        add_damping_force(linear.system, extensions, velocities, s);
+        add_damping_force(linear.system, extensions, at.velocities, s);
         add_weight(linear.system, s);
+        add_external_forces(linear.system, &at, s);
         Ok(())
     }
 }

@@ -19,12 +19,12 @@
 //! A factor takes memory only when the choice has fallen on it, and only as much as leaves room for everything else: one that would
 //! take more than half of what the process may hold is not considered, whatever it costs.
 
-use super::LinearSolver;
+use super::analysis::FactorReport;
 use super::cost::CostModel;
 use super::direct::{CholeskyPlan, CholeskySolver};
-use super::factorization::FactorReport;
 use super::iterative::CgSolver;
 use super::outcome::{Definiteness, Solution, SolveFailure};
+use super::{Held, LinearSolver};
 use crate::memory;
 use crate::operator::SystemOperator;
 use crate::system::System;
@@ -175,16 +175,16 @@ impl LinearSolver for AutomaticSolver {
         self.iterative.place(positions);
     }
 
-    fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+    fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
         if self.lost > self.patience() {
             self.reconsider(a.system(), work);
         }
         if let Direct::Chosen(direct) = &mut self.direct {
-            return direct.prepare(a, work);
+            return direct.take(a, work);
         }
         self.tried += 1;
         let before = self.iterative.effort();
-        let prepared = self.iterative.prepare(a, work);
+        let prepared = self.iterative.take(a, work);
         self.lost = self.lost.max(0.0) + self.iterative.effort() - before - self.cost.factor;
         prepared
     }
@@ -193,13 +193,7 @@ impl LinearSolver for AutomaticSolver {
         self.iterative.set_tolerance(tolerance);
     }
 
-    fn solve(
-        &mut self,
-        a: &SystemOperator,
-        b: &[f64],
-        x: &mut [f64],
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure> {
+    fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
         loop {
             if let Direct::Chosen(direct) = &mut self.direct {
                 return direct.solve(a, b, x, work);
@@ -214,7 +208,7 @@ impl LinearSolver for AutomaticSolver {
             }
             self.reconsider(a.system(), work);
             if let Direct::Chosen(direct) = &mut self.direct {
-                direct.prepare(a, work)?;
+                direct.take(&a, work)?;
             }
             x.fill(0.0);
         }

@@ -39,6 +39,7 @@ pub enum CgOutcome {
 
 /// Outcome, effort and true residual of a solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct CgReport {
     /// How it ended.
     pub outcome: CgOutcome,

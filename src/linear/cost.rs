@@ -5,9 +5,9 @@
 //! these are used, and they hardly depend on the machine. They are fitted to `verification/costs.json`, which
 //! `cargo run --release --example costs` measures, and held to it within a factor of 1.5 (the coarse levels of multigrid, which depend on more than sizes, of 1.6).
 //!
-//! Counting instead of timing makes the same choice on every machine and for any number of threads.
+//! Counting instead of timing makes the same choice as often as a run is repeated, and for any number of threads.
 
-use super::factorization::FactorSize;
+use super::analysis::FactorSize;
 use super::preconditioner_kind::PreconditionerKind;
 use crate::system::System;
 use crate::work::Work;

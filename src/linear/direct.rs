@@ -1,9 +1,10 @@
 //! The sparse factorizations as a time step's solvers: refill, refactor, solve, and measure the residual.
 
-use super::LinearSolver;
-use super::factorization::{Cholesky, FactorReport, FactorSize, Ldlt, NonPositivePivot};
+use super::analysis::{FactorReport, FactorSize, NonPositivePivot};
+use super::factorization::{Cholesky, Ldlt};
 use super::norms::{backward_error, norm, scaling};
 use super::outcome::{Definiteness, Evidence, Solution, SolveFailure};
+use super::{Held, LinearSolver};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::operator::{LinearOperator, SystemOperator};
@@ -138,7 +139,7 @@ impl LinearSolver for CholeskySolver {
         Some(self.factorization.report())
     }
 
-    fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+    fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
         self.assembled.matrix.refill(a);
         work.factorizations += 1;
         match self.factorization.factor(self.assembled.matrix.matrix()) {
@@ -147,18 +148,12 @@ impl LinearSolver for CholeskySolver {
         }
     }
 
-    fn solve(
-        &mut self,
-        a: &SystemOperator,
-        b: &[f64],
-        x: &mut [f64],
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure> {
+    fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
         work.solves += 1;
         self.assembled.scale(b);
         x.copy_from_slice(&self.assembled.scaled);
         self.factorization.solve_in_place(x);
-        self.assembled.set_residual(a, x);
+        self.assembled.set_residual(&a, x);
         self.assembled.unscale(x);
         self.assembled.solution()
     }
@@ -195,7 +190,7 @@ impl LinearSolver for LdltSolver {
         Some(self.factorization.report())
     }
 
-    fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+    fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
         self.assembled.matrix.refill(a);
         self.matrix_norm = self.assembled.matrix.matrix().norm_inf(&mut self.correction);
         work.factorizations += 1;
@@ -208,18 +203,12 @@ impl LinearSolver for LdltSolver {
         })
     }
 
-    fn solve(
-        &mut self,
-        a: &SystemOperator,
-        b: &[f64],
-        x: &mut [f64],
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure> {
+    fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
         work.solves += 1;
         self.assembled.scale(b);
         x.copy_from_slice(&self.assembled.scaled);
         self.factorization.solve_in_place(x);
-        self.assembled.set_residual(a, x);
+        self.assembled.set_residual(&a, x);
         let error_of =
             |assembled: &Assembled, norm, x: &[f64]| backward_error(&assembled.residual, norm, x, &assembled.scaled);
         let mut error = error_of(&self.assembled, self.matrix_norm, x);
@@ -232,7 +221,7 @@ impl LinearSolver for LdltSolver {
             for (x, c) in x.iter_mut().zip(&self.correction) {
                 *x += c;
             }
-            self.assembled.set_residual(a, x);
+            self.assembled.set_residual(&a, x);
             error = error_of(&self.assembled, self.matrix_norm, x);
         }
         self.assembled.unscale(x);

@@ -1,225 +1,153 @@
-//! Sparse factorizations `A = L Lᵀ` and `A = L D Lᵀ` by faer: analysed once, refactored for every matrix.
+//! Sparse factorizations `A = L B Lᵀ` by faer: analysed once, refactored for every matrix.
 //!
-//! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that
-//! both take microseconds, and only one convention for the index of a failed pivot is then in play.
+//! One type for all [kinds](FactorKind), which differ in B and in how pivots are chosen: what a kind adds is its call of faer and
+//! what can be asked of its factors.
 
-use super::ordering::{Ordering, OrderingMethod};
+use super::analysis::{Analysis, FactorReport, FactorSize, NonPositivePivot, SOLVE_COLUMNS, supernodes};
 use crate::assembly::{BlockPattern, SymmetricMatrix};
-use crate::error::{Error, Result};
-use crate::memory;
-use crate::system::Dof;
-use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use crate::error::Result;
+use faer::dyn_stack::MemStack;
 use faer::linalg::cholesky::ldlt::factor::LdltError;
 use faer::linalg::cholesky::llt::factor::LltError;
 use faer::mat::MatMut;
-use faer::perm::PermRef;
-use faer::sparse::linalg::SupernodalThreshold;
-use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LdltRef, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
-    factorize_symbolic_cholesky,
-};
+use faer::sparse::linalg::cholesky::{LdltRef, LltRef};
 use faer::{Conj, Par, Side, Spec};
-use serde::Serialize;
 use std::time::Instant;
 
-/// Right-hand sides that are solved for together: the factor is read once for all of them.
-pub const SOLVE_COLUMNS: usize = 4;
-
-/// A pivot that is not positive (LLᵀ), or is zero or not finite (LDLᵀ).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NonPositivePivot {
-    /// The row of A, not of the permuted matrix.
-    pub row: usize,
-    /// Its coordinate.
-    pub dof: Dof,
-}
-
-/// What a factorization costs, known from the pattern alone.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct FactorSize {
-    /// Stored values of L, the zeros inside supernodes included.
-    pub entries: usize,
-    /// Floating-point operations of a numeric factorization.
-    pub flops: f64,
-    /// How the rows were ordered.
-    pub ordering: OrderingMethod,
-}
-
-/// The time a factorization has taken so far, in s, all calls together.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct FactorTimes {
-    /// Ordering and symbolic analysis, once.
-    pub analysis_seconds: f64,
-    /// Numeric factorizations.
-    pub factor_seconds: f64,
-    /// Solves.
-    pub solve_seconds: f64,
-}
-
-/// Size and times of a factorization.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct FactorReport {
-    /// What it costs.
-    #[serde(flatten)]
-    pub size: FactorSize,
-    /// What it has taken.
-    #[serde(flatten)]
-    pub times: FactorTimes,
-}
-
-/// What an error calls the factor.
-const FACTOR: &str = "the factor of the matrix";
-
-/// Bytes that ordering and analysis hold at most for an entry or a row of the matrix: lists of its pattern in both orders and its
-/// graph's coarser copies. Found by lowering the limit on memory until a run failed.
-const ANALYSIS: u64 = 64;
-
-/// Ordering, symbolic analysis and memory, shared by both factorizations.
-pub(super) struct Analysis {
-    ordering: OrderingMethod,
-    times: FactorTimes,
-    pub symbolic: SymbolicCholesky<u32>,
-    /// Empty until [`allocate`](Self::allocate), as is the memory.
-    pub values: Vec<f64>,
-    pub memory: MemBuffer,
-    scratch: StackReq,
-    pub par: Par,
-}
-
-impl Analysis {
-    /// Orders and analyses, and takes the memory for the factor.
-    pub fn new(pattern: &BlockPattern, par: Par) -> Result<Self> {
-        let mut analysis = Self::plan(pattern, par)?;
-        analysis.allocate()?;
-        Ok(analysis)
-    }
-
-    /// Orders and analyses. [`allocate`](Self::allocate) must come before anything is factored.
-    pub fn plan(pattern: &BlockPattern, par: Par) -> Result<Self> {
-        memory::ensure(ANALYSIS * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")?;
-        let params = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
-            ..Default::default()
-        };
-        let start = Instant::now();
-        let Ordering { method, forward, inverse } = Ordering::of(pattern);
-        let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
-        let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, ordering, params)
-            .map_err(|_| Error::TooLarge { what: FACTOR, bytes: u64::MAX, room: memory::room() })?;
-        // One buffer serves numeric factorization of any kind and solves.
-        let scratch = symbolic
-            .factorize_numeric_llt_scratch::<f64>(par, Spec::default())
-            .or(symbolic.factorize_numeric_ldlt_scratch::<f64>(par, Spec::default()))
-            .or(symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(par, Spec::default()))
-            .or(symbolic.solve_in_place_scratch::<f64>(SOLVE_COLUMNS, par));
-        let times = FactorTimes { analysis_seconds: start.elapsed().as_secs_f64(), ..FactorTimes::default() };
-        let memory = MemBuffer::new(StackReq::EMPTY);
-        Ok(Self { ordering: method, times, symbolic, values: Vec::new(), memory, scratch, par })
-    }
-
-    /// Bytes of the factor and of what factoring takes beside it.
-    pub fn bytes(&self) -> u64 {
-        8 * self.symbolic.len_val() as u64 + self.scratch.unaligned_bytes_required() as u64
-    }
-
-    /// Takes the memory for the factor.
-    ///
-    /// # Errors
-    /// [`Error::TooLarge`] when it does not fit.
-    pub fn allocate(&mut self) -> Result<()> {
-        memory::ensure_with_dense_products(self.bytes(), FACTOR)?;
-        self.values = memory::filled(0.0, self.symbolic.len_val(), FACTOR)?;
-        let bytes = self.bytes();
-        self.memory = MemBuffer::try_new(self.scratch).map_err(|_| Error::TooLarge {
-            what: FACTOR,
-            bytes,
-            room: memory::room(),
-        })?;
-        Ok(())
-    }
-
-    fn report(&self) -> FactorReport {
-        FactorReport { size: self.size(), times: self.times }
-    }
-
-    fn size(&self) -> FactorSize {
-        FactorSize { entries: self.symbolic.len_val(), flops: flops(&self.symbolic), ordering: self.ordering }
-    }
-
-    /// `forward[k]` is the row of A that is eliminated as number k; `None` when the order is A's own.
-    pub fn forward(&self) -> Option<&[u32]> {
-        self.symbolic.perm().map(|perm| perm.arrays().0)
-    }
-
-    /// The row of A that the factorization calls `permuted`.
-    fn pivot(&self, pattern: &BlockPattern, permuted: usize) -> NonPositivePivot {
-        let row = self.forward().and_then(|forward| forward.get(permuted)).map_or(permuted, |&row| row as usize);
-        NonPositivePivot { row, dof: pattern.dofs().dof(row) }
-    }
-}
-
-/// A dense block of L: a trapezoid whose first `columns` rows are a triangle.
-#[derive(Clone, Copy)]
-pub(super) struct Supernode<'a> {
-    /// Its first column in L.
-    pub first: usize,
-    pub columns: usize,
-    /// The rows below the triangle, in the order of elimination.
-    pub below: &'a [u32],
-    /// Where its values start, by columns.
-    pub values: usize,
-}
-
-impl Supernode<'_> {
-    pub fn rows(&self) -> usize {
-        self.columns + self.below.len()
-    }
-
-    /// Position of the diagonal entry of a column among the factor's values; the column's entries below follow it.
-    pub fn diagonal(&self, column: usize) -> usize {
-        self.values + column * self.rows() + column
-    }
-}
-
-pub(super) fn supernodes(symbolic: &SymbolicCholesky<u32>) -> impl Iterator<Item = Supernode<'_>> + '_ {
-    let supernodal = match symbolic.raw() {
-        SymbolicCholeskyRaw::Supernodal(supernodal) => Some(supernodal),
-        SymbolicCholeskyRaw::Simplicial(_) => None,
-    };
-    supernodal.into_iter().flat_map(|supernodal| {
-        (0..supernodal.n_supernodes()).map(move |s| {
-            let first = supernodal.supernode_begin()[s] as usize;
-            let columns = supernodal.supernode_end()[s] as usize - first;
-            let below = supernodal.supernode(s).pattern();
-            Supernode { first, columns, below, values: supernodal.col_ptr_for_val()[s] as usize }
-        })
-    })
-}
-
-/// Operations of a numeric factorization. A column of a block that has h entries takes h² (multiply and add counted).
-fn flops(symbolic: &SymbolicCholesky<u32>) -> f64 {
-    let column = |h: usize| (h * h) as f64;
-    supernodes(symbolic).map(|s| (0..s.columns).map(|c| column(s.rows() - c)).sum::<f64>()).sum()
+/// A sparse factorization of symmetric matrices on one pattern.
+///
+/// # Examples
+/// ```
+/// use sprung::Stiffness;
+/// use sprung::faer::Par;
+/// use sprung::integrate::StepMatrices;
+/// use sprung::linear::{Cholesky, Ldlt};
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let short = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.1)?;
+/// let mut cholesky = Cholesky::analyse(short.a.pattern(), Par::Seq)?;
+/// cholesky.factor(&short.a).map_err(|pivot| pivot.dof.to_string())?;
+/// let mut x = short.b.clone();
+/// cholesky.solve_in_place(&mut x);
+/// assert!((x[0] - 10.0 / 110.0).abs() < 1e-15);
+///
+/// // A step of a second: 1 − 10 N/m across the compressed spring.
+/// let long = StepMatrices::assemble(&system, &state, Stiffness::Full, 1.0)?;
+/// assert!(cholesky.factor(&long.a).is_err());
+/// let mut ldlt = Ldlt::analyse(long.a.pattern(), Par::Seq)?;
+/// ldlt.factor(&long.a).map_err(|pivot| pivot.dof.to_string())?;
+/// assert_eq!(ldlt.pivots().filter(|(_, d)| *d < 0.0).count(), 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct Factorization<K> {
+    pub(super) analysis: Analysis,
+    pub(super) kind: K,
 }
 
 /// Sparse Cholesky factorization `A = L Lᵀ`: exists if and only if A is positive definite (to rounding).
-pub struct Cholesky(Analysis);
+pub type Cholesky = Factorization<Llt>;
 
-impl Cholesky {
+/// Sparse factorization `A = L D Lᵀ` without pivoting: D may have either sign, so A may be indefinite, but then nothing
+/// keeps the rounding errors small. Check the residual.
+pub type Ldlt = Factorization<Ldl>;
+
+/// What B is, and how pivots are chosen: [`Llt`], [`Ldl`] or [`Lbl`](super::Lbl).
+pub trait FactorKind: kind::Numeric {}
+
+impl<K: kind::Numeric> FactorKind for K {}
+
+/// A kind whose factors solve.
+pub trait SolvingKind: FactorKind + kind::Solve {}
+
+impl<K: kind::Solve> SolvingKind for K {}
+
+/// What faer has to be told; nobody else can make a kind.
+pub(super) mod kind {
+    use super::{Analysis, SymmetricMatrix};
+
+    pub trait Numeric: Sized {
+        /// For matrices of an order.
+        fn of_order(n: usize) -> Self;
+
+        /// Factors; the index of a refused pivot, in the order of elimination.
+        fn factor(&mut self, analysis: &mut Analysis, a: &SymmetricMatrix) -> Result<(), usize>;
+    }
+
+    pub trait Solve: Numeric {
+        /// `X ← A⁻¹ X` for at most [`SOLVE_COLUMNS`](super::SOLVE_COLUMNS) columns.
+        fn solve(analysis: &mut Analysis, x: faer::MatMut<'_, f64>);
+    }
+}
+
+/// `A = L Lᵀ`.
+pub struct Llt;
+
+/// `A = L D Lᵀ`, D diagonal, pivots in the order of elimination.
+pub struct Ldl;
+
+impl kind::Numeric for Llt {
+    fn of_order(_: usize) -> Self {
+        Self
+    }
+
+    fn factor(&mut self, analysis: &mut Analysis, a: &SymmetricMatrix) -> Result<(), usize> {
+        let Analysis { symbolic, values, memory, par, .. } = analysis;
+        let (plain, stack) = (Default::default(), MemStack::new(memory));
+        let done =
+            symbolic.factorize_numeric_llt(values, a.as_faer(), Side::Lower, plain, *par, stack, Spec::default());
+        done.map(|_| ()).map_err(|LltError::NonPositivePivot { index }| index)
+    }
+}
+
+impl kind::Numeric for Ldl {
+    fn of_order(_: usize) -> Self {
+        Self
+    }
+
+    fn factor(&mut self, analysis: &mut Analysis, a: &SymmetricMatrix) -> Result<(), usize> {
+        let Analysis { symbolic, values, memory, par, .. } = analysis;
+        let (plain, stack) = (Default::default(), MemStack::new(memory));
+        let done =
+            symbolic.factorize_numeric_ldlt(values, a.as_faer(), Side::Lower, plain, *par, stack, Spec::default());
+        done.map(|_| ()).map_err(|LdltError::ZeroPivot { index }| index)
+    }
+}
+
+impl kind::Solve for Llt {
+    fn solve(analysis: &mut Analysis, x: MatMut<'_, f64>) {
+        let Analysis { symbolic, values, memory, par, .. } = analysis;
+        LltRef::new(symbolic, values).solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
+    }
+}
+
+impl kind::Solve for Ldl {
+    fn solve(analysis: &mut Analysis, x: MatMut<'_, f64>) {
+        let Analysis { symbolic, values, memory, par, .. } = analysis;
+        LdltRef::new(symbolic, values).solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
+    }
+}
+
+impl<K: FactorKind> Factorization<K> {
     /// As [`analyse`](Self::analyse), without the memory for the factor: [`allocate`](Self::allocate) must come before
     /// anything is factored.
     pub(super) fn plan(pattern: &BlockPattern, par: Par) -> Result<Self> {
-        Analysis::plan(pattern, par).map(Self)
+        Ok(Self { analysis: Analysis::plan(pattern, par)?, kind: K::of_order(pattern.order()) })
     }
 
     /// Takes the memory for the factor.
     pub(super) fn allocate(&mut self) -> Result<()> {
-        self.0.allocate()
+        self.analysis.allocate()
     }
 
     /// Bytes of the factor and of what factoring takes beside it.
     pub(super) fn bytes(&self) -> u64 {
-        self.0.bytes()
+        self.analysis.bytes()
     }
 
     /// Orders (approximate minimum degree or nested dissection, whichever costs less) and analyses a pattern.
@@ -227,93 +155,64 @@ impl Cholesky {
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn analyse(pattern: &BlockPattern, par: Par) -> Result<Self> {
-        Analysis::new(pattern, par).map(Self)
+        let mut factorization = Self::plan(pattern, par)?;
+        factorization.allocate()?;
+        Ok(factorization)
     }
 
     /// Entries and operations of a numeric factorization.
     pub fn size(&self) -> FactorSize {
-        self.0.size()
+        self.analysis.size()
     }
 
     /// The size and the times so far.
     pub fn report(&self) -> FactorReport {
-        self.0.report()
+        self.analysis.report()
     }
 
+    /// Factors, timed; the index of a refused pivot, in the order of elimination.
+    pub(super) fn run(&mut self, a: &SymmetricMatrix) -> Result<(), usize> {
+        let start = Instant::now();
+        let done = self.kind.factor(&mut self.analysis, a);
+        self.analysis.times.factor_seconds += start.elapsed().as_secs_f64();
+        done
+    }
+}
+
+impl<K: SolvingKind> Factorization<K> {
     /// Factors a matrix on the analysed pattern.
     ///
     /// # Errors
-    /// The first pivot that is not positive.
+    /// The first pivot that is not positive (LLᵀ), or is exactly zero or not finite (LDLᵀ).
     pub fn factor(&mut self, a: &SymmetricMatrix) -> Result<(), NonPositivePivot> {
-        let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
-        let start = Instant::now();
-        let stack = MemStack::new(memory);
-        let regularization = Default::default();
-        let done = symbolic
-            .factorize_numeric_llt(values, a.as_faer(), Side::Lower, regularization, *par, stack, Spec::default())
-            .map(|_| ());
-        times.factor_seconds += start.elapsed().as_secs_f64();
-        done.map_err(|LltError::NonPositivePivot { index }| self.0.pivot(a.pattern(), index))
+        self.run(a).map_err(|index| self.analysis.pivot(a.pattern(), index))
     }
 
     /// `x ← A⁻¹ x` with the last factored matrix.
     pub fn solve_in_place(&mut self, x: &mut [f64]) {
-        let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
+        self.solve_columns_in_place(x.len(), x);
+    }
+
+    /// `X ← A⁻¹ X` for a matrix of n rows, n the order of A, stored by columns: [`SOLVE_COLUMNS`] at a time.
+    pub fn solve_columns_in_place(&mut self, n: usize, x: &mut [f64]) {
         let start = Instant::now();
-        let rows = x.len();
-        let x = MatMut::from_column_major_slice_mut(x, rows, 1);
-        LltRef::new(symbolic, values).solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
-        times.solve_seconds += start.elapsed().as_secs_f64();
+        for x in x.chunks_mut((SOLVE_COLUMNS * n).max(1)) {
+            let columns = x.len() / n.max(1);
+            K::solve(&mut self.analysis, MatMut::from_column_major_slice_mut(x, n, columns));
+        }
+        self.analysis.times.solve_seconds += start.elapsed().as_secs_f64();
     }
 }
 
-/// Sparse factorization `A = L D Lᵀ` without pivoting: D may have either sign, so A may be indefinite, but then nothing
-/// keeps the rounding errors small. Check the residual.
-pub struct Ldlt(Analysis);
-
-impl Ldlt {
-    /// As [`Cholesky::analyse`].
-    ///
-    /// # Errors
-    /// When the factor does not fit 32-bit indices or the memory.
-    pub fn analyse(pattern: &BlockPattern, par: Par) -> Result<Self> {
-        Analysis::new(pattern, par).map(Self)
-    }
-
-    /// Entries and operations of a numeric factorization.
-    pub fn size(&self) -> FactorSize {
-        self.0.size()
-    }
-
-    /// The size and the times so far.
-    pub fn report(&self) -> FactorReport {
-        self.0.report()
-    }
-
-    /// Factors a matrix on the analysed pattern.
-    ///
-    /// # Errors
-    /// A pivot that is exactly zero, or not finite.
-    pub fn factor(&mut self, a: &SymmetricMatrix) -> Result<(), NonPositivePivot> {
-        let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
-        let start = Instant::now();
-        let stack = MemStack::new(memory);
-        let regularization = Default::default();
-        let done = symbolic
-            .factorize_numeric_ldlt(values, a.as_faer(), Side::Lower, regularization, *par, stack, Spec::default())
-            .map(|_| ());
-        times.factor_seconds += start.elapsed().as_secs_f64();
-        done.map_err(|LdltError::ZeroPivot { index }| self.0.pivot(a.pattern(), index))
-    }
-
+impl Factorization<Ldl> {
     /// The pivots D of the last factored matrix with the rows of A they belong to, in the order of elimination.
     pub fn pivots(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let forward = self.0.forward();
-        supernodes(&self.0.symbolic).flat_map(move |s| {
+        let forward = self.analysis.forward();
+        supernodes(&self.analysis.symbolic).flat_map(move |s| {
             (0..s.columns).map(move |c| {
                 let permuted = s.first + c;
                 let row = forward.map_or(permuted, |forward| forward[permuted] as usize);
-                (row, self.0.values[s.diagonal(c)])
+                (row, self.analysis.values[s.diagonal(c)])
             })
         })
     }
@@ -321,7 +220,7 @@ impl Ldlt {
     /// Rows and columns of the stored entries of L below its diagonal, the zeros inside supernodes included, numbered in the order of
     /// elimination.
     pub fn pattern(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
-        supernodes(&self.0.symbolic).flat_map(|s| {
+        supernodes(&self.analysis.symbolic).flat_map(|s| {
             (0..s.columns).flat_map(move |c| {
                 let triangle = c + 1..s.columns;
                 let rows = triangle.map(move |r| s.first + r).chain(s.below.iter().map(|&row| row as usize));
@@ -339,18 +238,18 @@ impl Ldlt {
     /// A direction of negative curvature of the last factored matrix: `u = L⁻ᵀ e_j/d_j`, for which `uᵀAu = 1/d_j`, with j
     /// the most negative pivot. Returns whether there is one; not normalised.
     pub fn negative_direction(&mut self, u: &mut [f64]) -> bool {
-        let pivots = supernodes(&self.0.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
+        let pivots = supernodes(&self.analysis.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
         let worst = pivots
-            .map(|(s, c)| (self.0.values[s.diagonal(c)], s, c))
+            .map(|(s, c)| (self.analysis.values[s.diagonal(c)], s, c))
             .filter(|(d, ..)| *d < 0.0)
             .min_by(|a, b| a.0.total_cmp(&b.0));
         let Some((_, s, c)) = worst else { return false };
         // A⁻¹ (L e_j) = L⁻ᵀ D⁻¹ e_j: a column of L and one ordinary solve.
-        let forward = self.0.forward();
+        let forward = self.analysis.forward();
         let row = |permuted: usize| forward.map_or(permuted, |forward| forward[permuted] as usize);
         u.fill(0.0);
         u[row(s.first + c)] = 1.0;
-        let column = &self.0.values[s.diagonal(c) + 1..s.values + (c + 1) * s.rows()];
+        let column = &self.analysis.values[s.diagonal(c) + 1..s.values + (c + 1) * s.rows()];
         let (top, bottom) = column.split_at(s.columns - c - 1);
         for (at, value) in (s.first + c + 1..).zip(top) {
             u[row(at)] = *value;
@@ -360,24 +259,6 @@ impl Ldlt {
         }
         self.solve_in_place(u);
         true
-    }
-
-    /// `x ← A⁻¹ x` with the last factored matrix.
-    pub fn solve_in_place(&mut self, x: &mut [f64]) {
-        self.solve_columns_in_place(x.len(), x);
-    }
-
-    /// `X ← A⁻¹ X` for a matrix of n rows, n the order of A, stored by columns: [`SOLVE_COLUMNS`] at a time.
-    pub fn solve_columns_in_place(&mut self, n: usize, x: &mut [f64]) {
-        let Analysis { symbolic, values, memory, par, times, .. } = &mut self.0;
-        let start = Instant::now();
-        for x in x.chunks_mut((SOLVE_COLUMNS * n).max(1)) {
-            let columns = x.len() / n.max(1);
-            let x = MatMut::from_column_major_slice_mut(x, n, columns);
-            let factor = LdltRef::new(symbolic, values);
-            factor.solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
-        }
-        times.solve_seconds += start.elapsed().as_secs_f64();
     }
 }
 

@@ -1,12 +1,12 @@
 //! Conjugate gradients as a time step's solver, matrix-free or on the assembled A.
 
-use super::LinearSolver;
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::cost::CostModel;
 use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
-use super::preconditioner::Preconditioner;
+use super::preconditioner::{Precondition, Preconditioner};
 use super::preconditioner_kind::PreconditionerKind;
 use super::warm_start::WarmStart;
+use super::{Held, LinearSolver};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::interrupt::Interrupt;
@@ -63,22 +63,34 @@ impl CgSolver {
         Self::new(system, preconditioner, tolerance, Application::Assembled(Box::new(matrix)))
     }
 
+    /// Matrix-free, with a preconditioner of your own; it remains the only one. In [`effort`](Self::effort) an iteration counts as
+    /// one with block Jacobi.
+    pub fn with_preconditioner(system: &System, own: Box<dyn Precondition>, tolerance: f64) -> Self {
+        Self::of(system, Preconditioner::Own(own), tolerance, Application::MatrixFree)
+    }
+
     fn new(
         system: &System,
         kind: Option<PreconditionerKind>,
         tolerance: f64,
         application: Application,
     ) -> Result<Self> {
-        Ok(Self {
+        let preconditioner = Preconditioner::new(kind.unwrap_or(PreconditionerKind::BlockJacobi), system)?;
+        let trial = kind.is_none().then(|| vec![Vector3::zeros(); system.particles()]);
+        Ok(Self { trial, ..Self::of(system, preconditioner, tolerance, application) })
+    }
+
+    fn of(system: &System, preconditioner: Preconditioner, tolerance: f64, application: Application) -> Self {
+        Self {
             method: ConjugateGradient::new(system.dofs().len(), tolerance),
-            preconditioner: Preconditioner::new(kind.unwrap_or(PreconditionerKind::BlockJacobi), system)?,
+            preconditioner,
             application,
             warm_start: WarmStart::new(system.dofs().len()),
-            trial: kind.is_none().then(|| vec![Vector3::zeros(); system.particles()]),
+            trial: None,
             costs: CostModel::of(system),
             effort: 0.0,
             allowed: f64::INFINITY,
-        })
+        }
     }
 
     fn run(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) -> CgReport {
@@ -88,7 +100,7 @@ impl CgSolver {
             Application::Assembled(matrix) => method.solve(matrix.matrix(), preconditioner, b, x),
         };
         work.cg_iterations += report.iterations;
-        if self.preconditioner.kind() == PreconditionerKind::Multigrid {
+        if self.preconditioner.kind() == Some(PreconditionerKind::Multigrid) {
             work.multigrid_iterations += report.iterations;
         }
         self.effort += report.iterations as f64 * self.iteration();
@@ -96,7 +108,7 @@ impl CgSolver {
     }
 
     fn iteration(&self) -> f64 {
-        self.costs.iteration(self.preconditioner.kind())
+        self.costs.iteration(self.preconditioner.kind().unwrap_or(PreconditionerKind::BlockJacobi))
     }
 
     /// Makes iterations end when asked to.
@@ -157,7 +169,7 @@ impl LinearSolver for CgSolver {
     }
 
     fn preconditioner(&self) -> Option<&'static str> {
-        Some(self.preconditioner.kind().name())
+        Some(self.preconditioner.name())
     }
 
     fn place(&mut self, positions: &[Vector3<f64>]) {
@@ -167,7 +179,7 @@ impl LinearSolver for CgSolver {
         }
     }
 
-    fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+    fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
         if let Application::Assembled(matrix) = &mut self.application {
             matrix.refill(a);
         }
@@ -181,20 +193,14 @@ impl LinearSolver for CgSolver {
         self.method.tolerance = tolerance;
     }
 
-    fn solve(
-        &mut self,
-        a: &SystemOperator,
-        b: &[f64],
-        x: &mut [f64],
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure> {
+    fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
         work.solves += 1;
         work.iterative_solves += 1;
         self.effort += self.costs.iterative_solve();
         if x.iter().all(|&x| x == 0.0) {
             let warm_start = &mut self.warm_start;
             let guessed = match &self.application {
-                Application::MatrixFree => warm_start.guess(a, b, x),
+                Application::MatrixFree => warm_start.guess(&*a, b, x),
                 Application::Assembled(matrix) => warm_start.guess(matrix.matrix(), b, x),
             };
             work.warm_starts += u64::from(guessed);
@@ -207,12 +213,12 @@ impl LinearSolver for CgSolver {
         };
         let limit = self.method.iteration_limit;
         self.method.iteration_limit = limit.min(patience.unwrap_or(limit)).min(self.affordable());
-        let mut report = self.run(a, b, x, work);
+        let mut report = self.run(&a, b, x, work);
         let digits = digits.min((report.first_residual / self.method.tolerance).log10());
         if patience.is_some() && report.outcome == CgOutcome::IterationLimit && self.affords_multigrid() {
-            let improved = self.improve(a, work);
+            let improved = self.improve(&a, work);
             self.method.iteration_limit = limit.min(self.affordable());
-            report = if improved.is_ok() { self.run(a, b, x, work) } else { report };
+            report = if improved.is_ok() { self.run(&a, b, x, work) } else { report };
             self.method.iteration_limit = limit;
             improved?;
         }

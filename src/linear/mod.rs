@@ -4,6 +4,7 @@
 //! [`LinearOperator`](crate::operator::LinearOperator). [`LinearSolver`] is what a time step uses: it takes a
 //! [`SystemOperator`], does once a matrix what can be done once, and solves as often as asked.
 
+mod analysis;
 mod automatic;
 mod block_jacobi;
 mod cg;
@@ -19,26 +20,29 @@ mod outcome;
 mod pivoted;
 mod preconditioner;
 mod preconditioner_kind;
+mod prepared;
 mod reuse;
 mod select;
 mod vector;
 mod warm_start;
 
+pub use analysis::{FactorReport, FactorSize, FactorTimes, NonPositivePivot, SOLVE_COLUMNS};
 pub use automatic::AutomaticSolver;
 pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
 pub use cost::CostModel;
 pub use direct::{CholeskyPlan, CholeskySolver, LdltSolver};
-pub use factorization::{Cholesky, FactorReport, FactorSize, FactorTimes, Ldlt, NonPositivePivot, SOLVE_COLUMNS};
+pub use factorization::{Cholesky, FactorKind, Factorization, Ldl, Ldlt, Llt, SolvingKind};
 pub use iterative::{Application, CgSolver};
 pub use norms::{backward_error, dot, norm};
 pub use ordering::OrderingMethod;
 pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
-pub use pivoted::{PivotSigns, PivotedLdlt, Pivoting};
-pub use preconditioner::Preconditioner;
+pub use pivoted::{Lbl, PivotSigns, PivotedLdlt, Pivoting};
+pub use preconditioner::{Precondition, Preconditioner};
 pub use preconditioner_kind::PreconditionerKind;
+pub use prepared::{Equations, Held, Prepare, Prepared};
 pub use reuse::ReusedMultigrid;
-pub use select::{Promise, SolverChoice, SolverOptions, select};
+pub use select::{Assurance, SolverChoice, SolverOptions, select};
 pub use warm_start::WarmStart;
 
 use crate::operator::SystemOperator;
@@ -46,6 +50,8 @@ use crate::work::Work;
 use nalgebra::Vector3;
 
 /// Solves `A x = b` for a sequence of matrices of one system.
+///
+/// A solver of your own is handed to a stepper by its `with_solver`, as the example `own_solver` does.
 pub trait LinearSolver: Send {
     /// The solver's name on the command line and in files.
     fn name(&self) -> &'static str;
@@ -69,25 +75,20 @@ pub trait LinearSolver: Send {
     /// matrix has all that a solution needs.
     fn place(&mut self, _positions: &[Vector3<f64>]) {}
 
-    /// Takes over a matrix: refills and factors it, or sets up the preconditioner. Says what this proved.
+    /// Takes over a matrix: refills and factors it, or sets up the preconditioner. Says what this proved. Call
+    /// [`prepare`](Prepare::prepare), whose result solves.
     ///
     /// # Errors
     /// When the matrix is found not to be positive definite by a solver that needs it, or not finite.
-    fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure>;
+    fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure>;
 
     /// How exactly an iterative solver is to solve from now on, `‖b − A x‖ ≤ tolerance·‖b‖`; others have no use for it.
     fn set_tolerance(&mut self, _tolerance: f64) {}
 
-    /// Solves with the matrix of the last `prepare`, which must be given again. `b` and `x` are reduced; on entry `x`
-    /// is the first guess of an iterative solver, or zero where it shall find its own.
+    /// Solves with the matrix taken over last. `b` and `x` are reduced; on entry `x` is the first guess of an iterative
+    /// solver, or zero where it shall find its own.
     ///
     /// # Errors
     /// When no solution can be vouched for; `x` is then unspecified.
-    fn solve(
-        &mut self,
-        a: &SystemOperator,
-        b: &[f64],
-        x: &mut [f64],
-        work: &mut Work,
-    ) -> Result<Solution, SolveFailure>;
+    fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure>;
 }

@@ -16,6 +16,7 @@ const DISSECTION_FLOPS: f64 = 1e8;
 /// How an ordering was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum OrderingMethod {
     /// The order of the scene.
     Natural,

@@ -4,6 +4,7 @@ use crate::system::Dof;
 
 /// What is known about the definiteness of a matrix after it was prepared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Definiteness {
     /// A Cholesky factorization exists, or all pivots of LDLᵀ are positive: positive definite to rounding.
     Positive,
@@ -27,6 +28,7 @@ pub struct Solution {
 
 /// Why there is no solution.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SolveFailure {
     /// A is not positive definite.
     #[error("the system matrix is not positive definite: {0}")]
@@ -52,6 +54,9 @@ pub enum SolveFailure {
     /// The matrix, the right-hand side or the solution has an infinite or undefined entry.
     #[error("the linear system has entries that are not finite")]
     NonFinite,
+    /// The solver has no matrix: none was prepared, or the last one was refused.
+    #[error("no matrix is prepared")]
+    Unprepared,
     /// It was asked to stop.
     #[error("interrupted")]
     Interrupted,
@@ -59,6 +64,7 @@ pub enum SolveFailure {
 
 /// What proves that A is not positive definite.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Evidence {
     /// A factorization met a pivot that is not positive at this coordinate.
     Pivot(Dof),
@@ -100,6 +106,7 @@ impl std::fmt::Display for Evidence {
 
 /// What stopped conjugate gradients short of the tolerance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum NotConverged {
     /// The true residual does not fall any more: rounding is in the way.
     Stagnated,

@@ -4,11 +4,11 @@
 //! B has blocks of order 1 and 2; between supernodes the order stays. That keeps the symbolic analysis valid and most of the
 //! rounding errors small, but not all: [`PivotedLdlt::multiply`] gives `L B Lᵀ W`, with which the error `A − L B Lᵀ` is measured.
 
-use super::factorization::{Analysis, Supernode, supernodes};
-use crate::assembly::{BlockPattern, SymmetricMatrix};
-use crate::error::Result;
+use super::analysis::{Analysis, Supernode, supernodes};
+use super::factorization::{Factorization, kind};
+use crate::assembly::SymmetricMatrix;
 use faer::dyn_stack::MemStack;
-use faer::{Par, Side, Spec};
+use faer::{Side, Spec};
 
 /// How many eigenvalues of B, and so of A, have each sign.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -56,29 +56,27 @@ pub enum Pivoting {
     InSupernodes,
 }
 
-/// The factorization: analysed once, refactored for every matrix on the pattern.
-pub struct PivotedLdlt {
-    analysis: Analysis,
+/// `A = L B Lᵀ`, pivots chosen as [`Pivoting`] says: for counting signs, not for solving.
+pub struct Lbl {
+    pivoting: Pivoting,
     subdiagonal: Vec<f64>,
     /// The row eliminated as number k, in the order of elimination before pivoting, and its inverse.
     forward: Vec<u32>,
     inverse: Vec<u32>,
 }
 
-impl PivotedLdlt {
-    /// Orders and analyses a pattern.
-    ///
-    /// # Errors
-    /// When the factor does not fit 32-bit indices or the memory.
-    pub fn analyse(pattern: &BlockPattern, par: Par) -> Result<Self> {
-        let n = pattern.order();
-        let analysis = Analysis::new(pattern, par)?;
-        Ok(Self { analysis, subdiagonal: vec![0.0; n], forward: vec![0; n], inverse: vec![0; n] })
+/// The factorization with pivots chosen as asked: analysed once, refactored for every matrix on the pattern.
+pub type PivotedLdlt = Factorization<Lbl>;
+
+impl kind::Numeric for Lbl {
+    fn of_order(n: usize) -> Self {
+        Self { pivoting: Pivoting::None, subdiagonal: vec![0.0; n], forward: vec![0; n], inverse: vec![0; n] }
     }
 
-    /// Factors a matrix on the analysed pattern. Never fails: what went wrong shows in the pivots and in the error.
-    pub fn factor(&mut self, a: &SymmetricMatrix, pivoting: Pivoting) {
-        let Self { analysis: Analysis { symbolic, values, memory, par, .. }, subdiagonal, forward, inverse } = self;
+    /// Never fails: what went wrong shows in the pivots and in the error.
+    fn factor(&mut self, analysis: &mut Analysis, a: &SymmetricMatrix) -> Result<(), usize> {
+        let Analysis { symbolic, values, memory, par, .. } = analysis;
+        let Self { pivoting, subdiagonal, forward, inverse } = self;
         let (a, stack) = (a.as_faer(), MemStack::new(memory));
         // faer does not write where it finds nothing to eliminate: a block of the last matrix would stay.
         subdiagonal.fill(0.0);
@@ -106,6 +104,16 @@ impl PivotedLdlt {
                 );
             }
         }
+        Ok(())
+    }
+}
+
+impl Factorization<Lbl> {
+    /// Factors a matrix on the analysed pattern. Never fails: what went wrong shows in the pivots and in the error.
+    pub fn factor(&mut self, a: &SymmetricMatrix, pivoting: Pivoting) {
+        self.kind.pivoting = pivoting;
+        // Of this kind it is always well.
+        self.run(a).unwrap_or_default();
     }
 
     /// The signs of the eigenvalues of B: by Sylvester's law those of `L B Lᵀ`.
@@ -126,7 +134,7 @@ impl PivotedLdlt {
         let order = self.analysis.forward();
         let row = |k: usize| order.map_or(k, |order| order[k] as usize);
         // Row k of a supernode's triangle after pivoting; rows below it are not pivoted.
-        let top = |k: usize| row(self.forward[k] as usize);
+        let top = |k: usize| row(self.kind.forward[k] as usize);
         let mut z = Vec::new();
         let mut gathered = Vec::new();
         for s in supernodes(&self.analysis.symbolic) {
@@ -180,7 +188,7 @@ impl PivotedLdlt {
         let values = &self.analysis.values;
         let mut c = 0;
         while c < s.columns {
-            let (d, b) = (values[s.diagonal(c)], self.subdiagonal[s.first + c]);
+            let (d, b) = (values[s.diagonal(c)], self.kind.subdiagonal[s.first + c]);
             if b == 0.0 {
                 visit(s.first + c, Block::One(d));
                 c += 1;

@@ -4,15 +4,36 @@ use super::block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 use super::outcome::{Evidence, SolveFailure};
 use super::preconditioner_kind::PreconditionerKind;
 use super::reuse::ReusedMultigrid;
-use crate::error::Result;
+use crate::error;
 use crate::operator::SystemOperator;
 use crate::spring::SpringBlock;
 use crate::system::{Dof, System};
 use crate::work::Work;
 use nalgebra::Vector3;
 
+/// A preconditioner of the caller's own, for [`CgSolver::with_preconditioner`](super::CgSolver::with_preconditioner).
+///
+/// It must be symmetric and positive definite, or conjugate gradients stagnate or report negative curvature that A does not have.
+pub trait Precondition: std::fmt::Debug + Send {
+    /// Its name in summaries.
+    fn name(&self) -> &'static str;
+
+    /// Says where the particles are, one position for every particle of the system, in m.
+    fn place(&mut self, _positions: &[Vector3<f64>]) {}
+
+    /// Makes it fit a matrix.
+    ///
+    /// # Errors
+    /// What shows that the matrix is not positive definite, or not finite.
+    fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure>;
+
+    /// `z = P⁻¹ r`, reduced vectors.
+    fn apply(&mut self, r: &[f64], z: &mut [f64]);
+}
+
 /// An approximation of A⁻¹, symmetric and positive definite.
 #[derive(Debug)]
+#[non_exhaustive]
 pub enum Preconditioner {
     /// The identity.
     Identity,
@@ -20,6 +41,8 @@ pub enum Preconditioner {
     BlockJacobi(BlockJacobi),
     /// A V-cycle.
     Multigrid(Box<ReusedMultigrid>),
+    /// The caller's own.
+    Own(Box<dyn Precondition>),
 }
 
 impl Preconditioner {
@@ -27,7 +50,7 @@ impl Preconditioner {
     ///
     /// # Errors
     /// For multigrid, more matrix blocks than 32-bit indices can count.
-    pub fn new(kind: PreconditionerKind, system: &System) -> Result<Self> {
+    pub fn new(kind: PreconditionerKind, system: &System) -> error::Result<Self> {
         let diagonal = |part| Self::BlockJacobi(BlockJacobi::new(part, system.dofs()));
         Ok(match kind {
             PreconditionerKind::None => Self::Identity,
@@ -37,22 +60,33 @@ impl Preconditioner {
         })
     }
 
-    /// Which preconditioner this is.
-    pub fn kind(&self) -> PreconditionerKind {
-        match self {
+    /// Which preconditioner of this crate this is; `None` for the caller's own.
+    pub fn kind(&self) -> Option<PreconditionerKind> {
+        Some(match self {
             Self::Identity => PreconditionerKind::None,
             Self::BlockJacobi(block_jacobi) => match block_jacobi.part() {
                 DiagonalPart::Entries => PreconditionerKind::Jacobi,
                 DiagonalPart::Blocks => PreconditionerKind::BlockJacobi,
             },
             Self::Multigrid(_) => PreconditionerKind::Multigrid,
+            Self::Own(_) => return None,
+        })
+    }
+
+    /// Its name in summaries.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Own(own) => own.name(),
+            _ => self.kind().map_or("", PreconditionerKind::name),
         }
     }
 
     /// Says where the particles are, one position for every particle of the system, in m.
     pub fn place(&mut self, positions: &[Vector3<f64>]) {
-        if let Self::Multigrid(multigrid) = self {
-            multigrid.place(positions);
+        match self {
+            Self::Multigrid(multigrid) => multigrid.place(positions),
+            Self::Own(own) => own.place(positions),
+            Self::Identity | Self::BlockJacobi(_) => {}
         }
     }
 
@@ -65,6 +99,7 @@ impl Preconditioner {
             Self::Identity => Ok(()),
             Self::BlockJacobi(block_jacobi) => block_jacobi.update(a).map_err(|NotPositiveBlock(dof)| refused(a, dof)),
             Self::Multigrid(multigrid) => multigrid.update(a, work),
+            Self::Own(own) => own.update(a, work),
         }
     }
 
@@ -74,6 +109,7 @@ impl Preconditioner {
             Self::Identity => z.copy_from_slice(r),
             Self::BlockJacobi(block_jacobi) => block_jacobi.apply(r, z),
             Self::Multigrid(multigrid) => multigrid.apply(r, z),
+            Self::Own(own) => own.apply(r, z),
         }
     }
 }

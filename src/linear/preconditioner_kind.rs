@@ -2,6 +2,7 @@
 
 /// Which preconditioner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum PreconditionerKind {
     /// The identity.
     None,

@@ -2,7 +2,7 @@
 
 use super::automatic::fits;
 use super::{AutomaticSolver, CgSolver, CholeskyPlan, CholeskySolver, LdltSolver, LinearSolver, PreconditionerKind};
-use crate::error::Result;
+use crate::error::{Invalid, Result};
 use crate::interrupt::Interrupt;
 use crate::system::System;
 use crate::work::Work;
@@ -10,6 +10,7 @@ use faer::Par;
 
 /// Which linear solver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum SolverChoice {
     /// By size, by what the option promises about definiteness, and by counted effort, see [`select`].
     Auto,
@@ -54,6 +55,41 @@ pub struct SolverOptions {
     pub interrupt: Interrupt,
 }
 
+impl SolverOptions {
+    /// With this solver.
+    #[must_use]
+    pub fn with_solver(self, solver: SolverChoice) -> Self {
+        Self { solver, ..self }
+    }
+
+    /// With this preconditioner of conjugate gradients.
+    #[must_use]
+    pub fn with_preconditioner(self, preconditioner: PreconditionerKind) -> Self {
+        Self { preconditioner: Some(preconditioner), ..self }
+    }
+
+    /// With this tolerance of conjugate gradients.
+    ///
+    /// # Errors
+    /// [`Invalid`] for one that does not lie between 0 and 1.
+    pub fn with_tolerance(self, tolerance: f64) -> Result<Self, Invalid> {
+        let options = Self { tolerance, ..self };
+        options.check()?;
+        Ok(options)
+    }
+
+    /// What every stepper checks: a tolerance that can be reached, and that asks for something.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a tolerance that does not lie between 0 and 1.
+    pub fn check(&self) -> Result<(), Invalid> {
+        if self.tolerance > 0.0 && self.tolerance < 1.0 {
+            return Ok(());
+        }
+        Err(Invalid::new("tolerance", self.tolerance, "must lie between 0 and 1"))
+    }
+}
+
 impl Default for SolverOptions {
     fn default() -> Self {
         Self {
@@ -68,7 +104,7 @@ impl Default for SolverOptions {
 
 /// What a stiffness option says about the definiteness of A.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Promise {
+pub enum Assurance {
     /// Positive definite, whatever the state.
     Definite,
     /// Replaced by one that is where it is found not to be: a solver that finds out is worth something.
@@ -95,7 +131,7 @@ const LARGEST_ANALYSED: usize = 1_500_000;
 pub fn select(
     system: &System,
     options: &SolverOptions,
-    promise: Promise,
+    assurance: Assurance,
     work: &mut Work,
 ) -> Result<Box<dyn LinearSolver>> {
     let preconditioner = options.preconditioner;
@@ -111,7 +147,7 @@ pub fn select(
         }
         SolverChoice::Auto if dofs > LARGEST_ANALYSED => Box::new(matrix_free()?),
         SolverChoice::Auto if dofs <= SMALL => Box::new(CholeskySolver::new(system, options.par, work)?),
-        SolverChoice::Auto if promise == Promise::Unknown => {
+        SolverChoice::Auto if assurance == Assurance::Unknown => {
             let springs = system.active_springs().len().max(1) as f64;
             let plan = CholeskyPlan::new(system, options.par, work);
             let is_worth = |plan: &CholeskyPlan| plan.size().flops <= WORTH_PROVING * springs && fits(plan.bytes());
@@ -140,7 +176,7 @@ mod tests {
             builder.masses = vec![1.0; particles];
             let (system, _) = builder.build().unwrap();
             let mut work = Work::default();
-            let solver = select(&system, &SolverOptions::default(), Promise::Unknown, &mut work).unwrap();
+            let solver = select(&system, &SolverOptions::default(), Assurance::Unknown, &mut work).unwrap();
             assert_eq!((solver.name(), work.symbolic_factorizations), ("cg", analyses));
         }
     }

@@ -117,6 +117,27 @@ pub enum SetupFailure {
 }
 
 /// A multigrid preconditioner for a system's A.
+///
+/// # Examples
+/// ```
+/// use sprung::Stiffness;
+/// use sprung::force::Extensions;
+/// use sprung::multigrid::Multigrid;
+/// use sprung::operator::{Combination, SystemOperator};
+///
+/// let (system, state) = sprung::scene::builtin::cloth(20)?.build()?;
+/// let extensions = Extensions::at(&system, &state.positions)?;
+/// let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.05));
+/// let mut multigrid = Multigrid::new(&system)?;
+/// multigrid.place(&state.positions);
+/// multigrid.refill(&a).map_err(|_| "not definite")?;
+/// multigrid.rebuild(&a).map_err(|_| "not definite")?;
+/// let (r, mut z) = (vec![1.0; system.dofs().len()], vec![0.0; system.dofs().len()]);
+/// multigrid.apply(&r, &mut z); // about A⁻¹ r
+/// assert!(z.iter().zip(&r).map(|(z, r)| z * r).sum::<f64>() > 0.0);
+/// assert!(multigrid.levels().len() > 1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Multigrid(Dimension);
 

@@ -45,6 +45,27 @@ impl Combination {
 }
 
 /// A combination of M, G and K at one configuration, as blocks.
+///
+/// # Examples
+/// ```
+/// use sprung::Stiffness;
+/// use sprung::force::Extensions;
+/// use sprung::operator::{Combination, LinearOperator, SystemOperator};
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let extensions = Extensions::at(&system, &state.positions)?;
+/// let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.5));
+/// let mut y = [0.0; 3];
+/// a.apply(&[1.0, 1.0, 0.0], &mut y);
+/// assert_eq!(y, [4.0 + 10.0, 4.0 - 10.0, 0.0]); // M/dt² + k/l0 along the spring, M/dt² + k (1/l0 − 1/l) across
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct SystemOperator<'s> {
     system: &'s System,
@@ -68,14 +89,8 @@ impl<'s> SystemOperator<'s> {
         let nothing = SpringBlock { direction: Vector3::zeros(), transverse: 0.0, axial: 0.0 };
         let blocks = vec![nothing; system.active_springs().len()];
         let inertia = vec![0.0; system.dofs().len()];
-        let mut operator = Self {
-            system,
-            mass: 0.0,
-            blocks,
-            stream: SpringStream::new(system, extensions.shares()),
-            inertia,
-            coupled,
-        };
+        let mut operator =
+            Self { system, mass: 0.0, blocks, stream: SpringStream::new(system, &system.shares()), inertia, coupled };
         operator.update(extensions, option, combination);
         operator
     }
@@ -108,11 +123,10 @@ impl<'s> SystemOperator<'s> {
         block: impl Fn(usize, &Spring, &Extension) -> SpringBlock + Sync,
     ) {
         self.mass = mass;
-        let (system, extensions) = (self.system, extensions.as_slice());
+        let system = self.system;
         pieces(&mut self.blocks, &|first, piece| {
-            let springs = (first..).zip(system.active_from(first)).zip(&extensions[first..]);
-            for (target, ((position, (_, _, spring)), at)) in piece.iter_mut().zip(springs) {
-                *target = block(position, spring, at);
+            for (target, (position, at)) in piece.iter_mut().zip((first..).zip(&extensions.as_slice()[first..])) {
+                *target = block(position, extensions.spring(system, position), at);
             }
         });
         self.stream.update(self.system, &self.blocks);

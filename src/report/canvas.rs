@@ -20,14 +20,14 @@ pub(super) const TEXT: i32 = 25;
 pub(super) const LINE: i32 = 34;
 
 /// What drawing returns. Writing into memory does not fail; plotters cannot know that.
-pub(super) type Outcome = Result<(), Box<dyn std::error::Error>>;
+pub(super) type Drawn = Result<(), Box<dyn std::error::Error>>;
 /// A point in pixels, from the upper left.
 pub(super) type Point = (i32, i32);
 
 /// Draws a picture with a name for those who cannot see it.
 ///
 /// Should drawing fail, the picture says so instead.
-pub(super) fn sheet(name: &str, height: i32, draw: impl FnOnce(&Sheet<'_>) -> Outcome) -> String {
+pub(super) fn sheet(name: &str, height: i32, draw: impl FnOnce(&Sheet<'_>) -> Drawn) -> String {
     let mut svg = String::new();
     let outcome = {
         let area = SVGBackend::with_string(&mut svg, (WIDTH as u32, height.max(1) as u32)).into_drawing_area();
@@ -65,23 +65,23 @@ pub(super) enum Marker {
 
 impl Sheet<'_> {
     /// A line through points.
-    pub fn line(&self, points: Vec<Point>, colour: Colour, width: u32) -> Outcome {
+    pub fn line(&self, points: Vec<Point>, colour: Colour, width: u32) -> Drawn {
         Ok(self.area.draw(&PathElement::new(points, rgb(colour).stroke_width(width)))?)
     }
 
     /// A dashed line.
-    pub fn dashed(&self, points: Vec<Point>, colour: Colour, width: u32) -> Outcome {
+    pub fn dashed(&self, points: Vec<Point>, colour: Colour, width: u32) -> Drawn {
         let style = rgb(colour).stroke_width(width);
         Ok(self.area.draw(&DashedPathElement::new(points, 12, 9, style))?)
     }
 
     /// A filled rectangle between two corners.
-    pub fn rectangle(&self, a: Point, b: Point, colour: Colour) -> Outcome {
+    pub fn rectangle(&self, a: Point, b: Point, colour: Colour) -> Drawn {
         Ok(self.area.draw(&Rectangle::new([a, b], rgb(colour).filled()))?)
     }
 
     /// A marker.
-    pub fn marker(&self, at: Point, marker: Marker, colour: Colour) -> Outcome {
+    pub fn marker(&self, at: Point, marker: Marker, colour: Colour) -> Drawn {
         match marker {
             Marker::Disc => Ok(self.area.draw(&Circle::new(at, 6, rgb(colour).filled()))?),
             Marker::Cross => {
@@ -94,7 +94,7 @@ impl Sheet<'_> {
     }
 
     /// A marker's outline, with paper inside.
-    pub fn hollow(&self, at: Point, marker: Marker, colour: Colour) -> Outcome {
+    pub fn hollow(&self, at: Point, marker: Marker, colour: Colour) -> Drawn {
         match marker {
             Marker::Cross => self.marker(at, marker, colour),
             Marker::Disc => {
@@ -111,17 +111,17 @@ impl Sheet<'_> {
     }
 
     /// Text whose middle line is at the point's height.
-    pub fn text(&self, text: &str, at: Point, align: Align, colour: Colour) -> Outcome {
+    pub fn text(&self, text: &str, at: Point, align: Align, colour: Colour) -> Drawn {
         self.draw_text(text, at, align, colour, FontStyle::Normal, FontTransform::None)
     }
 
     /// Bold text.
-    pub fn heading(&self, text: &str, at: Point) -> Outcome {
+    pub fn heading(&self, text: &str, at: Point) -> Drawn {
         self.draw_text(text, at, HPos::Left, palette::INK, FontStyle::Bold, FontTransform::None)
     }
 
     /// Text that reads upwards, centred at a point.
-    pub fn upright(&self, text: &str, at: Point, colour: Colour) -> Outcome {
+    pub fn upright(&self, text: &str, at: Point, colour: Colour) -> Drawn {
         self.draw_text(text, at, HPos::Center, colour, FontStyle::Normal, FontTransform::Rotate270)
     }
 
@@ -133,7 +133,7 @@ impl Sheet<'_> {
         colour: Colour,
         style: FontStyle,
         transform: FontTransform,
-    ) -> Outcome {
+    ) -> Drawn {
         // plotters divides font sizes by 1.24.
         let font = FontDesc::new(FontFamily::SansSerif, f64::from(TEXT) * 1.24, style).transform(transform);
         let colour = rgb(colour);
@@ -141,7 +141,7 @@ impl Sheet<'_> {
         Ok(self.area.draw(&Text::new(text, at, style))?)
     }
 
-    fn finish(&self) -> Outcome {
+    fn finish(&self) -> Drawn {
         Ok(self.area.present()?)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::number::{self, pretty};
 use super::{page, plot, tiles};
-use crate::chart::stability::{Axis, StabilityMap};
+use crate::chart::stability::{StabilityMap, Varied};
 use crate::chart::{Figure, Run, WorkPrecision};
 use maud::{Markup, html};
 use std::collections::BTreeMap;
@@ -20,7 +20,7 @@ pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
         (page::section("speed", &html! { "Speed against accuracy" }, &html! {
             p {
                 "Every point is one run of the whole motion. Of each method the stiffness option and solver that cost least are \
-                 shown. Work is counted in force evaluations of this scene: it is the same on every machine, time is not."
+                 shown. Work is counted in force evaluations of this scene: it is the same as often as a run is repeated, time is not."
             }
             (named(&["time", "work", "solves", "error"]))
             (failures(chart))
@@ -135,10 +135,10 @@ fn stability(map: &StabilityMap) -> Markup {
             "Of " (predicted) " cells about which theory says something, " (contradictions) " contradict it."
         }
         h3 { "Over the stretch, without damping" }
-        (page::figures(&of(Axis::Stretch).collect::<Vec<_>>()))
+        (page::figures(&of(Varied::Stretch).collect::<Vec<_>>()))
         h3 { "Over damping, with springs of twice their rest length" }
         p { "The dampers act along the springs only: they do nothing for the motion across." }
-        (page::figures(&of(Axis::Damping).collect::<Vec<_>>()))
+        (page::figures(&of(Varied::Damping).collect::<Vec<_>>()))
         h3 { "Over turning: what no linear model shows" }
         p {
             "One particle that circles a fixed point on a spring; θ is the angle by which a step turns it. After a turn by one radian \
@@ -146,7 +146,7 @@ fn stability(map: &StabilityMap) -> Markup {
              spring by one per cent more than the exact motion does. A method that linearises at the start of its step takes \
              the stretch that comes from stepping straight on for real, and brakes the turning by it."
         }
-        (page::figures(&of(Axis::Turning).collect::<Vec<_>>()))
+        (page::figures(&of(Varied::Turning).collect::<Vec<_>>()))
     };
     page::section("stability", &html! { "Where methods are stable" }, &body)
 }

@@ -1,6 +1,6 @@
 //! What stands above the axes of every picture: its title, and what it says, in a sentence.
 
-use super::canvas::{self, Align, LINE, Outcome, Sheet, WIDTH};
+use super::canvas::{self, Align, Drawn, LINE, Sheet, WIDTH};
 use super::palette;
 
 /// A title and a conclusion, in lines.
@@ -22,7 +22,7 @@ impl Heading {
     }
 
     /// Draws it at the top of a sheet.
-    pub fn draw(&self, sheet: &Sheet<'_>) -> Outcome {
+    pub fn draw(&self, sheet: &Sheet<'_>) -> Drawn {
         let mut rows = (0..).map(|i| 10 + LINE / 2 + LINE * i);
         for (line, row) in self.title.iter().zip(&mut rows) {
             sheet.heading(line, (16, row))?;

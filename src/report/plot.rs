@@ -1,19 +1,18 @@
-//! Plots as SVG.
+//! Plots as SVG: here what stands where, in `draw` how it looks.
 
-use super::canvas::{self, Align, LINE, Marker, Outcome, Point, Sheet, WIDTH};
+mod draw;
+
+use super::canvas::{self, LINE, Point, WIDTH};
 use super::heading::Heading;
 use super::number;
-use super::palette::{self, Colour};
 use super::rails::{Rails, is_railed};
 use super::ruler::Ruler;
-use crate::figure::{Guide, Look, Mark, Plot, Scale, Series};
+use crate::figure::{Guide, Mark, Plot, Scale, Series};
 
 /// Height of the plotting area in pixels.
 const HEIGHT: i32 = 500;
 /// Room below it, for tick labels and the title of the axis.
 const BELOW: i32 = 96;
-/// More points than this are not marked one by one where a line joins them.
-const MARKED: usize = 60;
 
 /// Draws a plot as one SVG element, 800 pixels wide, that can stand in a page or alone in a file.
 ///
@@ -77,8 +76,6 @@ enum Key<'a> {
 
 /// Height of the strip for the letters of vertical guides.
 const STRIP: i32 = 30;
-/// How near two letters may stand.
-const APART: i32 = 24;
 
 impl<'a> Layout<'a> {
     fn of(plot: &'a Plot) -> Self {
@@ -238,129 +235,6 @@ impl<'a> Layout<'a> {
         }
     }
 
-    fn draw(&self, sheet: &Sheet<'_>) -> Outcome {
-        self.heading.draw(sheet)?;
-        self.draw_axes(sheet)?;
-        for guide in &self.plot.guides {
-            self.draw_guide(sheet, guide)?;
-        }
-        self.draw_letters(sheet)?;
-        for (i, series) in self.plot.series.iter().enumerate() {
-            self.draw_series(sheet, i, series)?;
-        }
-        for (text, at, _) in &self.labels {
-            sheet.text(text, (at.0, at.1 + LINE / 2), Align::Left, palette::MUTED)?;
-        }
-        for (key, text, at) in &self.legend {
-            self.draw_key(sheet, key, *at)?;
-            sheet.text(text, (at.0 + 50, at.1), Align::Left, palette::INK)?;
-        }
-        Ok(())
-    }
-
-    fn draw_axes(&self, sheet: &Sheet<'_>) -> Outcome {
-        let (left, right, top, bottom) = (self.left, self.right, self.top, self.bottom);
-        let ceiling = self.row(1.0);
-        self.rails.draw(sheet, [left, top, right, bottom])?;
-        let labelled = |ruler: &Ruler| ruler.ticks.iter().map(|tick| tick.0).collect::<Vec<_>>();
-        for (places, width) in [(self.x.fine.clone(), 1), (labelled(&self.x), 2)] {
-            for column in places.into_iter().map(|place| self.column(place)) {
-                sheet.line(vec![(column, bottom), (column, ceiling)], palette::GRID, width)?;
-            }
-        }
-        for (places, width) in [(self.y.fine.clone(), 1), (labelled(&self.y), 2)] {
-            for row in places.into_iter().map(|place| self.row(place)) {
-                sheet.line(vec![(left, row), (self.edge(), row)], palette::GRID, width)?;
-            }
-        }
-        let right = self.edge();
-        sheet.line(vec![(left, top), (left, bottom), (right, bottom)], palette::INK, 2)?;
-        for (place, label) in &self.x.ticks {
-            sheet.text(label, (self.column(*place), bottom + 24), Align::Center, palette::INK)?;
-        }
-        for (place, label) in &self.y.ticks {
-            sheet.text(label, (left - 10, self.row(*place)), Align::Right, palette::INK)?;
-        }
-        sheet.text(
-            &canvas::clip(&self.plot.x.title, WIDTH - 32),
-            ((left + right) / 2, bottom + 66),
-            Align::Center,
-            palette::INK,
-        )?;
-        for (i, line) in (0..).zip(&self.upright) {
-            sheet.upright(line, (22 + LINE * i, (top + bottom) / 2), palette::INK)?;
-        }
-        Ok(())
-    }
-
-    fn draw_series(&self, sheet: &Sheet<'_>, index: usize, series: &Series) -> Outcome {
-        let (colour, marker, hollow) = self.appearance(index, series);
-        let points: Vec<Option<Point>> = series.points.iter().map(|&p| self.point(index, series, p)).collect();
-        if series.mark == Mark::Line {
-            // A point without a place interrupts the line: nothing is drawn where nothing was measured.
-            for piece in points.split(Option::is_none).filter(|piece| piece.len() > 1) {
-                sheet.line(piece.iter().copied().flatten().collect(), colour, 3)?;
-            }
-        }
-        let marked = series.mark != Mark::Line || points.len() <= MARKED;
-        for point in points.into_iter().flatten().filter(|_| marked) {
-            if hollow { sheet.hollow(point, marker, colour) } else { sheet.marker(point, marker, colour) }?;
-        }
-        Ok(())
-    }
-
-    fn draw_key(&self, sheet: &Sheet<'_>, key: &Key<'_>, (x, y): Point) -> Outcome {
-        match *key {
-            Key::Failures => sheet.marker((x + 20, y), Marker::Cross, palette::INK),
-            Key::Level => sheet.dashed(vec![(x, y), (x + 40, y)], palette::INK, 3),
-            Key::Slope => sheet.dashed(vec![(x, y), (x + 40, y)], palette::MUTED, 2),
-            Key::Letter(letter) => {
-                sheet.dashed(vec![(x + 14, y - 12), (x + 14, y + 12)], palette::INK, 2)?;
-                sheet.text(&letter.to_string(), (x + 22, y), Align::Left, palette::INK)
-            }
-            Key::Outside => sheet.text("→", (x + 8, y), Align::Left, palette::INK),
-            Key::Series(index, series) => {
-                let (colour, marker, hollow) = self.appearance(index, series);
-                if series.mark == Mark::Line {
-                    sheet.line(vec![(x, y), (x + 40, y)], colour, 3)?;
-                }
-                let at = (x + 20, y);
-                if hollow { sheet.hollow(at, marker, colour) } else { sheet.marker(at, marker, colour) }
-            }
-        }
-    }
-
-    fn draw_guide(&self, sheet: &Sheet<'_>, guide: &Guide) -> Outcome {
-        match guide {
-            Guide::Slope { slope, through } => match self.slope_line(*slope, *through) {
-                line if line.is_empty() => Ok(()),
-                line => sheet.dashed(line, palette::MUTED, 2),
-            },
-            Guide::Level { y, .. } => match self.y.inside(*y).map(|place| self.row(place)) {
-                Some(row) => sheet.dashed(vec![(self.left, row), (self.edge(), row)], palette::INK, 3),
-                None => Ok(()),
-            },
-            Guide::Vertical { .. } => match self.vertical(guide) {
-                Some(column) => sheet.dashed(vec![(column, self.bottom), (column, self.row(1.0))], palette::INK, 2),
-                None => Ok(()),
-            },
-        }
-    }
-
-    /// The letters of the vertical guides, above the plot where no line passes, kept apart.
-    fn draw_letters(&self, sheet: &Sheet<'_>) -> Outcome {
-        let columns = self.plot.guides.iter().filter_map(|guide| self.vertical(guide));
-        let mut lettered: Vec<(i32, char)> = columns.zip('a'..='z').collect();
-        lettered.sort_unstable();
-        let mut free = i32::MIN;
-        for (column, letter) in lettered {
-            let at = column.max(free);
-            free = at + APART;
-            sheet.text(&letter.to_string(), (at, self.top - STRIP / 2), Align::Center, palette::INK)?;
-        }
-        Ok(())
-    }
-
     /// The line of a slope through a point, cut off at the edges; empty where the axes are not both logarithmic.
     fn slope_line(&self, slope: f64, through: (f64, f64)) -> Vec<Point> {
         if (self.plot.x.scale, self.plot.y.scale) != (Scale::Logarithmic, Scale::Logarithmic) {
@@ -407,23 +281,6 @@ impl<'a> Layout<'a> {
             inside && !occupied.iter().any(covered) && !self.labels.iter().any(meets)
         })?;
         Some((text.to_owned(), place, wide))
-    }
-
-    /// Colour and shape of a series, and whether the shape is hollow.
-    fn appearance(&self, index: usize, series: &Series) -> (Colour, Marker, bool) {
-        const MARKERS: [Marker; 5] = [Marker::Disc, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::Wedge];
-        let named = |name: &String| self.plot.series.iter().enumerate().find(|(_, other)| other.name == *name);
-        let (index, look) = match series.like.as_ref().and_then(named) {
-            Some((index, other)) => (index, other.look),
-            None => (index, series.look),
-        };
-        let Look { number, hollow } = look.unwrap_or(Look { number: index, hollow: false });
-        let colour = palette::SERIES[number % palette::SERIES.len()];
-        match series.mark {
-            Mark::Cross if series.like.is_none() => (palette::FAIL, Marker::Cross, false),
-            Mark::Cross => (colour, Marker::Cross, false),
-            Mark::Line | Mark::Point => (colour, MARKERS[number % MARKERS.len()], hollow),
-        }
     }
 }
 

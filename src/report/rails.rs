@@ -1,6 +1,6 @@
 //! Rails: where failures stand that have no place on an axis, with a lane for every cause.
 
-use super::canvas::{self, Align, Outcome, Sheet};
+use super::canvas::{self, Align, Drawn, Sheet};
 use super::palette::{self, Colour};
 use super::ruler::Ruler;
 use crate::figure::{Mark, Plot, Series};
@@ -61,7 +61,7 @@ impl<'a> Rails<'a> {
 
     /// Draws the grounds and names the lanes. The plot lies between the corners `(left, top)` and `(right, bottom)`, both rails
     /// included.
-    pub fn draw(&self, sheet: &Sheet<'_>, [left, top, right, bottom]: [i32; 4]) -> Outcome {
+    pub fn draw(&self, sheet: &Sheet<'_>, [left, top, right, bottom]: [i32; 4]) -> Drawn {
         let (ceiling, edge) = (top + self.height(), right - self.width());
         if !self.above.is_empty() {
             sheet.rectangle((left, top), (right, ceiling), GROUND)?;

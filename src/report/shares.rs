@@ -1,6 +1,6 @@
 //! The overview: how much of its bound every check uses, a row per claim.
 
-use super::canvas::{self, Align, LINE, Marker, Outcome, Sheet, WIDTH};
+use super::canvas::{self, Align, Drawn, LINE, Marker, Sheet, WIDTH};
 use super::number;
 use super::palette;
 use crate::verify::{Check, Claim, Results};
@@ -54,7 +54,7 @@ impl Strip {
         }
     }
 
-    fn draw(&self, sheet: &Sheet<'_>, rows: &[(Claim, Vec<&Check>)]) -> Outcome {
+    fn draw(&self, sheet: &Sheet<'_>, rows: &[(Claim, Vec<&Check>)]) -> Drawn {
         let bottom = TOP + ROW * rows.len() as i32;
         let bound = self.column(1.0);
         sheet.rectangle((bound, TOP), (WIDTH, bottom), (250, 236, 230))?;
@@ -84,7 +84,7 @@ impl Strip {
     }
 
     /// The marks of one row, spread a little in height so that equal ones show that they are many.
-    fn draw_checks(&self, sheet: &Sheet<'_>, row: i32, checks: &[&Check]) -> Outcome {
+    fn draw_checks(&self, sheet: &Sheet<'_>, row: i32, checks: &[&Check]) -> Drawn {
         let (passed, failed): (Vec<_>, Vec<_>) = checks.iter().enumerate().partition(|(_, check)| check.passed());
         for (i, check) in passed {
             let at = (self.column(check.share()), row + 5 * (i as i32 * 2 % 5 - 2));

@@ -1,6 +1,6 @@
 //! Fields of classified cells as SVG.
 
-use super::canvas::{self, Align, LINE, Outcome, Sheet, WIDTH};
+use super::canvas::{self, Align, Drawn, LINE, Sheet, WIDTH};
 use super::heading::Heading;
 use super::palette;
 use super::ruler::Ruler;
@@ -68,7 +68,7 @@ impl<'a> Layout<'a> {
         Some(self.bottom - (place * f64::from(self.bottom - self.top)).round() as i32)
     }
 
-    fn draw(&self, sheet: &Sheet<'_>) -> Outcome {
+    fn draw(&self, sheet: &Sheet<'_>) -> Drawn {
         self.heading.draw(sheet)?;
         self.draw_cells(sheet)?;
         self.draw_curves(sheet)?;
@@ -83,7 +83,7 @@ impl<'a> Layout<'a> {
         Ok(())
     }
 
-    fn draw_cells(&self, sheet: &Sheet<'_>) -> Outcome {
+    fn draw_cells(&self, sheet: &Sheet<'_>) -> Drawn {
         let columns: Vec<Option<i32>> = edges(&self.tiles.columns).into_iter().map(|x| self.column(x)).collect();
         let rows: Vec<Option<i32>> = edges(&self.tiles.rows).into_iter().map(|y| self.row(y)).collect();
         for (cells, span) in self.tiles.cells.iter().zip(rows.windows(2)) {
@@ -103,7 +103,7 @@ impl<'a> Layout<'a> {
         Ok(())
     }
 
-    fn draw_curves(&self, sheet: &Sheet<'_>) -> Outcome {
+    fn draw_curves(&self, sheet: &Sheet<'_>) -> Drawn {
         let (first, last) = (self.tiles.columns.first(), self.tiles.columns.last());
         let inside = |x: f64| first.is_some_and(|first| x >= *first) && last.is_some_and(|last| x <= *last);
         for curve in &self.tiles.curves {
@@ -118,7 +118,7 @@ impl<'a> Layout<'a> {
         Ok(())
     }
 
-    fn draw_axes(&self, sheet: &Sheet<'_>) -> Outcome {
+    fn draw_axes(&self, sheet: &Sheet<'_>) -> Drawn {
         let (left, right, top, bottom) = (self.left, self.right, self.top, self.bottom);
         sheet.line(vec![(left, top), (left, bottom), (right, bottom)], palette::INK, 2)?;
         let across = |place: f64| left + (place * f64::from(right - left)).round() as i32;

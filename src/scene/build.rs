@@ -1,7 +1,7 @@
 //! From a [`Scene`] to a checked [`System`] and its initial [`State`].
 
 use super::MeshGeometry;
-use super::schema::{Axis, ConstraintEntry, TimeSettings};
+use super::schema::{AxisName, ConstraintEntry, TimeSettings};
 use super::{Row, Scene, Values};
 use crate::error::{Error, Invalid, Result};
 use crate::memory;
@@ -122,7 +122,7 @@ fn constraint(index: usize, entry: &ConstraintEntry, dimension: usize) -> Result
             let rule = format!("is not modelled: the scene's rows have length {dimension}");
             return Err(Invalid::new(format!("{key}.axes"), format!("{:?}", axis.letter()), rule).at(at));
         }
-        axes = Axes::of(&list.iter().copied().map(Axis::index).collect::<Vec<_>>());
+        axes = Axes::of(&list.iter().copied().map(AxisName::index).collect::<Vec<_>>());
     }
     let motion = match (&entry.velocity, &entry.path) {
         (Some(_), Some(_)) => {

@@ -18,7 +18,7 @@ impl Scene {
     /// matters from about 10⁵ particles on. Arrays are read at the speed of the disk.
     ///
     /// # Errors
-    /// [`Error::Usage`] for another extension, [`Error::Io`] for an unreadable file, [`Error::Format`] for text that is
+    /// [`Error::Scene`] for another extension, [`Error::Io`] for an unreadable file, [`Error::Format`] for text that is
     /// not of the format, with key and position, [`Error::Invalid`] for an unusable name or `[time]`. All
     /// other values are checked by [`build`](Self::build).
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
@@ -38,7 +38,7 @@ impl Scene {
                 npz::read(std::io::BufReader::new(file), path, parse_json)?
             }
             _ => {
-                return Err(Error::Usage(format!("{}: a scene file must end in .toml, .json or .npz", path.display())));
+                return Err(Error::Scene(format!("{}: a scene file must end in .toml, .json or .npz", path.display())));
             }
         };
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();

@@ -43,5 +43,5 @@ pub use mesh::MeshGeometry;
 #[cfg(feature = "report")]
 pub(crate) use npz::NpzWriter;
 pub use row::Row;
-pub use schema::{Axis, ConstraintEntry, Mesh, Particles, Path, Scene, Springs, TimeSettings};
+pub use schema::{AxisName, ConstraintEntry, Mesh, Particles, Path, Scene, Springs, TimeSettings};
 pub use values::Values;

@@ -12,6 +12,24 @@ use std::path::PathBuf;
 /// A scene: what a scene file says. SI units; particles and springs are numbered from 0.
 ///
 /// Its dimension is the length of its rows: of the first position, or of gravity where there are no particles, or 3.
+///
+/// # Examples
+/// ```
+/// let text = r#"
+///     [particles]
+///     positions = [[0, 0, 0], [1, 0, 0]]
+///     masses = 1.0
+///     [springs]
+///     pairs = [[0, 1]]
+///     stiffness = 100.0
+/// "#;
+/// let (system, _) = sprung::Scene::from_toml(text)?.build()?;
+/// assert_eq!(system.springs()[0].rest_length, 1.0); // not given: the initial distance
+///
+/// let wrong = sprung::Scene::from_toml(&text.replace("100.0", "-1.0"))?.build();
+/// assert!(wrong.err().is_some_and(|error| error.to_string().contains("springs.stiffness")));
+/// # Ok::<(), sprung::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
@@ -93,7 +111,7 @@ pub struct ConstraintEntry {
     pub particles: Vec<u32>,
     /// The prescribed coordinates; absent: all.
     #[serde(default, deserialize_with = "read::some", skip_serializing_if = "Option::is_none")]
-    pub axes: Option<Vec<Axis>>,
+    pub axes: Option<Vec<AxisName>>,
     /// `x(t) = x(0) + t·velocity`, in m/s.
     #[serde(default, deserialize_with = "read::some", skip_serializing_if = "Option::is_none")]
     pub velocity: Option<Row>,
@@ -115,7 +133,7 @@ pub struct Path {
 /// A coordinate axis by its letter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Axis {
+pub enum AxisName {
     /// The first coordinate.
     X,
     /// The second.
@@ -124,7 +142,7 @@ pub enum Axis {
     Z,
 }
 
-impl Axis {
+impl AxisName {
     /// All axes, in order.
     pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
 
@@ -139,19 +157,19 @@ impl Axis {
     }
 }
 
-impl<'de> Deserialize<'de> for Axis {
+impl<'de> Deserialize<'de> for AxisName {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct AxisVisitor;
 
         impl Visitor<'_> for AxisVisitor {
-            type Value = Axis;
+            type Value = AxisName;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str("\"x\", \"y\" or \"z\"")
             }
 
-            fn visit_str<E: de::Error>(self, letter: &str) -> Result<Axis, E> {
-                let axis = Axis::ALL.into_iter().find(|axis| axis.letter() == letter);
+            fn visit_str<E: de::Error>(self, letter: &str) -> Result<AxisName, E> {
+                let axis = AxisName::ALL.into_iter().find(|axis| axis.letter() == letter);
                 axis.ok_or_else(|| E::invalid_value(de::Unexpected::Str(letter), &self))
             }
         }

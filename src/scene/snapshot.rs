@@ -1,6 +1,6 @@
 //! From a [`System`] and a [`State`] back to a [`Scene`].
 
-use super::{Axis, ConstraintEntry, Particles, Path, Row, Scene, Springs, Values};
+use super::{AxisName, ConstraintEntry, Particles, Path, Row, Scene, Springs, Values};
 use crate::system::{Axes, Motion, State, System};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -34,7 +34,7 @@ impl Scene {
             }
         }
         let entry = |((motion, axes), particles): ((usize, [bool; 3]), Vec<u32>)| {
-            let axes: Vec<Axis> = Axis::ALL.into_iter().filter(|axis| axes[axis.index()]).collect();
+            let axes: Vec<AxisName> = AxisName::ALL.into_iter().filter(|axis| axes[axis.index()]).collect();
             let axes = (axes.len() < Axes::first(dimension).count()).then_some(axes);
             let (velocity, path) = match &motions[motion] {
                 Motion::Held => (None, None),

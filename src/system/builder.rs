@@ -9,6 +9,26 @@ use nalgebra::Vector3;
 ///
 /// The fields are public so that large descriptions can be moved in whole; the methods are for writing one by hand.
 /// Keys in error messages are those of the scene format.
+///
+/// # Examples
+/// ```
+/// use sprung::{Spring, SystemBuilder};
+///
+/// let mut builder = SystemBuilder::new();
+/// builder.gravity(0.0, -9.81, 0.0);
+/// let anchor = builder.particle([0.0, 0.0, 0.0], 1.0);
+/// let bob = builder.particle([1.0, 0.0, 0.0], 2.0);
+/// builder.spring(anchor, bob, Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.3 });
+/// builder.hold(anchor);
+/// let (system, state) = builder.build()?;
+/// assert_eq!((system.particles(), system.dofs().len(), state.time), (2, 3, 0.0));
+///
+/// let mut wrong = SystemBuilder::new();
+/// wrong.particle([0.0, 0.0, 0.0], -1.0);
+/// let message = wrong.build().err().map(|error| error.to_string());
+/// assert_eq!(message.as_deref(), Some("particles.masses[0] = -1: must be finite and positive"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct SystemBuilder {
     /// Modelled axes: 1, 2 or 3. The components of all vectors beyond it are ignored and must be zero.
@@ -103,6 +123,9 @@ impl SystemBuilder {
             prescribed,
             dofs,
             active,
+            law: None,
+            external: Vec::new(),
+            shares: Default::default(),
         };
         let mut state = State { time: 0.0, positions: self.positions, velocities: self.velocities };
         state.prescribe(&system);

@@ -3,6 +3,7 @@
 mod builder;
 mod constraint;
 mod dofs;
+mod external;
 mod shares;
 mod state;
 
@@ -12,16 +13,37 @@ pub(crate) use builder::check_length;
 pub(crate) use constraint::SAME_TIME;
 pub use constraint::{Axes, Constraint, Motion, Prescribed};
 pub use dofs::{Dof, DofMap};
-pub(crate) use shares::{Share, shares};
-pub use state::State;
+pub use external::ExternalForce;
+pub(crate) use shares::Share;
+pub use state::{Moment, State};
 
-use crate::spring::Spring;
+use crate::spring::{Extension, Spring, SpringLaw};
 use nalgebra::Vector3;
+use shares::Shares;
+use std::sync::Arc;
 
 /// A mass–spring system: everything that does not change while it moves.
 ///
 /// Made by a [`SystemBuilder`], which checks every value; a `System` is valid by construction. Vectors always have
 /// three components; in a planar or one-dimensional scene the absent ones are zero and have no degree of freedom.
+///
+/// # Examples
+/// ```
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// assert_eq!(system.active_springs(), [0]);
+/// // Three rows: of the particle that is not held.
+/// assert_eq!(system.dofs().rows(1), 0..3);
+/// // A held coordinate more.
+/// let line = system.with_held(&[sprung::system::Dof { particle: 1, axis: 2 }], &state.positions);
+/// assert_eq!(line.dofs().len(), 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct System {
     dimension: usize,
@@ -32,9 +54,55 @@ pub struct System {
     prescribed: Prescribed,
     dofs: DofMap,
     active: Vec<u32>,
+    law: Option<Arc<dyn SpringLaw>>,
+    external: Vec<Arc<dyn ExternalForce>>,
+    shares: Shares,
 }
 
 impl System {
+    /// The same system with another law for all its springs, whose parameters the law sees and whose damping stays. What `verify` and
+    /// scenes say of springs is said of the built-in law.
+    pub fn with_spring_law(self, law: impl SpringLaw + 'static) -> Self {
+        Self { law: Some(Arc::new(law)), ..self }
+    }
+
+    /// The same system with one more force from outside.
+    pub fn with_external_force(mut self, force: impl ExternalForce + 'static) -> Self {
+        self.external.push(Arc::new(force));
+        self
+    }
+
+    /// The forces from outside.
+    pub fn external_forces(&self) -> impl Iterator<Item = &dyn ExternalForce> + '_ {
+        self.external.iter().map(|force| &**force)
+    }
+
+    /// Whether there are forces from outside.
+    pub fn has_external_forces(&self) -> bool {
+        !self.external.is_empty()
+    }
+
+    /// Whether springs have a law of the caller's own.
+    pub fn has_spring_law(&self) -> bool {
+        self.law.is_some()
+    }
+
+    /// A spring as it is at a length, in m: its own parameters, or those of the [tangent](SpringLaw) of the law.
+    #[inline]
+    pub fn spring_at(&self, number: usize, length: f64) -> Spring {
+        let spring = self.springs[number];
+        match &self.law {
+            None => spring,
+            Some(law) => spring.tangent(law.tension(number, &spring, length), length),
+        }
+    }
+
+    /// What a spring stores, in J.
+    pub fn elastic_energy(&self, number: usize, at: &Extension) -> f64 {
+        let spring = &self.springs[number];
+        self.law.as_ref().map_or_else(|| spring.elastic_energy(at), |law| law.energy(number, spring, at.length))
+    }
+
     /// The same system with more coordinates held, where `positions` have them.
     ///
     /// Coordinates that are prescribed already keep their motion, and those that do not exist are passed over; particles and

@@ -6,7 +6,7 @@
 
 use super::System;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Springs below which a share is not worth a thread.
 const LEAST_SPRINGS: usize = 8192;
@@ -19,9 +19,43 @@ pub(crate) struct Share {
     pub springs: Arc<[u32]>,
 }
 
-/// All particles, a share for each of the current threads where that pays; about as many springs end in each.
-pub(crate) fn shares(system: &System) -> Vec<Share> {
-    let count = (system.active_springs().len() / LEAST_SPRINGS).clamp(1, rayon::current_num_threads());
+/// The shares of a system for the numbers of threads that have asked, each made once.
+#[derive(Debug, Default)]
+pub(super) struct Shares(Mutex<Vec<Arc<[Share]>>>);
+
+/// A copy may become another system, and makes its own.
+impl Clone for Shares {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl System {
+    /// All particles, a share for each of the current threads where that pays; about as many springs end in each. The first call
+    /// on so many threads allocates.
+    pub(crate) fn shares(&self) -> Arc<[Share]> {
+        let count = count(self);
+        let mut known = self.shares.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(shares) = known.iter().find(|shares| shares.len() == count) {
+            return shares.clone();
+        }
+        let shares: Arc<[Share]> = shares(self, count).into();
+        known.push(shares.clone());
+        shares
+    }
+
+    /// The shares, where there is more than one.
+    pub(crate) fn several_shares(&self) -> Option<Arc<[Share]>> {
+        (count(self) > 1).then(|| self.shares())
+    }
+}
+
+fn count(system: &System) -> usize {
+    let worth = system.active_springs().len() / LEAST_SPRINGS;
+    if worth > 1 { worth.min(rayon::current_num_threads()) } else { 1 }
+}
+
+fn shares(system: &System, count: usize) -> Vec<Share> {
     let share = |particles: Range<usize>| {
         let ends_here = |pair: [usize; 2]| pair.iter().any(|end| particles.contains(end));
         let active = (0u32..).zip(system.active());

@@ -4,6 +4,24 @@ use super::System;
 use nalgebra::Vector3;
 
 /// Positions and velocities of all particles at one time.
+///
+/// # Examples
+/// ```
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, mut state) = builder.build()?;
+/// state.velocities[1].y = 0.5;
+/// let mut saved = state.clone();
+/// state.positions[1].x = 1.25;
+/// saved.copy_from(&state); // allocates nothing
+/// assert_eq!(saved, state);
+/// assert!(state.is_finite());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// t, in s.
@@ -14,7 +32,23 @@ pub struct State {
     pub velocities: Vec<Vector3<f64>>,
 }
 
+/// Where and how fast all particles are at a time, by reference: what forces depend on.
+#[derive(Debug, Clone, Copy)]
+pub struct Moment<'a> {
+    /// t, in s.
+    pub time: f64,
+    /// x, one row per particle, in m.
+    pub positions: &'a [Vector3<f64>],
+    /// v, one row per particle, in m/s.
+    pub velocities: &'a [Vector3<f64>],
+}
+
 impl State {
+    /// The state by reference.
+    pub fn moment(&self) -> Moment<'_> {
+        Moment { time: self.time, positions: &self.positions, velocities: &self.velocities }
+    }
+
     /// The largest coordinate, in m, and velocity, in m/s, that states may have: beyond it their squares, and with them energies,
     /// are no numbers any more.
     pub const LARGEST: f64 = 1e150;

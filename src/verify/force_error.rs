@@ -111,7 +111,7 @@ pub(super) struct ForceError<'a> {
 impl<'a> ForceError<'a> {
     pub fn new(system: &'a System, extensions: &'a Extensions) -> Self {
         let link = |((index, ends, spring), at)| Link { index, ends, spring, at };
-        let links: Vec<_> = system.active().zip(extensions.iter()).map(link).collect();
+        let links: Vec<_> = extensions.springs(system).map(link).collect();
         let ends = Lists::new(links.iter().map(|link| link.ends.map(|end| end as u32).into_iter()));
         let at = ends.transposed(system.particles());
         let of_particle = |particle: usize| {

@@ -40,6 +40,7 @@ impl Default for JacobianOptions<'_> {
 
 /// What [`check_jacobian`] found: both matrices, and the worst entries with verdicts in words.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct JacobianReport {
     /// The matrix under test.
     pub analytic: CscMatrix<f64>,

@@ -13,8 +13,8 @@ use super::{Check, Claim, Subject, U, Unfinished, worst};
 use crate::force::{DegenerateSpring, Extensions};
 use crate::integrate::{ImplicitOptions, LinearBackwardEuler, Status, StepFailure, TimeStepper};
 use crate::linear::{
-    CgOutcome, ConjugateGradient, LdltSolver, LinearSolver, Preconditioner, PreconditionerKind, SolveFailure,
-    SolverChoice, SolverOptions, backward_error, norm,
+    CgOutcome, ConjugateGradient, LdltSolver, Preconditioner, PreconditionerKind, Prepare, SolveFailure, SolverChoice,
+    SolverOptions, backward_error, norm,
 };
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
@@ -67,12 +67,13 @@ pub(super) fn indefinite(subject: &Subject) -> Measured {
 
     let mut work = Work::default();
     let mut ldlt = LdltSolver::new(system, Par::Seq, &mut work)?;
-    let counted = ldlt.prepare(&a, &mut work)?;
+    let mut prepared = ldlt.prepare(&a, &mut work)?;
+    let counted = prepared.definiteness();
     let told = matches!(counted, crate::linear::Definiteness::Indefinite { negative: found, .. } if found == negative);
     let why = "by Sylvester's law of inertia the signs of D are those of the eigenvalues";
     checks.push(check("LDLᵀ counts the negative eigenvalues", silent(told), why));
     let mut x = vec![0.0; n];
-    let value = match ldlt.solve(&a, &b, &mut x, &mut work) {
+    let value = match prepared.solve(&b, &mut x, &mut work) {
         Ok(_) => {
             let residual = DVector::from_column_slice(&b) - &dense * DVector::from_column_slice(&x);
             backward_error(residual.as_slice(), reference::step_matrix_norm(&twin, &twin.state, dt), &x, &b)

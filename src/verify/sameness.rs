@@ -60,6 +60,6 @@ fn with_threads<T: Send>(
     compute: impl FnOnce() -> Result<T, Unfinished> + Send,
 ) -> Result<T, Unfinished> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| Error::Usage(format!("no pool of {threads} threads: {error}")))?;
+    let pool = pool.map_err(|error| Error::Unsupported(format!("no pool of {threads} threads: {error}")))?;
     pool.install(compute)
 }

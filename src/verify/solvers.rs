@@ -15,7 +15,7 @@ use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::error::{Error, Result};
 use crate::force::Extensions;
 use crate::integrate::StepMatrices;
-use crate::linear::{Cholesky, PreconditionerKind, SolverChoice, SolverOptions, select};
+use crate::linear::{Cholesky, PreconditionerKind, Prepare, SolverChoice, SolverOptions, select};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -132,7 +132,7 @@ fn definite(system: &System, state: &State, dt: f64) -> Result<(Stiffness, Symme
             return Ok((option, step.a, step.b, factor));
         }
     }
-    Err(Error::Usage("A is not positive definite even without the transverse terms of compressed springs".into()))
+    Err(Error::Unsupported("A is not positive definite even without the transverse terms of compressed springs".into()))
 }
 
 fn solve_with(
@@ -146,10 +146,10 @@ fn solve_with(
     let options = SolverOptions { solver, preconditioner, tolerance, ..SolverOptions::default() };
     let mut work = Work::default();
     let mut solver =
-        select(system, &options, crate::linear::Promise::Definite, &mut work).map_err(|error| error.to_string())?;
+        select(system, &options, crate::linear::Assurance::Definite, &mut work).map_err(|error| error.to_string())?;
     let mut x = vec![0.0; b.len()];
-    solver.prepare(operator, &mut work).map_err(|failure| failure.to_string())?;
-    solver.solve(operator, b, &mut x, &mut work).map_err(|failure| failure.to_string())?;
+    let prepared = solver.prepare(operator, &mut work);
+    prepared.and_then(|mut solver| solver.solve(b, &mut x, &mut work)).map_err(|failure| failure.to_string())?;
     Ok(x)
 }
 

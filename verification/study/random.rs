@@ -9,7 +9,7 @@ use super::shape::{Layout, Shape, layout};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sprung::Scene;
-use sprung::scene::{Axis, ConstraintEntry, Particles, Path, Row, Springs, TimeSettings, Values};
+use sprung::scene::{AxisName, ConstraintEntry, Particles, Path, Row, Springs, TimeSettings, Values};
 use std::f64::consts::TAU;
 
 /// A scene of the study.
@@ -240,7 +240,7 @@ fn constraints(
     particles.truncate(layout.points.len() - 1);
     let mut entries = vec![ConstraintEntry { particles: particles.clone(), ..ConstraintEntry::default() }];
     if layout.dimension > 1 && random.random_bool(0.1) {
-        let axes = [Axis::X, Axis::Y, Axis::Z];
+        let axes = [AxisName::X, AxisName::Y, AxisName::Z];
         let one = axes[random.random_range(0..layout.dimension)];
         entries[0].axes = Some(vec![one]);
     }

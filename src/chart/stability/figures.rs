@@ -1,15 +1,15 @@
 //! The map as pictures.
 
-use super::{Axis, StabilityMap, Tile, Verdict};
+use super::{StabilityMap, Tile, Varied, Verdict};
 use crate::figure::{self, Series, Tiles};
 
 impl Tile {
     /// As a field of cells with the limits in closed form over it.
     pub fn figure(&self) -> Tiles {
         let (over, y) = match self.axis {
-            Axis::Stretch => ("over the stretch", figure::Axis::linear("stretch λ = l/l0")),
-            Axis::Damping => ("over damping, at λ = 2", figure::Axis::logarithmic("axial damping ratio ζ")),
-            Axis::Turning => ("over turning", figure::Axis::logarithmic("turn per step θ, rad")),
+            Varied::Stretch => ("over the stretch", figure::Axis::linear("stretch λ = l/l0")),
+            Varied::Damping => ("over damping, at λ = 2", figure::Axis::logarithmic("axial damping ratio ζ")),
+            Varied::Turning => ("over turning", figure::Axis::logarithmic("turn per step θ, rad")),
         };
         let option = if self.stiffness == "none" { String::new() } else { format!(" ({})", self.stiffness) };
         let class = |verdict: &Verdict| Verdict::ALL.iter().position(|other| other == verdict).unwrap_or(0);
@@ -45,9 +45,9 @@ impl Tile {
         let column = |at: usize| self.verdicts.iter().filter_map(move |row| row.get(at));
         let wrong = |at: usize| column(at).find(|verdict| **verdict != Verdict::ALL[0]);
         let rows = match self.axis {
-            Axis::Stretch => "at any stretch",
-            Axis::Damping => "at any damping",
-            Axis::Turning => "at any turn",
+            Varied::Stretch => "at any stretch",
+            Varied::Damping => "at any damping",
+            Varied::Turning => "at any turn",
         };
         match (0..self.columns.len()).find_map(|at| Some((at, wrong(at)?))) {
             None => format!("Nothing goes wrong {rows}, whatever the step."),

@@ -17,7 +17,7 @@ use std::time::Instant;
 /// What the rows of a tile stand for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Axis {
+pub enum Varied {
     /// The stretch λ = l/l0, without damping.
     Stretch,
     /// The axial damping ratio ζ, at the stretch 2.
@@ -29,7 +29,7 @@ pub enum Axis {
 /// Stretch of the springs over damping.
 const STRETCHED: f64 = 2.0;
 
-impl Axis {
+impl Varied {
     /// What the rows stand for, in a word.
     pub fn name(self) -> &'static str {
         match self {
@@ -72,7 +72,7 @@ pub struct Tile {
     /// The stiffness policy's name; `none` for a method without matrices.
     pub stiffness: &'static str,
     /// What the rows stand for.
-    pub axis: Axis,
+    pub axis: Varied,
     /// z = ω dt of every column.
     pub columns: Vec<f64>,
     /// λ, ζ or θ of every row.
@@ -112,9 +112,9 @@ impl StabilityMap {
         let count = resolution.max(4) / 3 * 2 + 1;
         let mut tiles = Vec::new();
         let all = [
-            (Axis::Stretch, geometric(0.5, 2.0, count)),
-            (Axis::Damping, geometric(0.01, 10.0, count)),
-            (Axis::Turning, geometric(0.003, 1.0, count)),
+            (Varied::Stretch, geometric(0.5, 2.0, count)),
+            (Varied::Damping, geometric(0.01, 10.0, count)),
+            (Varied::Turning, geometric(0.003, 1.0, count)),
         ];
         for (axis, rows) in all {
             let methods = configurations(Par::Seq).into_iter().filter(|c| c.options.linear.solver == SolverChoice::Llt);
@@ -137,7 +137,7 @@ impl Tile {
     ///
     /// # Errors
     /// None is known: the model is always a valid system.
-    pub fn measure(configuration: &Configuration, axis: Axis, columns: &[f64], rows: &[f64]) -> Result<Self> {
+    pub fn measure(configuration: &Configuration, axis: Varied, columns: &[f64], rows: &[f64]) -> Result<Self> {
         let (method, policy) = (configuration.method, configuration.options.stiffness);
         let row =
             |&row: &f64| columns.iter().map(|&z| axis.experiment(configuration, z, row)).collect::<Result<Vec<_>>>();
@@ -181,8 +181,8 @@ impl Tile {
     pub fn check(&self) -> Check {
         let over = self.axis.name();
         let exact = match self.axis {
-            Axis::Stretch | Axis::Damping => "the linear stability limits are exact on the model",
-            Axis::Turning => "the limit of turning holds to a third for small angles",
+            Varied::Stretch | Varied::Damping => "the linear stability limits are exact on the model",
+            Varied::Turning => "the limit of turning holds to a third for small angles",
         };
         let mut why = format!(
             "{exact}: none of {} cells further than one column from a limit may contradict them",
@@ -208,13 +208,13 @@ mod tests {
         }
         let refused = map.tiles.iter().flat_map(|tile| tile.verdicts.concat()).filter(|v| *v == Verdict::Indefinite);
         assert!(refused.count() > 10);
-        let linear = map.tiles.iter().filter(|tile| tile.axis != Axis::Turning);
+        let linear = map.tiles.iter().filter(|tile| tile.axis != Varied::Turning);
         let silent = [Method::ForwardEuler, Method::Bdf2].map(Method::name);
         assert!(linear.clone().all(|tile| tile.predicted > 30 || silent.contains(&tile.method)));
         let braked = map
             .tiles
             .iter()
-            .filter(|tile| tile.axis == Axis::Turning && tile.verdicts.concat().contains(&Verdict::Braked));
+            .filter(|tile| tile.axis == Varied::Turning && tile.verdicts.concat().contains(&Verdict::Braked));
         assert!(braked.clone().any(|tile| tile.stiffness == "full" && tile.predicted > 30));
         assert!(braked.clone().all(|tile| tile.stiffness != "axial" || tile.method != "linear-backward-euler"));
     }

@@ -14,7 +14,7 @@ mod turning;
 
 pub use experiment::Verdict;
 pub use limits::{Limit, Prediction, dropped_term_limits, limits, prediction};
-pub use map::{Axis, StabilityMap, Tile};
+pub use map::{StabilityMap, Tile, Varied};
 
 /// k of a spring of length, mass and ω one.
 const STIFFNESS_OF_ONE: f64 = 1.0;

@@ -1,7 +1,7 @@
 //! What errors are relative to, and how long a first step is.
 
 use super::{Adaptivity, ErrorEstimate};
-use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+use crate::force::{Extensions, add_damping_force, add_elastic_force, add_external_forces, add_weight};
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
@@ -106,6 +106,7 @@ fn accelerations(system: &System, state: &State) -> Option<Vec<Vector3<f64>>> {
     add_elastic_force(system, &extensions, &mut force);
     add_damping_force(system, &extensions, &state.velocities, &mut force);
     add_weight(system, &mut force);
+    add_external_forces(system, &state.moment(), &mut force);
     for (f, mass) in force.iter_mut().zip(system.masses()) {
         *f /= *mass;
     }

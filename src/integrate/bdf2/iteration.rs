@@ -19,9 +19,8 @@
 //! digit.)
 
 use super::tension::Tensions;
-use crate::error::Result;
-use crate::force::{add_damping_force, add_elastic_force, add_weight};
-use crate::integrate::implicit::ImplicitOptions;
+use crate::force::{add_damping_force, add_elastic_force, add_external_forces, add_weight};
+use crate::integrate::implicit::LinearSystem;
 use crate::integrate::newton::{Newton, NewtonOptions};
 use crate::integrate::{Statistics, StepFailure, StiffnessPolicy};
 use crate::linear::{LinearSolver, SolveFailure};
@@ -36,9 +35,9 @@ pub(super) struct Iteration<'s> {
 }
 
 impl<'s> Iteration<'s> {
-    pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
-        let newton = Newton::new(system, state, options, NewtonOptions::default())?;
-        Ok(Self { newton, tensions: Tensions::new(system) })
+    pub fn new(linear: LinearSystem<'s>, state: &State) -> Self {
+        let tensions = Tensions::new(linear.system);
+        Self { newton: Newton::of(linear, state, NewtonOptions::default()), tensions }
     }
 
     pub fn system(&self) -> &'s System {
@@ -73,6 +72,7 @@ impl<'s> Iteration<'s> {
         add_elastic_force(system, &linear.extensions, accelerations);
         add_damping_force(system, &linear.extensions, &state.velocities, accelerations);
         add_weight(system, accelerations);
+        add_external_forces(system, &state.moment(), accelerations);
         for (p, (a, mass)) in accelerations.iter_mut().zip(system.masses()).enumerate() {
             let free = system.dofs().free_axes(p);
             *a = Vector3::from_fn(|axis, _| if free.contains(axis) { a[axis] / mass } else { 0.0 });
@@ -90,7 +90,7 @@ impl<'s> Iteration<'s> {
         newton.residual(base, tau)?;
         prepare(newton, tensions, state, next, tau)?;
         // A correction that overshoots, or that leads where there are no forces, is taken back.
-        let Outcome { energy, slope, left } = correct(newton, tensions, base, tau)?;
+        let Corrected { energy, slope, left } = correct(newton, tensions, base, tau)?;
         if slope >= 0.5 * energy {
             newton.take_back();
         }
@@ -106,7 +106,7 @@ impl<'s> Iteration<'s> {
 }
 
 /// What a correction d did.
-struct Outcome {
+struct Corrected {
     /// dᵀ A d.
     energy: f64,
     /// −r'ᵀ d after it.
@@ -116,12 +116,12 @@ struct Outcome {
 }
 
 /// Corrects once with the matrix at hand, from where the residual was evaluated last.
-fn correct(newton: &mut Newton, tensions: &mut Tensions, base: &State, tau: f64) -> Result<Outcome, StepFailure> {
+fn correct(newton: &mut Newton, tensions: &mut Tensions, base: &State, tau: f64) -> Result<Corrected, StepFailure> {
     let energy = newton.correct()?;
     tensions.learn(newton.linear.system, &newton.linear.extensions, newton.direction());
     Ok(match newton.residual(base, tau) {
-        Ok(slope) => Outcome { energy, slope, left: newton.left() },
-        Err(_) => Outcome { energy, slope: f64::INFINITY, left: f64::INFINITY },
+        Ok(slope) => Corrected { energy, slope, left: newton.left() },
+        Err(_) => Corrected { energy, slope: f64::INFINITY, left: f64::INFINITY },
     })
 }
 

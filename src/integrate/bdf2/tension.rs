@@ -38,15 +38,16 @@ impl Tensions {
 
     /// Takes the tensions at some positions for the last ones.
     pub fn set(&mut self, system: &System, positions: &[Vector3<f64>]) {
-        for (last, (_, [i, j], spring)) in self.last.iter_mut().zip(system.active()) {
+        for (last, (number, [i, j], _)) in self.last.iter_mut().zip(system.active()) {
             // Coincident ends have no tension that lasts, and a step from there fails for its own reasons.
-            *last = Extension::between(&positions[i], &positions[j]).map_or(0.0, |at| tension(spring, &at));
+            let extension = Extension::between(&positions[i], &positions[j]);
+            *last = extension.map_or(0.0, |at| tension(&system.spring_at(number, at.length), &at));
         }
     }
 
     /// Takes over what a solve leaves: `displacement` is the correction of the positions that have these extensions.
     pub fn learn(&mut self, system: &System, extensions: &Extensions, displacement: &[Vector3<f64>]) {
-        for ((last, at), (_, [i, j], spring)) in self.last.iter_mut().zip(extensions.iter()).zip(system.active()) {
+        for (last, ((_, [i, j], spring), at)) in self.last.iter_mut().zip(extensions.springs(system)) {
             let stretch = at.direction.dot(&(displacement[i] - displacement[j]));
             *last = tension(spring, at) + spring.stiffness * stretch / spring.rest_length;
         }

@@ -1,4 +1,4 @@
-use super::{ImplicitOptions, LinearSystem, StiffnessPolicy, Terms, inverse_energy};
+use super::{ImplicitOptions, LinearSystem, StiffnessPolicy, inverse_energy};
 use crate::linear::{SolverChoice, SolverOptions};
 use crate::operator::Combination;
 use crate::spring::{Spring, Stiffness};
@@ -79,25 +79,6 @@ fn solves_with_indefinite_matrices_are_counted() {
         linear.solve(&[Vector3::zeros(), Vector3::x()], &mut [Vector3::zeros(); 2]).unwrap();
         assert_eq!(linear.statistics.indefinite_solves, indefinite, "{dt}");
     }
-}
-
-#[test]
-fn on_demand_ends_with_all_compressed_springs_softened() {
-    let (system, state) = pair();
-    let mut linear = LinearSystem::new(&system, &state, &ImplicitOptions::default()).unwrap();
-    linear.prepared.policy = StiffnessPolicy::OnDemand;
-    for (terms, softer) in [
-        (Terms::Of(Stiffness::Full), Some(Terms::Softened)),
-        (Terms::Softened, Some(Terms::Of(Stiffness::Tension))),
-        (Terms::Of(Stiffness::Tension), None),
-        (Terms::Whole, None),
-    ] {
-        linear.prepared.terms = terms;
-        assert_eq!(linear.softer(), softer);
-    }
-    linear.prepared.policy = StiffnessPolicy::Always(Stiffness::Full);
-    linear.prepared.terms = Terms::Of(Stiffness::Full);
-    assert_eq!(linear.softer(), None);
 }
 
 #[test]

@@ -144,14 +144,15 @@ impl<'s> Drive<'s> {
             let relative = |[vi, vj]: &[Vector3<f64>; 2]| lead.during(i, vi) - lead.during(j, vj);
             let only = |p: usize| lead.during(p, &Vector3::zeros());
             let ends = [End::of(&driven.d, &relative(&driven.velocities)), End::of(&d, &relative(&velocities))];
-            let spring = &system.springs()[driven.spring];
             let force = [0, 1].map(|end: usize| {
                 let Span { length, rate } = ends[end].span;
+                let spring = system.spring_at(driven.spring, length);
                 let stiffness = spring.stiffness / spring.rest_length;
                 (stiffness * (length - spring.rest_length), stiffness * rate)
             });
             let step = Step { dt, is_resolved: dt <= driven.resolved };
-            exchange.add(&step.exchange(&ends, force, spring.damping, &(only(i) - only(j))));
+            let damping = system.springs()[driven.spring].damping;
+            exchange.add(&step.exchange(&ends, force, damping, &(only(i) - only(j))));
             (driven.d, driven.velocities) = (d, velocities);
         }
         exchange

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 /// Sums over the steps of norms over the free coordinates, h being the length of a step and X the extent of the scene at the end,
 /// `‖x − centroid‖`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Figures {
     /// Steps.
     pub steps: u64,

@@ -47,6 +47,7 @@ const TURNING: f64 = 4.0;
 
 /// What makes a run doubtful.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Warning {
     /// The estimate of the error is large: the relative position error.
     Wrong(f64),

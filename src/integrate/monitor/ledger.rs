@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 /// Where the energy of a run went since its start, in J.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Balance {
-    /// Work done by moving constraints.
+    /// Work done by moving constraints, and by external forces.
     pub work: f64,
     /// Taken by damping.
     pub dissipated: f64,

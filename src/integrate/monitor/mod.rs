@@ -5,6 +5,7 @@
 //! number of threads.
 
 mod driven;
+mod external;
 mod figures;
 mod growth;
 mod indicator;
@@ -17,9 +18,12 @@ pub use indicator::{Warning, percent};
 pub use ledger::Balance;
 
 use super::StepFailure;
-use crate::force::{DegenerateSpring, Energy, Extensions, add_damping_force, add_elastic_force, add_weight};
+use crate::force::{
+    DegenerateSpring, Energy, Extensions, add_damping_force, add_elastic_force, add_external_forces, add_weight,
+};
 use crate::system::{State, System};
 use driven::Drive;
+use external::External;
 use figures::Trail;
 use growth::{Growth, Past, Unstable};
 use ledger::Ledger;
@@ -53,12 +57,35 @@ pub struct Account {
 }
 
 /// Accompanies a run; see the module.
+///
+/// # Examples
+/// ```
+/// use sprung::Method;
+/// use sprung::integrate::{ImplicitOptions, Monitor, MonitorOptions, Schedule, run_monitored};
+/// use std::ops::ControlFlow;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, mut state) = builder.build()?;
+/// let mut monitor = Monitor::new(&system, &state, MonitorOptions::default())?;
+/// let mut stepper = Method::ForwardEuler.stepper(&system, &state, &ImplicitOptions::default())?;
+/// // Forward Euler makes energy from nowhere, and with this step much of it.
+/// let schedule = Schedule::duration(0.2, 60.0);
+/// let outcome = run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, |_, _, _| ControlFlow::Continue(()));
+/// assert_eq!(outcome.status().name(), "unstable");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Monitor<'s> {
     system: &'s System,
     options: MonitorOptions,
     springs: Springs<'s>,
     particles: Particles<'s>,
     drive: Drive<'s>,
+    external: Option<External>,
     forces: Option<Forces>,
     ledger: Ledger,
     /// At the state before, with its time.
@@ -101,6 +128,7 @@ impl<'s> Monitor<'s> {
             springs,
             particles,
             drive,
+            external: External::new(system, state),
             forces,
             ledger,
             before: ledger,
@@ -121,7 +149,8 @@ impl<'s> Monitor<'s> {
         self.times = [self.times[1], state.time];
         let force = self.forces.as_mut().and_then(|forces| forces.at(self.system, state));
         let (springs, particles) = (self.springs.pass(state, dt), self.particles.pass(state, dt, force));
-        let exchange = self.drive.pass(state, dt);
+        let mut exchange = self.drive.pass(state, dt);
+        exchange.work += self.external.as_mut().map_or(0.0, |external| external.pass(self.system, state));
         self.ledger.enter(&springs, &particles, self.drive.energy(state), &exchange);
         if self.has_overflowed() {
             return Err(StepFailure::NonFinite);
@@ -253,6 +282,7 @@ impl Forces {
         add_elastic_force(system, extensions, force);
         add_damping_force(system, extensions, &state.velocities, force);
         add_weight(system, force);
+        add_external_forces(system, &state.moment(), force);
         Some(force)
     }
 }

@@ -17,6 +17,7 @@
 //! kinks. Here they count for what they store.
 
 use super::Sides;
+use crate::spring::Extension;
 use crate::system::{Axes, State, System};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -110,9 +111,13 @@ fn block(system: &System, state: &State, dt: f64, resolved: &[f64], first: usize
         let v = state.velocities[i] - state.velocities[j];
         let length = d.norm();
         let rate = if length > 0.0 { d.dot(&v) / length } else { 0.0 };
+        let tangent = system.spring_at(first + at, length);
         let change = length - spring.rest_length;
-        let stiffness = spring.stiffness / spring.rest_length;
-        sums.elastic += 0.5 * stiffness * change * change;
+        let stiffness = tangent.stiffness / tangent.rest_length;
+        sums.elastic += match system.has_spring_law() {
+            false => 0.5 * stiffness * change * change,
+            true => system.elastic_energy(first + at, &Extension { direction: Vector3::zeros(), length }),
+        };
         if dt > 0.0 {
             let (squared, step) = (v.norm_squared(), dt * dt);
             let lift = 0.5 * step * (squared - rate * rate) / length;

@@ -1,4 +1,5 @@
 use super::*;
+use crate::linear::FactorTimes;
 use crate::linear::fixtures::{self, noise};
 use crate::operator::LinearOperator;
 use std::collections::BTreeSet;

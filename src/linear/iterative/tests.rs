@@ -22,15 +22,15 @@ fn iterations_are_paid_for() {
     let mut solver = matrix_free(&scene.0, Some(PreconditionerKind::BlockJacobi));
     let costs = CostModel::of(&scene.0);
     let (iteration, residuals) = (costs.iteration(PreconditionerKind::BlockJacobi), costs.iterative_solve());
-    solver.prepare(&a, &mut work).unwrap();
+    solver.take(&a, &mut work).unwrap();
     assert_eq!(solver.effort(), 0.0);
     for solves in [1.0, 2.0] {
-        solver.solve(&a, &b, &mut vec![0.5; 80], &mut work).unwrap();
+        solver.solve(Held(&a), &b, &mut vec![0.5; 80], &mut work).unwrap();
         assert!(work.cg_iterations > 40);
         assert_near(solver.effort(), iteration * work.cg_iterations as f64 + residuals * solves);
     }
     solver.allow(21.7);
-    let failure = solver.solve(&a, &b, &mut vec![0.5; 80], &mut work).unwrap_err();
+    let failure = solver.solve(Held(&a), &b, &mut vec![0.5; 80], &mut work).unwrap_err();
     let SolveFailure::NotConverged { iterations, reason, .. } = failure else { panic!("{failure}") };
     assert_eq!((iterations, reason), (((21.7 - residuals) / iteration) as u64, NotConverged::IterationLimit));
 }
@@ -55,9 +55,9 @@ fn block_jacobi_is_on_trial() {
     let (a, b) = (operator(&scene, 1.0), right_hand_side(200));
     let mut work = Work::default();
     let mut solver = matrix_free(&scene.0, None);
-    solver.prepare(&a, &mut work).unwrap();
+    solver.take(&a, &mut work).unwrap();
     assert_eq!(solver.preconditioner(), Some("block-jacobi"));
-    solver.solve(&a, &b, &mut [0.0; 200], &mut work).unwrap();
+    solver.solve(Held(&a), &b, &mut [0.0; 200], &mut work).unwrap();
     assert_eq!((solver.preconditioner(), work.multigrid_setups), (Some("multigrid"), 1));
     assert!(work.cg_iterations > 150);
     assert_eq!((work.iterative_solves, work.multigrid_iterations), (1, work.cg_iterations - 150));
@@ -91,7 +91,7 @@ fn multigrid_after_the_trial_is_the_one_at_the_places_given() {
     assert_ne!(anywhere, placed);
     let mut solver = matrix_free(system, None);
     solver.place(&state.positions);
-    solver.prepare(&a, &mut work).unwrap();
+    solver.take(&a, &mut work).unwrap();
     solver.improve(&a, &mut work).unwrap();
     assert_eq!(applied(&mut |r, z| solver.preconditioner.apply(r, z)), placed);
 }
@@ -104,13 +104,13 @@ fn coarse_levels_are_paid_for_once_and_kept() {
     let (a, b) = (operator(&scene, 1.0), right_hand_side(200));
     let mut work = Work { multigrid_setups: 3, ..Work::default() };
     let mut solver = matrix_free(&scene.0, Some(PreconditionerKind::Multigrid));
-    solver.prepare(&a, &mut work).unwrap();
+    solver.take(&a, &mut work).unwrap();
     let costs = CostModel::of(&scene.0);
     assert_eq!((solver.effort(), work.multigrid_setups), (costs.multigrid_setup(), 4));
-    solver.solve(&a, &b, &mut [0.0; 200], &mut work).unwrap();
+    solver.solve(Held(&a), &b, &mut [0.0; 200], &mut work).unwrap();
     assert_eq!(work.warm_starts, 0);
-    solver.prepare(&a, &mut work).unwrap();
-    solver.solve(&a, &b, &mut [0.0; 200], &mut work).unwrap();
+    solver.take(&a, &mut work).unwrap();
+    solver.solve(Held(&a), &b, &mut [0.0; 200], &mut work).unwrap();
     assert_eq!((work.multigrid_setups, work.warm_starts), (4, 1));
     let iterations = costs.iteration(PreconditionerKind::Multigrid) * work.cg_iterations as f64;
     let solves = 2.0 * costs.iterative_solve() + costs.warm_start();
@@ -125,9 +125,9 @@ fn useless_coarse_levels_are_replaced_in_the_middle_of_a_solve() {
     let mut work = Work::default();
     let mut solver = matrix_free(&scene.0, Some(PreconditionerKind::Multigrid));
     for (a, setups) in [(&soft, 1), (&stiff, 2)] {
-        solver.prepare(a, &mut work).unwrap();
+        solver.take(a, &mut work).unwrap();
         assert_eq!(work.multigrid_setups, 1);
-        solver.solve(a, &b, &mut [0.0; 1000], &mut work).unwrap();
+        solver.solve(Held(a), &b, &mut [0.0; 1000], &mut work).unwrap();
         assert_eq!(work.multigrid_setups, setups);
     }
     let costs = CostModel::of(&scene.0);

@@ -1,6 +1,7 @@
 use super::*;
 use crate::linear::fixtures::{banded, noise};
 use crate::operator::LinearOperator;
+use faer::Par;
 
 fn factored(a: &SymmetricMatrix, pivoting: Pivoting) -> PivotedLdlt {
     let mut factorization = PivotedLdlt::analyse(a.pattern(), Par::Seq).unwrap();

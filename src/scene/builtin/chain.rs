@@ -7,7 +7,7 @@ use crate::scene::{Particles, Scene, Springs};
 /// k = 100 N, so that a link stretches by 0.1 % for each link below it; b = 0.02 N·s/m; for 2 s.
 ///
 /// # Errors
-/// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
+/// [`Error::Scene`](crate::Error::Scene) for a size outside [`Kind::sizes`].
 pub fn chain(size: usize) -> Result<Scene> {
     Kind::Chain.check_size(size)?;
     Ok(Scene {

@@ -9,7 +9,7 @@ use crate::scene::{Particles, Row, Scene, Springs};
 /// 5000 for the structural springs and steps of 10 ms. Particle (row, column) has number row·size + column.
 ///
 /// # Errors
-/// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
+/// [`Error::Scene`](crate::Error::Scene) for a size outside [`Kind::sizes`].
 pub fn cloth(size: usize) -> Result<Scene> {
     Kind::Cloth.check_size(size)?;
     let particle = |row: usize, column: usize| (row < size && column < size).then_some(row * size + column);

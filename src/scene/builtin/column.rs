@@ -11,7 +11,7 @@ use crate::scene::{Particles, Scene, Springs};
 /// dt = sqrt(m/(c (2 + 2 cos(π/(size + 1))))) ≥ 6.9 ms and indefinite beyond. For 0.5 s.
 ///
 /// # Errors
-/// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
+/// [`Error::Scene`](crate::Error::Scene) for a size outside [`Kind::sizes`].
 pub fn column(size: usize) -> Result<Scene> {
     Kind::Column.check_size(size)?;
     let last = size + 1;

@@ -9,7 +9,7 @@ use crate::scene::{Particles, Row, Scene, Springs};
 /// b = 0.002 N·s/m; 1000 kg/m³ make 1 g a particle. For 1 s. Particle (i, j, l) has number (i·size + j)·size + l.
 ///
 /// # Errors
-/// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
+/// [`Error::Scene`](crate::Error::Scene) for a size outside [`Kind::sizes`].
 pub fn lattice(size: usize) -> Result<Scene> {
     /// Half of the neighbours: the others follow by symmetry.
     const REACH: [[isize; 3]; 9] =

@@ -28,6 +28,7 @@ const GRAVITY: [f64; 3] = [0.0, -9.81, 0.0];
 /// The kinds of ready scenes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[non_exhaustive]
 pub enum Kind {
     /// A chain of SIZE links, held at one end and let go from the horizontal.
     Chain,
@@ -92,14 +93,14 @@ impl Kind {
             return Ok(());
         }
         let (name, least, most) = (self.name(), sizes.start(), sizes.end());
-        Err(Error::Usage(format!("size {size}: a {name} can have a size from {least} to {most}")))
+        Err(Error::Scene(format!("size {size}: a {name} can have a size from {least} to {most}")))
     }
 }
 
 /// The scene of a kind and size; a random one is made with seed 0.
 ///
 /// # Errors
-/// [`Error::Usage`] for a size outside [`Kind::sizes`].
+/// [`Error::Scene`] for a size outside [`Kind::sizes`].
 pub fn builtin(kind: Kind, size: usize) -> Result<Scene> {
     match kind {
         Kind::Chain => chain(size),

@@ -17,7 +17,7 @@ const NEIGHBOURS: f64 = 10.0;
 /// Parts may be disconnected, and fall. The same seed gives the same scene. For 1 s.
 ///
 /// # Errors
-/// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
+/// [`Error::Scene`](crate::Error::Scene) for a size outside [`Kind::sizes`].
 pub fn network(size: usize, seed: u64) -> Result<Scene> {
     Kind::Network.check_size(size)?;
     let mut random = ChaCha8Rng::seed_from_u64(seed);

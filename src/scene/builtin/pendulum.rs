@@ -8,7 +8,7 @@ use crate::scene::{Particles, Scene, Springs};
 /// 100 rad/s, is 32 times as fast as the swing, sqrt(g/l) = 3.1 rad/s. For 4 s.
 ///
 /// # Errors
-/// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
+/// [`Error::Scene`](crate::Error::Scene) for a size outside [`Kind::sizes`].
 pub fn pendulum(size: usize) -> Result<Scene> {
     Kind::Pendulum.check_size(size)?;
     let [x, y, _] = GRAVITY;

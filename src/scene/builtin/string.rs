@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 /// 16 mm aside. For two periods.
 ///
 /// # Errors
-/// [`Error::Usage`](crate::Error::Usage) for a size outside [`Kind::sizes`].
+/// [`Error::Scene`](crate::Error::Scene) for a size outside [`Kind::sizes`].
 pub fn string(size: usize) -> Result<Scene> {
     Kind::String.check_size(size)?;
     let last = size + 1;

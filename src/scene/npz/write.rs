@@ -52,7 +52,7 @@ impl Scene {
             gravity: self.gravity,
             mesh: self.mesh.clone(),
             constraints: self.constraints.clone(),
-            time: self.time.clone(),
+            time: self.time,
             ..Self::default()
         }
     }

@@ -1,0 +1,194 @@
+//! Ordering, symbolic analysis and memory of a sparse factorization, whatever its kind.
+//!
+//! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that
+//! both take microseconds, and only one convention for the index of a failed pivot is then in play.
+
+use super::ordering::{Ordering, OrderingMethod};
+use crate::assembly::BlockPattern;
+use crate::error::{Error, Result};
+use crate::memory;
+use crate::system::Dof;
+use faer::dyn_stack::{MemBuffer, StackReq};
+use faer::perm::PermRef;
+use faer::sparse::linalg::SupernodalThreshold;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
+};
+use faer::{Par, Side, Spec};
+use serde::Serialize;
+use std::time::Instant;
+
+/// Right-hand sides that are solved for together: the factor is read once for all of them.
+pub const SOLVE_COLUMNS: usize = 4;
+
+/// A pivot that is not positive (LLᵀ), or is zero or not finite (LDLᵀ).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NonPositivePivot {
+    /// The row of A, not of the permuted matrix.
+    pub row: usize,
+    /// Its coordinate.
+    pub dof: Dof,
+}
+
+/// What a factorization costs, known from the pattern alone.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct FactorSize {
+    /// Stored values of L, the zeros inside supernodes included.
+    pub entries: usize,
+    /// Floating-point operations of a numeric factorization.
+    pub flops: f64,
+    /// How the rows were ordered.
+    pub ordering: OrderingMethod,
+}
+
+/// The time a factorization has taken so far, in s, all calls together.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct FactorTimes {
+    /// Ordering and symbolic analysis, once.
+    pub analysis_seconds: f64,
+    /// Numeric factorizations.
+    pub factor_seconds: f64,
+    /// Solves.
+    pub solve_seconds: f64,
+}
+
+/// Size and times of a factorization.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct FactorReport {
+    /// What it costs.
+    #[serde(flatten)]
+    pub size: FactorSize,
+    /// What it has taken.
+    #[serde(flatten)]
+    pub times: FactorTimes,
+}
+
+/// What an error calls the factor.
+const FACTOR: &str = "the factor of the matrix";
+
+/// Bytes that ordering and analysis hold at most for an entry or a row of the matrix: lists of its pattern in both orders and its
+/// graph's coarser copies. Found by lowering the limit on memory until a run failed.
+const ANALYSIS: u64 = 64;
+
+/// Ordering, symbolic analysis and memory, shared by all kinds.
+pub struct Analysis {
+    ordering: OrderingMethod,
+    pub times: FactorTimes,
+    pub symbolic: SymbolicCholesky<u32>,
+    /// Empty until [`allocate`](Self::allocate), as is the memory.
+    pub values: Vec<f64>,
+    pub memory: MemBuffer,
+    scratch: StackReq,
+    pub par: Par,
+}
+
+impl Analysis {
+    /// Orders and analyses. [`allocate`](Self::allocate) must come before anything is factored.
+    pub fn plan(pattern: &BlockPattern, par: Par) -> Result<Self> {
+        memory::ensure(ANALYSIS * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")?;
+        let params = CholeskySymbolicParams {
+            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+            ..Default::default()
+        };
+        let start = Instant::now();
+        let Ordering { method, forward, inverse } = Ordering::of(pattern);
+        let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
+        let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, ordering, params)
+            .map_err(|_| Error::TooLarge { what: FACTOR, bytes: u64::MAX, room: memory::room() })?;
+        // One buffer serves numeric factorization of any kind and solves.
+        let scratch = symbolic
+            .factorize_numeric_llt_scratch::<f64>(par, Spec::default())
+            .or(symbolic.factorize_numeric_ldlt_scratch::<f64>(par, Spec::default()))
+            .or(symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(par, Spec::default()))
+            .or(symbolic.solve_in_place_scratch::<f64>(SOLVE_COLUMNS, par));
+        let times = FactorTimes { analysis_seconds: start.elapsed().as_secs_f64(), ..FactorTimes::default() };
+        let memory = MemBuffer::new(StackReq::EMPTY);
+        Ok(Self { ordering: method, times, symbolic, values: Vec::new(), memory, scratch, par })
+    }
+
+    /// Bytes of the factor and of what factoring takes beside it.
+    pub fn bytes(&self) -> u64 {
+        8 * self.symbolic.len_val() as u64 + self.scratch.unaligned_bytes_required() as u64
+    }
+
+    /// Takes the memory for the factor.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] when it does not fit.
+    pub fn allocate(&mut self) -> Result<()> {
+        memory::ensure_with_dense_products(self.bytes(), FACTOR)?;
+        self.values = memory::filled(0.0, self.symbolic.len_val(), FACTOR)?;
+        let bytes = self.bytes();
+        self.memory = MemBuffer::try_new(self.scratch).map_err(|_| Error::TooLarge {
+            what: FACTOR,
+            bytes,
+            room: memory::room(),
+        })?;
+        Ok(())
+    }
+
+    pub fn report(&self) -> FactorReport {
+        FactorReport { size: self.size(), times: self.times }
+    }
+
+    pub fn size(&self) -> FactorSize {
+        FactorSize { entries: self.symbolic.len_val(), flops: flops(&self.symbolic), ordering: self.ordering }
+    }
+
+    /// `forward[k]` is the row of A that is eliminated as number k; `None` when the order is A's own.
+    pub fn forward(&self) -> Option<&[u32]> {
+        self.symbolic.perm().map(|perm| perm.arrays().0)
+    }
+
+    /// The row of A that the factorization calls `permuted`.
+    pub fn pivot(&self, pattern: &BlockPattern, permuted: usize) -> NonPositivePivot {
+        let row = self.forward().and_then(|forward| forward.get(permuted)).map_or(permuted, |&row| row as usize);
+        NonPositivePivot { row, dof: pattern.dofs().dof(row) }
+    }
+}
+
+/// A dense block of L: a trapezoid whose first `columns` rows are a triangle.
+#[derive(Clone, Copy)]
+pub struct Supernode<'a> {
+    /// Its first column in L.
+    pub first: usize,
+    pub columns: usize,
+    /// The rows below the triangle, in the order of elimination.
+    pub below: &'a [u32],
+    /// Where its values start, by columns.
+    pub values: usize,
+}
+
+impl Supernode<'_> {
+    pub fn rows(&self) -> usize {
+        self.columns + self.below.len()
+    }
+
+    /// Position of the diagonal entry of a column among the factor's values; the column's entries below follow it.
+    pub fn diagonal(&self, column: usize) -> usize {
+        self.values + column * self.rows() + column
+    }
+}
+
+pub fn supernodes(symbolic: &SymbolicCholesky<u32>) -> impl Iterator<Item = Supernode<'_>> + '_ {
+    let supernodal = match symbolic.raw() {
+        SymbolicCholeskyRaw::Supernodal(supernodal) => Some(supernodal),
+        SymbolicCholeskyRaw::Simplicial(_) => None,
+    };
+    supernodal.into_iter().flat_map(|supernodal| {
+        (0..supernodal.n_supernodes()).map(move |s| {
+            let first = supernodal.supernode_begin()[s] as usize;
+            let columns = supernodal.supernode_end()[s] as usize - first;
+            let below = supernodal.supernode(s).pattern();
+            Supernode { first, columns, below, values: supernodal.col_ptr_for_val()[s] as usize }
+        })
+    })
+}
+
+/// Operations of a numeric factorization. A column of a block that has h entries takes h² (multiply and add counted).
+fn flops(symbolic: &SymbolicCholesky<u32>) -> f64 {
+    let column = |h: usize| (h * h) as f64;
+    supernodes(symbolic).map(|s| (0..s.columns).map(|c| column(s.rows() - c)).sum::<f64>()).sum()
+}
