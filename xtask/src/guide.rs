@@ -1,6 +1,6 @@
 //! Building the guide: its own pages, the theory from the headers of modules, and mdBook.
 
-use crate::{links, theory};
+use crate::{links, taken, theory};
 use anyhow::{Context, Result, bail};
 use std::fs;
 use std::path::Path;
@@ -13,7 +13,9 @@ pub fn build(root: &Path) -> Result<()> {
     copy(&source, &target)?;
     let theory = target.join("src/theory");
     fs::create_dir_all(&theory).with_context(|| theory.display().to_string())?;
-    for page in theory::pages(root)? {
+    let contents = theory::contents(root)?;
+    taken::copy(root, &target.join("src"), &contents.taken)?;
+    for page in contents.pages(root)? {
         let file = theory.join(&page.file);
         fs::write(&file, page.text).with_context(|| file.display().to_string())?;
     }

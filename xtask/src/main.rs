@@ -1,8 +1,11 @@
 //! Tools for those who work on `sprung`: `cargo xtask --help`.
 
 mod guide;
+mod house;
 mod links;
+mod taken;
 mod theory;
+mod tools;
 
 use anyhow::{Context, Result};
 use clap::Parser;
@@ -15,6 +18,16 @@ enum Command {
     Guide,
     /// Check that every relative link in every page leads to a file, and every anchor to a heading
     Links,
+    /// Draw which module uses which, and fail where an arrow runs back
+    House,
+    /// Renew what is recorded; words after the tool are handed to it
+    Renew {
+        /// What to renew
+        tool: tools::Tool,
+        /// Handed to the tool
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        words: Vec<String>,
+    },
 }
 
 fn main() -> Result<()> {
@@ -22,6 +35,8 @@ fn main() -> Result<()> {
     match Command::parse() {
         Command::Guide => guide::build(&root),
         Command::Links => links::check(&root),
+        Command::House => house::draw(&root),
+        Command::Renew { tool, words } => tools::run(&root, tool, &words),
     }
 }
 

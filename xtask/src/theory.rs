@@ -15,8 +15,19 @@ pub struct Page {
 }
 
 #[derive(Deserialize)]
-struct Contents {
+pub struct Contents {
     page: Vec<Entry>,
+    /// Pages that stand elsewhere in the repository.
+    pub taken: Vec<Taken>,
+}
+
+/// A page of the repository that the guide shows too.
+#[derive(Deserialize)]
+pub struct Taken {
+    /// Where in the guide.
+    pub file: String,
+    /// Where it stands.
+    pub source: String,
 }
 
 /// A page as `docs/guide/theory.toml` describes it.
@@ -28,12 +39,18 @@ struct Entry {
     sources: Vec<String>,
 }
 
-/// All theory pages.
-pub fn pages(root: &Path) -> Result<Vec<Page>> {
+/// What the guide takes from elsewhere.
+pub fn contents(root: &Path) -> Result<Contents> {
     let file = root.join("docs/guide/theory.toml");
     let text = fs::read_to_string(&file).with_context(|| file.display().to_string())?;
-    let contents: Contents = toml::from_str(&text).with_context(|| file.display().to_string())?;
-    contents.page.into_iter().map(|entry| page(root, entry)).collect()
+    toml::from_str(&text).with_context(|| file.display().to_string())
+}
+
+impl Contents {
+    /// All theory pages.
+    pub fn pages(self, root: &Path) -> Result<Vec<Page>> {
+        self.page.into_iter().map(|entry| page(root, entry)).collect()
+    }
 }
 
 fn page(root: &Path, entry: Entry) -> Result<Page> {
