@@ -9,10 +9,12 @@ use pyo3::prelude::*;
 use sprung::error::Invalid;
 use sprung::force::{DegenerateSpring, Energy, add_weight};
 use sprung::nalgebra::Vector3;
+use sprung::output::AtomicFile;
 use sprung::scene::{Scene, TimeSettings, builtin};
 use sprung::spring::Extension;
 use sprung::system::{Axes, Constraint, Motion};
 use sprung::{Error, Spring, State, SystemBuilder};
+use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -120,6 +122,25 @@ impl System {
             let scene = Scene { time: self.time, ..Scene::snapshot(&self.name, &self.system, &state) };
             if is_json { scene.to_json() } else { scene.to_toml() }
         }))
+    }
+
+    /// Writes the system at a state as a scene file, TOML, JSON or NumPy arrays by its extension, whole or not at all.
+    fn save(&self, py: Python<'_>, given: Given<'_>, path: PathBuf) -> PyResult<()> {
+        let state = state(&self.system, &given)?;
+        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_owned();
+        if !["toml", "json", "npz"].contains(&extension.as_str()) {
+            let rule = "a scene file must end in .toml, .json or .npz";
+            return Err(raised(Error::Usage(format!("{}: {rule}", path.display()))));
+        }
+        let written = py.detach(|| {
+            let scene = Scene { time: self.time, ..Scene::snapshot(&self.name, &self.system, &state) };
+            AtomicFile::write(path, |file| match extension.as_str() {
+                "toml" => file.write_all(scene.to_toml().as_bytes()),
+                "json" => file.write_all(scene.to_json().as_bytes()),
+                _ => scene.write_npz(file),
+            })
+        });
+        written.map_err(raised)
     }
 
     #[getter]

@@ -65,7 +65,7 @@ def test_initial_states_are_the_users_own(system):
 
 
 def test_files_hold_systems_to_the_bit(system, tmp_path):
-    for name in ("scene.toml", "scene.json"):
+    for name in ("scene.toml", "scene.json", "scene.npz"):
         system.save(tmp_path / name)
         same(sprung.System.load(tmp_path / name), system)
     same(sprung.System.parse(system.to_toml()), system)
@@ -160,9 +160,9 @@ def test_unusable_files_are_named(tmp_path):
     broken.write_text("[particles]\npositions = [[0]]\nmasses = [-1]\n")
     with pytest.raises(ValueError, match=r"broken.toml: particles.masses\[0\] = -1: must be finite and positive"):
         sprung.System.load(broken)
-    with pytest.raises(ValueError, match="must end in .toml or .json"):
+    with pytest.raises(ValueError, match="must end in .toml, .json or .npz"):
         sprung.System.load(tmp_path / "scene.yaml")
-    with pytest.raises(ValueError, match="must end in .toml or .json"):
+    with pytest.raises(ValueError, match="must end in .toml, .json or .npz"):
         tangle().save(tmp_path / "scene.yaml")
     with pytest.raises(ValueError, match='format = "yaml"'):
         sprung.System.parse("", "yaml")

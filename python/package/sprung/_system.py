@@ -108,7 +108,7 @@ class System:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> System:
-        """Read a scene file, TOML or JSON by its extension.
+        """Read a scene file: TOML, JSON or NumPy arrays (``.npz``) by its extension.
 
         Raises
         ------
@@ -145,13 +145,12 @@ class System:
         return self._native.write(self._given(state), "json")
 
     def save(self, path: str | os.PathLike[str], state: State | None = None) -> None:
-        """Write a scene file, TOML or JSON by its extension, for the command ``sprung`` or :meth:`load`."""
-        name = os.fspath(path)
-        if not name.endswith((".toml", ".json")):
-            raise ValueError(f"path = {name!r}: a scene file must end in .toml or .json")
-        text = self.to_json(state) if name.endswith(".json") else self.to_toml(state)
-        with open(name, "w", encoding="utf-8") as file:
-            file.write(text)
+        """Write a scene file for the command ``sprung`` or :meth:`load`: TOML, JSON or NumPy arrays by its extension.
+
+        Files of arrays (``.npz``) are read and written at the speed of the disk. The file is replaced only when the new
+        one is complete.
+        """
+        self._native.save(self._given(state), os.fspath(path))
 
     @property
     def name(self) -> str:
