@@ -38,6 +38,7 @@
 //! | [`spring`] | the mathematics of one spring: 3-vectors and 3×3 blocks, no indices |
 //! | [`system`] | particles, springs, constraints, and the one map of free degrees of freedom; the moving [`State`] |
 //! | [`scene`] | scene files, meshes and ready scenes, checked with locations, to [`System`] and [`State`] |
+//! | [`figure`] | pictures as plain data |
 //! | [`force`] | sums over springs: forces, energies, momenta |
 //! | [`operator`] | matrices known by their products: A·w spring by spring |
 //! | [`assembly`] | explicit sparse matrices from 3×3 blocks: the pattern once, the values many times |
@@ -47,7 +48,6 @@
 //! | [`inspect`] | definiteness: inertia, spectrum, critical steps, and the springs behind negative curvature |
 //! | [`accuracy`] | the cheapest way to a given accuracy, and what a scene does not need |
 //! | [`plan`] | how a run is made where little is said of it |
-//! | [`figure`] | pictures as plain data |
 //! | [`verify`] | checks as plain data: value, bound, and why the bound |
 //! | [`chart`] | speed against accuracy, and maps of stability |
 //! | [`report`] | checks and pictures as HTML, SVG, JSON, JUnit and text |

@@ -50,7 +50,7 @@ pub struct Spring {
     pub damping: f64,
 }
 
-/// Which part of the stiffness block enters the system matrix: the notes' options I, II and III.
+/// Which part of the stiffness block enters the system matrix: options I, II and III of the lecture notes.
 ///
 /// Forces are never changed, only the matrix is. Under `Tension` and `Axial` every block is positive semidefinite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -67,7 +67,7 @@ pub enum Stiffness {
 }
 
 impl Stiffness {
-    /// The three options in the notes' order.
+    /// The three options in the order of the lecture notes.
     pub const ALL: [Self; 3] = [Self::Full, Self::Tension, Self::Axial];
 
     /// The name used on the command line and in files.

@@ -16,7 +16,7 @@ pub struct Decision<'a> {
     pub cheapest: Option<&'a Run>,
     /// The one with the shortest time.
     pub fastest: Option<&'a Run>,
-    /// The cheapest of the notes' method, linearised backward Euler.
+    /// The cheapest of linearised backward Euler, the method of the lecture notes.
     pub notes: Option<&'a Run>,
     /// Of each method that gets there the cheapest, the least work first: its best stiffness option, solver and step.
     pub methods: Vec<&'a Run>,

@@ -111,8 +111,8 @@ impl Bench<'_> {
     }
 }
 
-/// The configurations that a sweep compares: each method under each option that it has, by factorization, and the notes'
-/// method, bdf2 and the W-method by conjugate gradients too.
+/// The configurations that a sweep compares: each method under each option that it has, by factorization, and
+/// linearised backward Euler, bdf2 and the W-method by conjugate gradients too.
 pub fn configurations(par: Par) -> Vec<Configuration> {
     let policies = Stiffness::ALL.map(StiffnessPolicy::Always).into_iter().chain([StiffnessPolicy::OnDemand]);
     let with = |method, stiffness, solver| {

@@ -96,6 +96,18 @@ impl Extensions {
         })
     }
 
+    /// The springs and extensions of the active springs, from a position on.
+    #[inline]
+    pub(crate) fn from<'a>(
+        &'a self,
+        system: &'a System,
+        first: usize,
+    ) -> impl Iterator<Item = (&'a Spring, &'a Extension)> + 'a {
+        let values = self.values.get(first..).unwrap_or_default();
+        let springs = (first..).zip(system.active_from(first).zip(values));
+        springs.map(|(position, ((.., spring), at))| (self.tangents.get(position).unwrap_or(spring), at))
+    }
+
     /// The spring at a position among the active ones, as it is at its length.
     #[inline]
     pub(crate) fn spring<'a>(&'a self, system: &'a System, position: usize) -> &'a Spring {

@@ -11,7 +11,7 @@
 //! `uᵀP(s)u` grows with s for every u, so the s for which P is positive definite are an interval `(s*, ∞)`, and the
 //! largest step is `dt* = 1/s*`; where C itself is positive semidefinite every step will do.
 //!
-//! **Why S.** Linearised at an equilibrium, a step of the notes' method obeys
+//! **Why S.** Linearised at an equilibrium, a step of linearised backward Euler obeys
 //! `M(x₊ − 2x + x₋)/dt² − G(x₊ − x)/dt − K_opt(x₊ − x) − K x = 0`. With `x₊ = z x`, `x₋ = x/z` and the scalars
 //! `a = uᵀMu/dt²`, `c = −uᵀGu/dt − uᵀK_opt u`, `κ = −uᵀKu` of a mode u this is `(a + c) z² + (κ − c − 2a) z + a = 0`. Both
 //! roots lie in the unit disc (Jury) iff `a + c > 0`, `c ≥ 0`, `κ ≥ 0`, and the polynomial at z = −1 is not negative:
@@ -137,7 +137,7 @@ impl<'s> CriticalSteps<'s> {
 
     fn search(&mut self, requirement: Property, option: Stiffness) -> LargestStep {
         self.family.set(requirement, option, 0.0);
-        // Blocks that are all positive semidefinite settle it without a factorization.
+        // Blocks that are all positive semidefinite decide it without a factorization.
         if self.family.blocks().iter().all(|block| block.lowest() >= 0.0) {
             return LargestStep::Every;
         }

@@ -1,4 +1,5 @@
-//! The notes' method: backward Euler with the forces linearised at the start of the step, one linear solve a step.
+//! Backward Euler with the forces linearised at the start of the step (linearly implicit or semi-implicit Euler, the method of the
+//! lecture notes in `spring`): one linear solve a step.
 //!
 //! Backward Euler, `M (v' − v)/dt = f_el(x') + f_d(x', v') + g` with `v' = δx/dt`, linearised at x with
 //! `f_el(x') ≈ f_el(x) + K δx` and `f_d(x', v') ≈ G v'`, becomes

@@ -6,7 +6,7 @@
 //! r(δ) = M (δ/dt − v)/dt − f_el(x + δ) − f_d(x + δ, δ/dt) − g = 0.
 //! ```
 //!
-//! **Direction.** The Jacobian of r is `J = A − D` with `A = M/dt² − G/dt − K` at x + δ, the notes' matrix, and D the change
+//! **Direction.** The Jacobian of r is `J = A − D` with `A = M/dt² − G/dt − K` at x + δ, the matrix of linearised backward Euler, and D the change
 //! of the damping force when springs turn, `−b ((nᵀw) P + n (P w)ᵀ)` with `P = (I − nnᵀ)/l`, `w = v_i − v_j` for each spring
 //! ([`Spring::damping_differential`](crate::Spring::damping_differential)). D is not symmetric and can be of either sign, so
 //! it stays out of the matrix; but it is small, of the order of the angle by which springs turn in a step. So `J Δ = −r` is

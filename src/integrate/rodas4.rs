@@ -1,4 +1,4 @@
-//! RODAS4, a stiffly accurate Rosenbrock method of fourth order, on the notes' matrix: one factorization and six solves a step.
+//! RODAS4, a stiffly accurate Rosenbrock method of fourth order, on the matrix of linearised backward Euler: one factorization and six solves a step.
 //!
 //! **The method** in Hairer and Wanner's transformed form, for `y' = F(y)`, its Jacobian J at the step's beginning and τ = γ h:
 //!
@@ -15,7 +15,7 @@
 //! (A − D) u_x = s + M r_x/τ − G r_x,      A = M/τ² − G/τ − K,
 //! ```
 //!
-//! the notes' matrix with dt → τ. D, from damped springs that turn, is not symmetric and stays out of the matrix. Left out
+//! the matrix of linearised backward Euler with dt → τ. D, from damped springs that turn, is not symmetric and stays out of the matrix. Left out
 //! altogether it would cost all orders but the first. One correction of the defect, `A u = b`, then `A u' = b + D u`, leaves
 //! `(A⁻¹ D)² = O(h⁴)` of u, which is O(h) itself: the method keeps its order. So a stage is one solve without damping and two
 //! with it.
@@ -26,8 +26,8 @@
 //! grows by 2.6 % too much in a step, at 3 thirteen times. So parts are quarters.
 //!
 //! **Kinematic particles** move at a constant velocity v_c between the kinks of their paths, where steps are cut. There they are
-//! part of y: `u_v = 0` and `u_x = τ r_x`, which enters the right-hand side as a displacement of the notes'
-//! *Set-Boundary-Conditions* does, and the correction too. In the non-autonomous form of the method that is its term with
+//! part of y: `u_v = 0` and `u_x = τ r_x`, which enters the right-hand side as the displacement of
+//! prescribed coordinates does in linearised backward Euler, and the correction too. In the non-autonomous form of the method that is its term with
 //! `∂F/∂t = K_fc v_c + D_fc v_c`.
 //!
 //! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.7, IV.10, and their code rodas.f.

@@ -1,4 +1,4 @@
-//! The second-order W-method on the notes' matrix: one factorization and two solves a step, whatever the stiffness option.
+//! The second-order W-method (ROS2-W, the stages of ode23s) on the matrix of linearised backward Euler: one factorization and two solves a step, whatever the stiffness option.
 //!
 //! **The method.** For `y' = F(y)` and any matrix J in place of `∂F/∂y`, with `W = I − τ J` and `τ = γ h`,
 //!
@@ -20,12 +20,12 @@
 //! A (τ u_x) = s + M r/τ − G r,      A = M/τ² − G/τ − K,
 //! ```
 //!
-//! the notes' matrix with dt → τ. Stage one has `r = v`, `s = f(x, v)`: it is a linearised backward Euler step of length τ.
+//! the matrix of linearised backward Euler with dt → τ. Stage one has `r = v`, `s = f(x, v)`: it is a linearised backward Euler step of length τ.
 //! Stage two has `r = v_mid − k_x` and `s = f(x_mid, v_mid) − M k_v`.
 //!
 //! **Kinematic particles** move, for the time of one step, at the constant velocity `v̄_c = (x_c(t+h) − x_c(t))/h`. Then
-//! they are part of y with `k_x = v̄_c` and `k_v = w = 0`, and stage one gets `τ v̄_c` as the displacement of the notes'
-//! *Set-Boundary-Conditions*; in the non-autonomous form of the method that is the time derivative `K_fc v_c` of the
+//! they are part of y with `k_x = v̄_c` and `k_v = w = 0`, and stage one gets `τ v̄_c` as the displacement of prescribed
+//! coordinates; in the non-autonomous form of the method that is the time derivative `K_fc v_c` of the
 //! force. A motion at piecewise constant velocity is met exactly; where a step passes a kink or a path is smooth, the chord
 //! is off by O(h²) and its mean velocity is right, which keeps the order at two.
 //!

@@ -134,7 +134,7 @@ impl AutomaticSolver {
                     self.direct = Direct::Chosen(Box::new(direct));
                 }
             }
-            settled => self.direct = settled,
+            decided => self.direct = decided,
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Systems and matrices that several tests of this room use.
+//! Systems and matrices that several tests of this module use.
 
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::force::Extensions;

@@ -4,11 +4,11 @@
 //! `G = ∂f_d/∂v` and the stiffness matrix `K = ∂f_el/∂x`. A spring between i and j puts `−b nnᵀ` into G and `−K^s` into K
 //! on (i, i) and (j, j), and the opposite on (i, j) and (j, i). So a spring's part of any combination is one
 //! [`SpringBlock`] B, and its product with w is `s = B (w_i − w_j)`, added to row i and subtracted from row j. That is
-//! the notes' Add-Damping-Force and Add-Force-Differential in one pass: both blocks are of the form `α(I − nnᵀ) + β nnᵀ`.
+//! Add-Damping-Force and Add-Force-Differential of the lecture notes (see [`spring`](crate::spring)) in one pass: both blocks are of the form `α(I − nnᵀ) + β nnᵀ`.
 //!
 //! Vectors are *reduced*: one number for every free degree of freedom, as in the assembled matrix. Reading the ends of a
-//! spring through the [`DofMap`](crate::DofMap) puts zeros on prescribed axes, and adding to them drops these axes: the
-//! notes' *Project*. What prescribed particles do to the free ones goes to the right-hand side once a step, by
+//! spring through the [`DofMap`](crate::DofMap) puts zeros on prescribed axes, and adding to them drops these axes:
+//! their *Project*. What prescribed particles do to the free ones goes to the right-hand side once a step, by
 //! [`subtract_coupling`](SystemOperator::subtract_coupling): their *Set-Boundary-Conditions*.
 
 use super::stream::SpringStream;
@@ -125,8 +125,10 @@ impl<'s> SystemOperator<'s> {
         self.mass = mass;
         let system = self.system;
         pieces(&mut self.blocks, &|first, piece| {
-            for (target, (position, at)) in piece.iter_mut().zip((first..).zip(&extensions.as_slice()[first..])) {
-                *target = block(position, extensions.spring(system, position), at);
+            for (target, (position, (spring, at))) in
+                piece.iter_mut().zip((first..).zip(extensions.from(system, first)))
+            {
+                *target = block(position, spring, at);
             }
         });
         self.stream.update(self.system, &self.blocks);

@@ -236,7 +236,7 @@ impl Prescribed {
     }
 
     /// Writes the displacement of every prescribed coordinate from `positions` to its place at time t into
-    /// `displacement`, in m, and zero into every other entry (the notes' *Set-Boundary-Conditions*).
+    /// `displacement`, in m, and zero into every other entry (*Set-Boundary-Conditions* in the lecture notes).
     pub fn displacement(&self, t: f64, positions: &[Vector3<f64>], displacement: &mut [Vector3<f64>]) {
         displacement.fill(Vector3::zeros());
         for c in &self.coordinates {

@@ -29,7 +29,7 @@ impl std::fmt::Display for Dof {
 /// The free degrees of freedom, numbered by particle, then axis.
 ///
 /// A *full-length* vector has a 3-vector for every particle; a *reduced* vector has one number for every free
-/// coordinate. [`gather`](Self::gather) and [`scatter`](Self::scatter) go between them; gathering is the notes' *Project*. A clone shares the map.
+/// coordinate. [`gather`](Self::gather) and [`scatter`](Self::scatter) go between them; gathering is *Project* in the lecture notes. A clone shares the map.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DofMap {
     /// first[p] is the row of particle p's first free axis; first[particles] is the number of rows.
@@ -137,7 +137,7 @@ impl DofMap {
         }
     }
 
-    /// Full-length to reduced: takes the free coordinates (the notes' *Project*, which drops the others).
+    /// Full-length to reduced: takes the free coordinates (*Project* in the lecture notes, which drops the others).
     pub fn gather(&self, full: &[Vector3<f64>], reduced: &mut [f64]) {
         for (particle, v) in full.iter().enumerate() {
             for (axis, value) in self.free[particle].iter().zip(&mut reduced[self.rows(particle)]) {

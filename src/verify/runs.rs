@@ -14,7 +14,7 @@ pub(super) struct Way {
 }
 
 impl Way {
-    /// The notes' method under an option.
+    /// Linearised backward Euler under an option.
     pub fn notes(option: Stiffness) -> Self {
         Self { method: Method::LinearBackwardEuler, stiffness: StiffnessPolicy::Always(option) }
     }

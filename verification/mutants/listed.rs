@@ -1,4 +1,4 @@
-//! The mutants that cargo-mutants finds in the numerical rooms.
+//! The mutants that cargo-mutants finds in the numerical modules.
 
 use serde::Deserialize;
 use std::fs;

@@ -1,4 +1,4 @@
-//! Tries every mutant that cargo-mutants finds in the numerical rooms, and records what became of each.
+//! Tries every mutant that cargo-mutants finds in the numerical modules, and records what became of each.
 //!
 //! `cargo run --release --example mutants` builds them all behind a switch in a copy below the target folder, runs the
 //! tests with each until one fails, and writes `mutants.md` beside this folder. Only tests that enter the changed function

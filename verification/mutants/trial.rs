@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// Starts a program with 8 GB of addresses at most: some mutants fill vectors without end.
 const LIMITED: &str = r#"ulimit -v 8000000; exec "$0" "$@""#;
 
-/// Tests of whole scenes and other rooms that take long: a mutant that only they would catch counts as a survivor.
+/// Tests of whole scenes and other modules that take long: a mutant that only they would catch counts as a survivor.
 const LEFT_OUT: [&str; 4] = ["bunny", "chart", "culprits", "verify_jacobian"];
 
 /// A part of the tests: a program and the arguments that choose tests of it.

@@ -13,7 +13,7 @@
 //! motion, `h² k/(l0 μ) ≤ 1` and `h b/μ ≤ 1` with the reduced mass μ of its ends. Where it does not, rates at the ends of
 //! steps are those of a ringing that the step has stepped over, and say nothing about what happened between.
 //!
-//! Springs that end in a moving prescribed particle have a room of their own, see `driven`: their rates jump where paths have
+//! Springs that end in a moving prescribed particle are accounted for in `driven`: their rates jump where paths have
 //! kinks. Here they count for what they store.
 
 use super::Sides;
