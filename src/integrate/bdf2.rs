@@ -145,7 +145,7 @@ impl<'s> Bdf2<'s> {
         iteration.solve(state, base, next, tau)?;
         next.prescribe(system);
         (self.step, self.ratio) = (h, ratio);
-        if next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) }
+        StepFailure::of_any(system, if next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) })
     }
 
     /// Makes the computed state the current one.

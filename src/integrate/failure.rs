@@ -2,6 +2,7 @@
 
 use crate::force::DegenerateSpring;
 use crate::linear::SolveFailure;
+use crate::system::System;
 use serde::Serialize;
 
 /// Why a step could not be done.
@@ -103,6 +104,32 @@ impl Status {
 }
 
 impl StepFailure {
+    /// The outcome of all parts of a system: done where it is done in each of them, else a failure that one of them met. Solvers
+    /// agree by themselves.
+    pub(super) fn of_any(system: &System, here: Result<(), Self>) -> Result<(), Self> {
+        let Some(peers) = system.peers() else { return here };
+        // The spring of the lowest number, by the largest of the opposites; no spring is −∞.
+        let spring = match here {
+            Err(Self::DegenerateSpring(DegenerateSpring { spring, .. })) => -(peers.spring(spring) as f64),
+            _ => f64::NEG_INFINITY,
+        };
+        let [failed, lowest] = system.largest([f64::from(u8::from(here.is_err())), spring]);
+        if failed == 0.0 {
+            return Ok(());
+        }
+        if lowest == f64::NEG_INFINITY {
+            return Err(Self::NonFinite);
+        }
+        let ends = match here {
+            Err(Self::DegenerateSpring(DegenerateSpring { pair, .. })) if spring == lowest => {
+                pair.map(|particle| peers.particle(particle) as f64)
+            }
+            _ => [-1.0; 2],
+        };
+        let pair = system.largest(ends).map(|particle| particle as usize);
+        Err(Self::DegenerateSpring(DegenerateSpring { spring: -lowest as usize, pair }))
+    }
+
     /// The status of a run that this failure ends.
     pub fn status(&self) -> Status {
         match self {

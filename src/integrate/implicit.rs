@@ -1,9 +1,9 @@
 //! What implicit methods share: the linear system of a step under a stiffness policy.
 
 use super::terms::{Choice, Terms};
-use super::{Softening, Statistics};
+use super::{Softening, Statistics, StepFailure};
 use crate::error::Result;
-use crate::force::{DegenerateSpring, Extensions};
+use crate::force::Extensions;
 use crate::interrupt::Interrupt;
 use crate::linear::{Assurance, Equations, LinearSolver, Solution, SolveFailure, SolverOptions, select};
 use crate::memory;
@@ -177,9 +177,10 @@ impl<'s> LinearSystem<'s> {
         self.equations.solver()
     }
 
-    pub fn set_extensions(&mut self, positions: &[Vector3<f64>]) -> Result<(), DegenerateSpring> {
+    pub fn set_extensions(&mut self, positions: &[Vector3<f64>]) -> Result<(), StepFailure> {
         self.equations.place(positions);
-        self.extensions.update(self.system, positions)
+        let updated = self.extensions.update(self.system, positions);
+        StepFailure::of_any(self.system, updated.map_err(Into::into))
     }
 
     /// Prepares the matrix at the current extensions and solves one system with it, see [`solve`](Self::solve).
@@ -255,7 +256,10 @@ impl<'s> LinearSystem<'s> {
             }
             inverse_energy(&block, &force)
         };
-        blocks.iter().zip(force).enumerate().map(energy).sum()
+        let own = system.own_particles();
+        let here = blocks.iter().zip(force).enumerate().take(own).map(energy).sum();
+        let [energy] = system.total([here]);
+        energy
     }
 
     /// Whether the prepared matrix is the full one less some terms.
@@ -297,8 +301,11 @@ impl<'s> LinearSystem<'s> {
         statistics.work.assemblies += 1;
         let change = |matrix: &mut SystemOperator<'s>| match choice.terms() {
             Terms::Of(option) => {
-                let compressed = || extensions.springs(system).filter(|((.., s), at)| s.is_compressed(at));
-                choice.dropped = if option == Stiffness::Tension { compressed().count() } else { 0 };
+                let dropped = || {
+                    let springs = extensions.springs(system);
+                    springs.filter(|((number, _, s), at)| s.is_compressed(at) && system.counts(*number)).count()
+                };
+                choice.dropped = if option == Stiffness::Tension { whole(system, dropped()) } else { 0 };
                 matrix.update(extensions, option, combination);
             }
             Terms::Whole => {
@@ -325,6 +332,12 @@ impl<'s> LinearSystem<'s> {
         let mut prepared = equations.prepared().ok_or(SolveFailure::Unprepared)?;
         prepared.solve(rhs, solution, &mut statistics.work)
     }
+}
+
+/// How many there are in all parts of a system. Numbers below 2⁵³ are added without rounding.
+fn whole(system: &System, here: usize) -> usize {
+    let [all] = system.total([here as f64]);
+    all as usize
 }
 
 /// `fᵀ D⁻¹ f` of a symmetric matrix by its factors L D Lᵀ; infinite where that is not positive definite.

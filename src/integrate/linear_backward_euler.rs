@@ -126,9 +126,8 @@ pub(super) fn advance(
 ) -> Result<(), StepFailure> {
     let is_finite = |v: Vector3<f64>| State::is_finite_vector(&v);
     let mut moved = state.positions.iter().zip(displacement);
-    if !(state.time + dt).is_finite() || !moved.all(|(x, d)| is_finite(x + d) && is_finite(d / dt)) {
-        return Err(StepFailure::NonFinite);
-    }
+    let is_good = (state.time + dt).is_finite() && moved.all(|(x, d)| is_finite(x + d) && is_finite(d / dt));
+    StepFailure::of_any(system, if is_good { Ok(()) } else { Err(StepFailure::NonFinite) })?;
     state.time += dt;
     for ((x, v), d) in state.positions.iter_mut().zip(&mut state.velocities).zip(displacement) {
         *x += d;

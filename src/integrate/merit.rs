@@ -72,11 +72,13 @@ impl Balance {
             sums[i] += Vector3::new(force, rounding, 0.0);
             sums[j] += Vector3::new(force, rounding, 0.0);
         }
-        let norm = |component: usize| {
-            let free = sums.iter().enumerate().filter(|&(p, _)| system.dofs().free_axes(p) != Axes::NONE);
-            free.map(|(_, s)| s[component] * s[component]).sum::<f64>().sqrt()
+        let square = |component: usize| {
+            let own = sums.iter().enumerate().take(system.own_particles());
+            let free = own.filter(|&(p, _)| system.dofs().free_axes(p) != Axes::NONE);
+            free.map(|(_, s)| s[component] * s[component]).sum::<f64>()
         };
-        Self { forces: norm(0), rounding: norm(1) }
+        let [forces, rounding] = system.total([square(0), square(1)]).map(f64::sqrt);
+        Self { forces, rounding }
     }
 }
 

@@ -16,6 +16,8 @@ mod merit;
 mod method;
 mod monitor;
 mod newton;
+#[cfg(test)]
+mod parts_tests;
 mod pieces;
 mod rodas4;
 mod run;

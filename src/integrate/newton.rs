@@ -187,7 +187,7 @@ impl<'s> Newton<'s> {
         if system.is_damped() {
             add_damping_force(system, &linear.extensions, &trial.velocities, force);
         }
-        let slope = -dot(force, direction);
+        let slope = -dot(system, force, direction);
         if free_norm(system, force).is_finite() && slope.is_finite() { Ok(slope) } else { Err(StepFailure::NonFinite) }
     }
 
@@ -198,7 +198,7 @@ impl<'s> Newton<'s> {
         direction.fill(Vector3::zeros());
         let solution = linear.solve(force, direction)?;
         linear.statistics.record(solution.relative_residual);
-        let energy = dot(force, direction);
+        let energy = dot(linear.system, force, direction);
         self.move_by(1.0);
         Ok(energy)
     }
@@ -240,7 +240,7 @@ impl<'s> Newton<'s> {
         }
         trial.time = state.time + dt;
         linear.statistics.work.force_evaluations += 1;
-        Ok(linear.set_extensions(&trial.positions)?)
+        linear.set_extensions(&trial.positions)
     }
 
     /// Evaluates r at `displacement + step·direction`, and its slope and work along the direction.
@@ -248,6 +248,7 @@ impl<'s> Newton<'s> {
         self.place(state, dt, step)?;
         let Self { linear, force, direction, trial, .. } = self;
         let system = linear.system;
+        let own = system.own_particles();
         let (mut potential, mut noise, mut rounding) = (0.0, 0.0, 0.0);
         let mut add = |energy: f64| {
             potential += energy;
@@ -256,28 +257,35 @@ impl<'s> Newton<'s> {
         for (p, mass) in system.masses().iter().enumerate() {
             let change = trial.velocities[p] - state.velocities[p];
             force[p] = change * (-mass / dt);
+            if p >= own {
+                continue;
+            }
             add(0.5 * mass * change.norm_squared());
             // The change is a small difference of rounded velocities.
             rounding += f64::EPSILON * mass * change.norm() * (state.velocities[p].norm() + trial.velocities[p].norm());
             add(-mass * system.gravity().dot(&trial.velocities[p]) * dt);
         }
         for ((number, [i, j], spring), at) in linear.extensions.springs(system) {
+            if !system.counts(number) {
+                continue;
+            }
             add(system.elastic_energy(number, at));
             // Far from the origin a rounded position is a displacement, against which the spring does work.
             let reach = trial.positions[i].norm() + trial.positions[j].norm();
             rounding += f64::EPSILON * (spring.stiffness * spring.strain(at)).abs() * reach;
         }
-        noise += rounding;
+        let [potential, noise, rounding] = system.total([potential, noise, rounding]);
+        let noise = noise + rounding;
         add_elastic_force(system, &linear.extensions, force);
         add_weight(system, force);
-        let conservative = -dot(force, direction);
+        let conservative = -dot(system, force, direction);
         add_damping_force(system, &linear.extensions, &trial.velocities, force);
         add_external_forces(system, &trial.moment(), force);
         let residual = free_norm(system, force);
         if !(residual.is_finite() && noise.is_finite()) {
             return Err(StepFailure::NonFinite);
         }
-        let slope = -dot(force, direction);
+        let slope = -dot(system, force, direction);
         Ok(Point { residual, potential, noise, slope, damping_slope: slope - conservative })
     }
 
@@ -305,7 +313,7 @@ impl<'s> Newton<'s> {
         linear.set_tolerance(forcing);
         direction.fill(Vector3::zeros());
         linear.solve(force, direction)?;
-        let mut slope = -dot(force, direction);
+        let mut slope = -dot(system, force, direction);
         if !self.is_damped {
             return Ok([slope, 0.0]);
         }
@@ -323,7 +331,7 @@ impl<'s> Newton<'s> {
             last = size;
             part.fill(Vector3::zeros());
             linear.solve(defect, part)?;
-            let change = -dot(force, part);
+            let change = -dot(system, force, part);
             if slope + change > 0.5 * slope {
                 break;
             }
@@ -335,7 +343,7 @@ impl<'s> Newton<'s> {
         defect.fill(Vector3::zeros());
         add_damping_force(system, &linear.extensions, &trial.velocities, defect);
         add_external_forces(system, &trial.moment(), defect);
-        Ok([slope, -dot(defect, direction)])
+        Ok([slope, -dot(system, defect, direction)])
     }
 
     /// Shortens the step along `direction` until φ falls enough, and takes it.
@@ -362,16 +370,19 @@ impl<'s> Newton<'s> {
     }
 }
 
-fn dot(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
+/// Of all parts of a system together.
+fn dot(system: &System, a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
+    let [dot] = system.total([a.iter().zip(b).take(system.own_particles()).map(|(a, b)| a.dot(b)).sum()]);
+    dot
 }
 
 /// The Euclidean norm over free coordinates.
 fn free_norm(system: &System, v: &[Vector3<f64>]) -> f64 {
     let dofs = system.dofs();
-    let squares =
-        v.iter().enumerate().map(|(p, v)| dofs.free_axes(p).iter().map(|axis| v[axis] * v[axis]).sum::<f64>());
-    squares.sum::<f64>().sqrt()
+    let own = v.iter().enumerate().take(system.own_particles());
+    let squares = own.map(|(p, v)| dofs.free_axes(p).iter().map(|axis| v[axis] * v[axis]).sum::<f64>());
+    let [square] = system.total([squares.sum()]);
+    square.sqrt()
 }
 
 #[cfg(test)]

@@ -18,8 +18,8 @@
 use crate::force::Extensions;
 use crate::operator::Combination;
 use crate::spring::Stiffness;
-use crate::system::{Axes, System};
-use nalgebra::{Cholesky, Matrix3};
+use crate::system::{Axes, Peers, System};
+use nalgebra::{Cholesky, Matrix3, Vector3};
 
 /// A choice of transverse terms to drop; allocated once for a system.
 #[derive(Debug, Clone)]
@@ -69,12 +69,71 @@ impl Softening {
             self.taken[position] = (-transverse).max(0.0) * if both_move { 2.0 } else { 1.0 };
             self.options[position] = Stiffness::Full;
         }
+        if let Some(peers) = system.peers() {
+            return self.choose_together(system, peers, extensions, combination.mass);
+        }
         let mut dropped = 0;
         for (particle, mass) in system.masses().iter().enumerate() {
             let free = system.dofs().free_axes(particle);
             dropped += self.relieve(particle, free, combination.mass * mass, extensions);
         }
         dropped
+    }
+
+    /// As [`choose`](Self::choose), of a system that is a part, and with the same choice: particles come to a decision after those of lower
+    /// numbers, so decisions are made anew until those of ghosts, which others make, have stopped to change. What a particle drops
+    /// of the terms that its lower neighbours leave is all from some term on, in the order of the search; so that term is all there is
+    /// to say about it.
+    fn choose_together(
+        &mut self,
+        system: &System,
+        peers: &dyn Peers,
+        extensions: &Extensions,
+        mass_factor: f64,
+    ) -> usize {
+        let number = |position: usize| peers.spring(system.active_springs()[position] as usize) as f64;
+        let ends = |position: usize| system.pair(system.active_springs()[position] as usize);
+        // Of every particle: the first term that it drops, as what it takes and its spring's number, and whether there is one.
+        let mut first = vec![Vector3::<f64>::zeros(); system.particles()];
+        let drops = |first: &Vector3<f64>, taken: f64, number: f64| {
+            first.z > 0.0 && taken > 0.0 && (taken, -number) >= (first.x, -first.y)
+        };
+        loop {
+            let mut has_changed = false;
+            for particle in 0..system.own_particles() {
+                let springs = self.starts[particle] as usize..self.starts[particle + 1] as usize;
+                for &spring in &self.springs[springs] {
+                    let position = spring as usize;
+                    let other = ends(position).into_iter().find(|&end| end != particle).unwrap_or(particle);
+                    let is_lower = peers.particle(other) < peers.particle(particle);
+                    let is_gone = is_lower && drops(&first[other], self.taken[position], number(position));
+                    self.options[position] = if is_gone { Stiffness::Tension } else { Stiffness::Full };
+                }
+                let mass = mass_factor * system.masses()[particle];
+                let dropped = self.relieve(particle, system.dofs().free_axes(particle), mass, extensions);
+                let at = self.ascending.len() - dropped;
+                let decision = self.ascending.get(at).map_or_else(Vector3::zeros, |&spring| {
+                    Vector3::new(self.taken[spring as usize], number(spring as usize), 1.0)
+                });
+                let decision = if dropped > 0 { decision } else { Vector3::zeros() };
+                has_changed |= decision != first[particle];
+                first[particle] = decision;
+            }
+            peers.refresh(&mut first);
+            let [changed] = system.largest([f64::from(u8::from(has_changed))]);
+            if changed == 0.0 {
+                break;
+            }
+        }
+        let mut dropped = 0;
+        for position in 0..self.options.len() {
+            let (taken, number) = (self.taken[position], number(position));
+            let is_gone = ends(position).into_iter().any(|end| drops(&first[end], taken, number));
+            self.options[position] = if is_gone { Stiffness::Tension } else { Stiffness::Full };
+            dropped += usize::from(is_gone && system.counts(system.active_springs()[position] as usize));
+        }
+        let [dropped] = system.total([dropped as f64]);
+        dropped as usize
     }
 
     /// Drops terms at one particle until the rest is small against its mass; returns their number.

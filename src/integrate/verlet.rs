@@ -83,8 +83,8 @@ impl<'s> Verlet<'s> {
             Velocities::Predicted if self.is_damped => predicted,
             _ => &next.velocities,
         };
-        set_total_force(system, &Moment { velocities, ..next.moment() }, force)?;
-        Ok(())
+        let set = set_total_force(system, &Moment { velocities, ..next.moment() }, force);
+        StepFailure::of_any(system, set.map_err(Into::into))
     }
 
     /// Advances `next` over a piece of a step.
@@ -102,6 +102,7 @@ impl<'s> Verlet<'s> {
             *x += *v * h;
         }
         prescribed.set_positions(piece.end, positions);
+        self.system.refresh(positions);
         if self.is_damped {
             for (((p, v), f), mass) in
                 self.predicted.iter_mut().zip(&*velocities).zip(&self.force).zip(self.system.masses())
@@ -109,12 +110,14 @@ impl<'s> Verlet<'s> {
                 *p = v + f * (0.5 * h / mass);
             }
             prescribed.set_velocities(piece.middle(), &mut self.predicted);
+            self.system.refresh(&mut self.predicted);
         }
         self.next.time = piece.end;
         self.set_force(Velocities::Predicted)?;
         for ((v, f), mass) in self.next.velocities.iter_mut().zip(&self.force).zip(self.system.masses()) {
             *v += f * (0.5 * h / mass);
         }
+        self.system.refresh(&mut self.next.velocities);
         self.knows_force = !piece.ends_at_kink;
         Ok(())
     }
@@ -127,7 +130,7 @@ impl<'s> Verlet<'s> {
             time = piece.end;
         }
         self.next.prescribe(self.system);
-        if self.next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) }
+        StepFailure::of_any(self.system, if self.next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) })
     }
 }
 

@@ -84,6 +84,11 @@ pub enum Evidence {
         /// `pᵀAp/pᵀp`, in N/m.
         rayleigh_quotient: f64,
     },
+    /// Conjugate gradients of another library met such a direction, which they do not hand out.
+    Curvature {
+        /// Iteration in which it was met, from 0.
+        iteration: u64,
+    },
 }
 
 impl std::fmt::Display for Evidence {
@@ -93,6 +98,9 @@ impl std::fmt::Display for Evidence {
             Self::DiagonalBlock(dof) => write!(f, "the diagonal block at {dof} is not positive definite"),
             Self::CoarseLevel { level, dof } => {
                 write!(f, "coarse level {level} of multigrid is not positive definite near {dof}")
+            }
+            Self::Curvature { iteration } => {
+                write!(f, "conjugate gradients met negative curvature in iteration {iteration}")
             }
             Self::NegativeCurvature { iteration, rayleigh_quotient } => {
                 write!(
@@ -112,6 +120,8 @@ pub enum NotConverged {
     Stagnated,
     /// The iteration limit.
     IterationLimit,
+    /// The preconditioner is not positive definite, or could not be set up.
+    Preconditioner,
 }
 
 impl std::fmt::Display for NotConverged {
@@ -119,6 +129,7 @@ impl std::fmt::Display for NotConverged {
         f.write_str(match self {
             Self::Stagnated => "stagnated",
             Self::IterationLimit => "reached its iteration limit",
+            Self::Preconditioner => "were given a preconditioner that failed",
         })
     }
 }

@@ -126,6 +126,7 @@ impl SystemBuilder {
             law: None,
             external: Vec::new(),
             shares: Default::default(),
+            part: None,
         };
         let mut state = State { time: 0.0, positions: self.positions, velocities: self.velocities };
         state.prescribe(&system);

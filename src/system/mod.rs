@@ -4,6 +4,7 @@ mod builder;
 mod constraint;
 mod dofs;
 mod external;
+mod part;
 mod shares;
 mod state;
 
@@ -14,6 +15,9 @@ pub(crate) use constraint::SAME_TIME;
 pub use constraint::{Axes, Constraint, Motion, Prescribed};
 pub use dofs::{Dof, DofMap};
 pub use external::ExternalForce;
+pub use part::Peers;
+#[cfg(test)]
+pub(crate) use part::tests as parts;
 pub(crate) use shares::Share;
 pub use state::{Moment, State};
 
@@ -57,6 +61,7 @@ pub struct System {
     law: Option<Arc<dyn SpringLaw>>,
     external: Vec<Arc<dyn ExternalForce>>,
     shares: Shares,
+    part: Option<part::Part>,
 }
 
 impl System {
@@ -188,7 +193,8 @@ impl System {
 
     /// Whether any spring that enters the matrices has damping. Without one there is no G.
     pub fn is_damped(&self) -> bool {
-        self.active().any(|(_, _, spring)| spring.damping > 0.0)
+        let here = || self.active().any(|(_, _, spring)| spring.damping > 0.0);
+        self.damping_of_parts().unwrap_or_else(here)
     }
 }
 

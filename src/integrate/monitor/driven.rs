@@ -100,7 +100,7 @@ impl<'s> Drive<'s> {
         coordinates.iter().for_each(|c| moving[c.particle][c.axis] = true);
         let is_driven = |p: usize| moving.get(p).is_some_and(|axes| axes.contains(&true));
         let springs = (0..system.pairs().len())
-            .filter(|&spring| system.pair(spring).into_iter().any(is_driven))
+            .filter(|&spring| system.counts(spring) && system.pair(spring).into_iter().any(is_driven))
             .map(|spring| {
                 let [i, j] = system.pair(spring);
                 let d = state.positions[i] - state.positions[j];
@@ -120,13 +120,15 @@ impl<'s> Drive<'s> {
     pub fn energy(&self, state: &State) -> Led {
         let gravity = self.system.gravity();
         let mut led = Led::default();
-        for c in &self.coordinates {
+        let own = self.system.own_particles();
+        for c in self.coordinates.iter().filter(|c| c.particle < own) {
             let (x, v) = (state.positions[c.particle][c.axis], state.velocities[c.particle][c.axis]);
             let mass = self.system.masses()[c.particle];
             led.kinetic += 0.5 * mass * v * v;
             led.gravitational -= mass * gravity[c.axis] * x;
         }
-        led
+        let [kinetic, gravitational] = self.system.total([led.kinetic, led.gravitational]);
+        Led { kinetic, gravitational }
     }
 
     /// Goes on to a state that a step of dt seconds led to.
@@ -155,7 +157,9 @@ impl<'s> Drive<'s> {
             exchange.add(&step.exchange(&ends, force, damping, &(only(i) - only(j))));
             (driven.d, driven.velocities) = (d, velocities);
         }
-        exchange
+        let Exchange { work, dissipated, certain } = exchange;
+        let [work, dissipated, certain] = system.total([work, dissipated, certain]);
+        Exchange { work, dissipated, certain }
     }
 }
 

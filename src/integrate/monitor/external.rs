@@ -30,12 +30,13 @@ impl External {
         self.scratch.fill(Vector3::zeros());
         add_external_forces(system, &state.moment(), &mut self.scratch);
         let mut work = 0.0;
-        for (p, (x, f)) in state.positions.iter().zip(&self.scratch).enumerate() {
+        for (p, (x, f)) in state.positions.iter().zip(&self.scratch).enumerate().take(system.own_particles()) {
             let (moved, sum) = (x - self.positions[p], f + self.force[p]);
             work += system.dofs().free_axes(p).iter().map(|axis| 0.5 * sum[axis] * moved[axis]).sum::<f64>();
         }
         std::mem::swap(&mut self.force, &mut self.scratch);
         self.positions.copy_from_slice(&state.positions);
+        let [work] = system.total([work]);
         work
     }
 }

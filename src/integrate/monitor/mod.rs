@@ -94,6 +94,8 @@ pub struct Monitor<'s> {
     growth: Growth,
     trail: Trail,
     start: Vec<Vector3<f64>>,
+    /// Whether there are fewer springs than degrees of freedom.
+    can_fold: bool,
 }
 
 /// The parabola of a rate over a step in Legendre polynomials, see `springs`.
@@ -136,6 +138,7 @@ impl<'s> Monitor<'s> {
             growth,
             trail: Trail::default(),
             start: state.positions.clone(),
+            can_fold: can_fold(system),
         })
     }
 
@@ -252,20 +255,31 @@ impl<'s> Monitor<'s> {
             exchanged: self.growth.exchanged(),
             gained: self.growth.gained,
             lost: -self.ledger.balance().imbalance,
-            can_fold: self.system.dimension() > 1 && self.system.active_springs().len() < self.system.dofs().len(),
+            can_fold: self.can_fold,
             ..self.trail.figures(self.extent(state))
         }
     }
 
     /// The distance of the particles from their centre; where they are all at one place, from where they started; never zero.
     fn extent(&self, state: &State) -> f64 {
-        let positions = &state.positions;
-        let centre = positions.iter().sum::<Vector3<f64>>() / positions.len().max(1) as f64;
-        let spread = positions.iter().map(|x| (x - centre).norm_squared()).sum::<f64>().sqrt();
-        let way = positions.iter().zip(&self.start).map(|(x, y)| (x - y).norm_squared()).sum::<f64>().sqrt();
-        let largest = positions.iter().map(|x| x.norm()).fold(0.0, f64::max);
+        let system = self.system;
+        let positions = &state.positions[..system.own_particles()];
+        let sum = positions.iter().sum::<Vector3<f64>>();
+        let [count, x, y, z] = system.total([positions.len() as f64, sum.x, sum.y, sum.z]);
+        let centre = Vector3::new(x, y, z) / count.max(1.0);
+        let spread = positions.iter().map(|x| (x - centre).norm_squared()).sum::<f64>();
+        let way = positions.iter().zip(&self.start).map(|(x, y)| (x - y).norm_squared()).sum::<f64>();
+        let [spread, way] = system.total([spread, way]).map(f64::sqrt);
+        let [largest] = system.largest([positions.iter().map(|x| x.norm()).fold(0.0, f64::max)]);
         [spread, way].into_iter().find(|&length| length > 1e-12 * largest).unwrap_or(1.0)
     }
+}
+
+/// Whether a scene can fold, turn or fall without stretching a spring.
+fn can_fold(system: &System) -> bool {
+    let springs = system.active_springs().iter().filter(|&&spring| system.counts(spring as usize)).count();
+    let [springs, dofs] = system.total([springs as f64, system.dofs().first_row(system.own_particles()) as f64]);
+    system.dimension() > 1 && springs < dofs
 }
 
 impl Forces {

@@ -48,6 +48,14 @@ impl Sums {
         self.speed += other.speed;
         self
     }
+
+    /// With those of all other parts of a system.
+    fn of_all(self, system: &System) -> Self {
+        let Self { kinetic, weight, change, bend, third, slip, defect, inertia, speed } = self;
+        let [kinetic, weight, change, bend, third, slip, defect, inertia, speed] =
+            system.total([kinetic, weight, change, bend, third, slip, defect, inertia, speed]);
+        Self { kinetic, weight, change, bend, third, slip, defect, inertia, speed }
+    }
 }
 
 /// A particle at the last state.
@@ -76,7 +84,8 @@ impl<'s> Particles<'s> {
     pub fn new(system: &'s System, state: &State) -> Self {
         let zero = Vector3::zeros();
         let trace = |(&position, &velocity)| Trace { position, velocity, change: zero, step: zero, more: zero };
-        let traces: Vec<Trace> = state.positions.iter().zip(&state.velocities).map(trace).collect();
+        let own = state.positions.iter().zip(&state.velocities).take(system.own_particles());
+        let traces: Vec<Trace> = own.map(trace).collect();
         let sums = vec![Sums::default(); traces.len().div_ceil(BLOCK)];
         Self { system, traces, sums, last: 0.0, steps: 0 }
     }
@@ -95,7 +104,7 @@ impl<'s> Particles<'s> {
         }
         *last = dt;
         *steps += u64::from(dt > 0.0);
-        sums.iter().fold(Sums::default(), Sums::add)
+        sums.iter().fold(Sums::default(), Sums::add).of_all(system)
     }
 }
 

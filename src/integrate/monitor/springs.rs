@@ -50,6 +50,14 @@ impl Sums {
         self.reach = self.reach.max(other.reach);
         self
     }
+
+    /// With those of all other parts of a system.
+    fn of_all(self, system: &System) -> Self {
+        let Self { elastic, dissipated, certain, turning, reach } = self;
+        let [elastic, dissipated, certain, turning] = system.total([elastic, dissipated, certain, turning]);
+        let [reach] = system.largest([reach]);
+        Self { elastic, dissipated, certain, turning, reach }
+    }
 }
 
 /// A spring at the last state.
@@ -97,7 +105,7 @@ impl<'s> Springs<'s> {
         } else {
             spans.chunks_mut(BLOCK).zip(sums.iter_mut()).enumerate().for_each(block);
         }
-        sums.iter().fold(Sums::default(), Sums::add)
+        sums.iter().fold(Sums::default(), Sums::add).of_all(system)
     }
 }
 
@@ -106,6 +114,9 @@ fn block(system: &System, state: &State, dt: f64, resolved: &[f64], first: usize
     let mut sums = Sums::default();
     let springs = system.springs().iter().zip(system.pairs()).skip(first);
     for (at, ((spring, &[i, j]), span)) in springs.zip(spans).enumerate() {
+        if !system.counts(first + at) {
+            continue;
+        }
         let (i, j) = (i as usize, j as usize);
         let d = state.positions[i] - state.positions[j];
         let v = state.velocities[i] - state.velocities[j];

@@ -162,7 +162,7 @@ fn directions_solve_the_damped_equations_to_the_forcing_term() {
         newton.evaluate(&state, dt, 0.0).unwrap();
         let mut filter = Filter::new(Stiffness::Full.into());
         let [slope, damping_slope] = newton.direct(&mut filter, Combination::step(dt), eta).unwrap();
-        assert!(close(slope, -dot(&force, &newton.direction)));
+        assert!(close(slope, -dot(&system, &force, &newton.direction)));
         let h = 1e-4;
         let point = newton.evaluate(&state, dt, h).unwrap();
         let ahead = newton.force.clone();

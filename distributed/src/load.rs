@@ -1,0 +1,69 @@
+//! Where a scene comes from: a file that rank 0 reads and shares out, a folder of which every rank reads its share, or a formula.
+
+use crate::slab::{self, Header, Slab};
+use crate::{Stop, ranks, ready, split};
+use sprung::scene::Scene;
+use std::path::PathBuf;
+
+/// The scene that a command works on.
+#[derive(Debug, clap::Args)]
+pub struct Source {
+    /// The scene: a TOML or JSON file, which rank 0 reads, or a folder that `sprung-mpi split` wrote, of which every rank reads its
+    /// share
+    #[arg(value_name = "SCENE", required_unless_present = "ready")]
+    path: Option<PathBuf>,
+
+    /// In place of a file a ready cloth or lattice, of which every rank makes its share; needs --size
+    #[arg(long, value_name = "KIND", requires = "size", conflicts_with = "path")]
+    ready: Option<ready::Kind>,
+
+    /// Size of a ready scene, see `sprung new`; here there is no largest one
+    #[arg(long, value_name = "N")]
+    size: Option<u64>,
+}
+
+impl Source {
+    /// This rank's share of the scene, and what all know of it.
+    ///
+    /// # Errors
+    /// What is wrong with it, on all ranks.
+    pub fn load(&self) -> Result<(Header, Slab), Stop> {
+        if let (Some(kind), Some(size)) = (self.ready, self.size) {
+            return ready::make(kind, size).map_err(Stop::Unusable);
+        }
+        let path = self.path.clone().unwrap_or_default();
+        if agreed(|| Ok(path.is_dir()))? {
+            return split::read(&path);
+        }
+        let mut whole = None;
+        agreed(|| {
+            let scene = Scene::load(&path).map_err(|error| error.to_string())?;
+            let (system, state) = scene.build().map_err(|error| error.in_file(&path).to_string())?;
+            whole = Some(slab::whole(&scene, &scene.time, &system, &state));
+            Ok(true)
+        })?;
+        Ok(slab::share_out(whole))
+    }
+
+    /// The folder of results that nobody named.
+    pub fn folder(&self, header: &Header) -> PathBuf {
+        PathBuf::from("out").join(header.name.split_whitespace().collect::<Vec<_>>().join("-"))
+    }
+}
+
+/// What rank 0 finds out, on all ranks.
+///
+/// # Errors
+/// As on rank 0.
+pub fn agreed(find: impl FnOnce() -> Result<bool, String>) -> Result<bool, Stop> {
+    let found = if ranks::rank() == 0 { find() } else { Ok(false) };
+    let (is_so, message) = match found {
+        Ok(is_so) => (is_so, String::new()),
+        Err(message) => (false, message),
+    };
+    let message = ranks::share_text(&message);
+    if !message.is_empty() {
+        return Err(Stop::Unusable(message));
+    }
+    Ok(ranks::any(is_so))
+}

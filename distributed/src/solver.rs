@@ -1,0 +1,438 @@
+//! The linear systems of a part, solved together with those of all others by PETSc.
+//!
+//! Every particle has a row of blocks of as many axes as the scene has. Coordinates that are prescribed stay in the
+//! matrix, with a diagonal entry of the size of the others and nothing beside it, so that all blocks are alike and a rigid motion
+//! is one; their solution is zero.
+//!
+//! **What ends a solve** is said in the terms of the library. Conjugate gradients that meet negative curvature have proven that A is
+//! not positive definite. A preconditioner that fails, or that is not positive definite itself, proves nothing about A: one that always
+//! can be set up and is definite, ICC of this rank's rows with a shift, then takes its place for the solve.
+
+use crate::petsc::{Counts, End, Index, Matrix, Petsc, Solver, Vector};
+
+type Result<T, E = crate::petsc::Error> = std::result::Result<T, E>;
+use crate::part::Halo;
+use crate::ranks;
+use sprung::linear::{Definiteness, Evidence, LinearSolver, NotConverged, Solution, SolveFailure};
+use sprung::nalgebra::{Matrix3, Vector3};
+use sprung::operator::{LinearOperator, SystemOperator};
+use sprung::system::{Axes, Dof, Peers};
+use sprung::work::Work;
+use sprung::System;
+use std::sync::Arc;
+
+/// The most iterations of a solve.
+const ITERATIONS: usize = 20_000;
+
+/// How systems are solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Preconditioner {
+    /// Smoothed aggregation (PETSc's GAMG) that keeps rigid motions, smoothed by ICC
+    Gamg,
+    /// Algebraic multigrid of hypre
+    Hypre,
+    /// ICC of every rank's rows: least memory; iterations grow with the scene
+    Icc,
+    /// The diagonal block of every particle
+    BlockJacobi,
+}
+
+/// Which solver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Choice {
+    /// Conjugate gradients.
+    Cg(Preconditioner),
+    /// MUMPS: a factorization that accepts an indefinite A and knows whether it is.
+    Mumps,
+}
+
+impl Choice {
+    /// PETSc's options for it; those that the user gives come later.
+    pub fn options(self) -> &'static str {
+        match self {
+            // The bound of the smoother's eigenvalues must be found anew where an older prolongator is used again. Found by
+            // conjugate gradients it is zero on single ranks at times (3.18, few rows a rank), which leaves the others waiting.
+            Self::Cg(Preconditioner::Gamg) => {
+                "-pc_type gamg -pc_gamg_reuse_interpolation true -pc_gamg_use_sa_esteig false \
+                 -pc_gamg_esteig_ksp_type gmres -mg_levels_pc_type bjacobi -mg_levels_sub_pc_type icc"
+            }
+            Self::Cg(Preconditioner::Hypre) => "-pc_type hypre",
+            Self::Cg(Preconditioner::Icc) => "-pc_type bjacobi -sub_pc_type icc",
+            Self::Cg(Preconditioner::BlockJacobi) => "-pc_type pbjacobi",
+            Self::Mumps => "-pc_type cholesky -pc_factor_mat_solver_type mumps",
+        }
+    }
+
+    /// The options of what takes the place of a preconditioner that failed.
+    pub const SPARE: &'static str = "-spare_pc_type bjacobi -spare_sub_pc_type icc";
+
+    fn solver(self) -> &'static str {
+        match self {
+            Self::Cg(_) => "cg",
+            Self::Mumps => "mumps",
+        }
+    }
+
+    fn preconditioner(self) -> Option<&'static str> {
+        match self {
+            Self::Cg(Preconditioner::Gamg) => Some("gamg"),
+            Self::Cg(Preconditioner::Hypre) => Some("hypre"),
+            Self::Cg(Preconditioner::Icc) => Some("icc"),
+            Self::Cg(Preconditioner::BlockJacobi) => Some("block-jacobi"),
+            Self::Mumps => None,
+        }
+    }
+}
+
+/// A spring as one of its ends sees it: its position among the active ones, and the place of the other end's block in the row.
+#[derive(Clone, Copy)]
+struct Incidence {
+    spring: u32,
+    place: Option<u32>,
+}
+
+/// Where a part's blocks stand in the matrix.
+pub struct Rows {
+    size: usize,
+    own: usize,
+    rows: Vec<Index>,
+    /// Of own particle p: columns[starts[p]..starts[p + 1]], ascending.
+    starts: Vec<u32>,
+    columns: Vec<Index>,
+    /// Which axes are free in each column.
+    column_free: Vec<Axes>,
+    /// Of the diagonal block in each row.
+    diagonals: Vec<u32>,
+    spring_starts: Vec<u32>,
+    incidences: Vec<Incidence>,
+    /// Which axes are free, of own particles and ghosts.
+    free: Vec<Axes>,
+}
+
+impl Rows {
+    fn new(system: &System, halo: &Halo) -> Self {
+        let own = halo.own;
+        let free: Vec<Axes> = (0..system.particles()).map(|p| system.dofs().free_axes(p)).collect();
+        let rows: Vec<Index> = halo.rows.iter().map(|&row| row as Index).collect();
+        let mut touching: Vec<Vec<(u32, u32)>> = vec![Vec::new(); own];
+        for (position, (_, [i, j], _)) in (0u32..).zip(system.active()) {
+            for (here, there) in [(i, j), (j, i)] {
+                if here < own {
+                    touching[here].push((position, there as u32));
+                }
+            }
+        }
+        let (mut starts, mut spring_starts) = (vec![0], vec![0]);
+        let (mut columns, mut column_free) = (Vec::new(), Vec::new());
+        let (mut diagonals, mut incidences) = (Vec::new(), Vec::new());
+        for (p, touching) in touching.iter().enumerate() {
+            // Blocks with particles that are wholly prescribed would be zero.
+            let enters = |other: u32| free[p] != Axes::NONE && free[other as usize] != Axes::NONE;
+            let others = touching.iter().map(|&(_, other)| other).filter(|&other| enters(other));
+            let mut row: Vec<(Index, u32)> =
+                others.chain([p as u32]).map(|other| (rows[other as usize], other)).collect();
+            row.sort_unstable();
+            row.dedup();
+            let place = |column: Index| row.binary_search_by_key(&column, |entry| entry.0).ok().map(|at| at as u32);
+            incidences.extend(touching.iter().map(|&(spring, other)| Incidence {
+                spring,
+                place: if enters(other) { place(rows[other as usize]) } else { None },
+            }));
+            diagonals.push(place(rows[p]).unwrap_or(0));
+            columns.extend(row.iter().map(|entry| entry.0));
+            column_free.extend(row.iter().map(|entry| free[entry.1 as usize]));
+            starts.push(columns.len() as u32);
+            spring_starts.push(incidences.len() as u32);
+        }
+        Self { size: system.dimension(), own, rows, starts, columns, column_free, diagonals, spring_starts, incidences, free }
+    }
+
+    fn columns(&self, particle: usize) -> &[Index] {
+        &self.columns[self.starts[particle] as usize..self.starts[particle + 1] as usize]
+    }
+
+    fn counts(&self) -> Counts {
+        let first = self.rows.first().copied().unwrap_or(0);
+        let range = first..first + self.own as Index;
+        let mut counts = Counts::default();
+        for p in 0..self.own {
+            let count = |keep: &dyn Fn(&Index) -> bool| self.columns(p).iter().filter(|&c| keep(c)).count() as Index;
+            let is_upper = |c: &Index| *c >= self.rows[p];
+            counts.own.push(count(&|c| range.contains(c)));
+            counts.other.push(count(&|c| !range.contains(c)));
+            counts.own_upper.push(count(&|c| range.contains(c) && is_upper(c)));
+            counts.other_upper.push(count(&|c| !range.contains(c) && is_upper(c)));
+        }
+        counts
+    }
+
+    /// Computes every own row of the matrix of an operator.
+    fn fill(&self, a: &SystemOperator, mut row: impl FnMut(Index, &[Index], &[f64]) -> Result<()>) -> Result<()> {
+        let (size, masses) = (self.size, a.system().masses());
+        let mut values: Vec<f64> = Vec::new();
+        for (p, mass) in masses.iter().enumerate().take(self.own) {
+            let columns = self.columns(p);
+            let width = size * columns.len();
+            values.clear();
+            values.resize(size * width, 0.0);
+            let mut diagonal = Matrix3::from_diagonal_element(a.mass_factor() * mass);
+            let springs = &self.incidences[self.spring_starts[p] as usize..self.spring_starts[p + 1] as usize];
+            for &Incidence { spring, place } in springs {
+                let block = a.blocks()[spring as usize].matrix();
+                diagonal += block;
+                if let Some(place) = place {
+                    for (r, c) in pairs(size) {
+                        values[r * width + size * place as usize + c] -= block[(r, c)];
+                    }
+                }
+            }
+            let at = size * self.diagonals[p] as usize;
+            // What is prescribed needs some entry of its own, best of the size of the others.
+            let scale = diagonal.trace() / 3.0;
+            for r in 0..size {
+                for c in 0..size {
+                    values[r * width + at + c] = diagonal[(r, c)];
+                }
+            }
+            self.clear_prescribed(p, columns, &mut values);
+            for axis in (0..size).filter(|&axis| !self.free[p].contains(axis)) {
+                values[axis * width + at + axis] = scale;
+            }
+            row(self.rows[p], columns, &values)?;
+        }
+        Ok(())
+    }
+
+    /// Zeros in the rows and columns of prescribed coordinates.
+    fn clear_prescribed(&self, p: usize, columns: &[Index], values: &mut [f64]) {
+        let all = Axes::first(self.size);
+        let width = self.size * columns.len();
+        if self.free[p] != all {
+            for axis in (0..self.size).filter(|&axis| !self.free[p].contains(axis)) {
+                values[axis * width..(axis + 1) * width].fill(0.0);
+            }
+        }
+        for (place, free) in self.column_free[self.starts[p] as usize..].iter().take(columns.len()).enumerate() {
+            for c in (0..self.size).filter(|&c| *free != all && !free.contains(c)) {
+                (0..self.size).for_each(|r| values[r * width + self.size * place + c] = 0.0);
+            }
+        }
+    }
+}
+
+fn pairs(size: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..size).flat_map(move |r| (0..size).map(move |c| (r, c)))
+}
+
+/// Solves the systems of all parts together.
+pub struct PetscSolver<'p> {
+    petsc: &'p Petsc,
+    halo: Arc<Halo>,
+    choice: Choice,
+    tolerance: f64,
+    rows: Rows,
+    matrix: Matrix<'p>,
+    solver: Solver<'p>,
+    /// What takes the place of a preconditioner that failed, and for which it is.
+    spare: Option<Solver<'p>>,
+    is_spare: bool,
+    b: Vector<'p>,
+    x: Vector<'p>,
+    positions: Vector<'p>,
+    /// Full-length, to fill in ghosts.
+    full: Vec<Vector3<f64>>,
+    product: Vec<f64>,
+    definiteness: Definiteness,
+}
+
+impl<'p> PetscSolver<'p> {
+    /// For a part, once.
+    ///
+    /// # Errors
+    /// What PETSc says.
+    pub fn new(petsc: &'p Petsc, system: &System, halo: Arc<Halo>, choice: Choice, tolerance: f64) -> Result<Self> {
+        let rows = Rows::new(system, &halo);
+        let (own, size) = (halo.own, rows.size);
+        let kind = if choice == Choice::Cg(Preconditioner::Icc) { "sbaij" } else { "aij" };
+        let matrix = Matrix::new(petsc, kind, size, &rows.counts())?;
+        if choice != Choice::Mumps {
+            matrix.trust_definite()?;
+        }
+        let solver = Solver::new(petsc, if choice == Choice::Mumps { "preonly" } else { "cg" }, "")?;
+        let vector = || Vector::new(petsc, own, size);
+        let (b, x, positions) = (vector()?, vector()?, vector()?);
+        let full = vec![Vector3::zeros(); system.particles()];
+        let product = vec![0.0; system.dofs().len()];
+        Ok(Self {
+            petsc,
+            halo,
+            choice,
+            tolerance,
+            rows,
+            matrix,
+            solver,
+            spare: None,
+            is_spare: false,
+            b,
+            x,
+            positions,
+            full,
+            product,
+            definiteness: Definiteness::Unknown,
+        })
+    }
+
+    /// The matrix, for those who want to see it.
+    pub fn matrix(&self) -> &Matrix<'p> {
+        &self.matrix
+    }
+
+    fn take_over(&mut self, a: &SystemOperator) -> Result<Definiteness> {
+        let Self { rows, matrix, solver, .. } = self;
+        let size = rows.size;
+        rows.fill(a, |row, columns, values| matrix.set_row(row, columns, values, size))?;
+        matrix.assemble()?;
+        self.is_spare = false;
+        if self.choice == Choice::Cg(Preconditioner::Gamg) {
+            matrix.set_rigid_modes(&self.positions)?;
+        }
+        if self.choice == Choice::Mumps {
+            solver.prepare(matrix)?;
+            let [negative, _] = solver.inertia()?;
+            // MUMPS says how many there are, and not where.
+            let dof = Dof { particle: 0, axis: 0 };
+            return Ok(if negative > 0 { Definiteness::Indefinite { negative, dof } } else { Definiteness::Positive });
+        }
+        solver.prepare(matrix)?;
+        // It may have failed on one rank alone, of which the others then know.
+        if ranks::any(solver.has_failed()?) {
+            self.change_to_spare()?;
+        }
+        Ok(Definiteness::Unknown)
+    }
+
+    fn change_to_spare(&mut self) -> Result<()> {
+        if self.spare.is_none() {
+            self.spare = Some(Solver::new(self.petsc, "cg", "spare_")?);
+        }
+        if let Some(spare) = &self.spare {
+            spare.prepare(&self.matrix)?;
+        }
+        self.is_spare = true;
+        Ok(())
+    }
+
+    /// Solves for what stands in `b`; counts iterations.
+    fn iterate(&mut self, work: &mut Work) -> Result<End> {
+        loop {
+            let solver = self.spare.as_ref().filter(|_| self.is_spare).unwrap_or(&self.solver);
+            if self.choice != Choice::Mumps {
+                solver.set_tolerance(self.tolerance, ITERATIONS)?;
+            }
+            let solved = solver.solve(&self.b, &self.x)?;
+            work.cg_iterations += if self.choice == Choice::Mumps { 0 } else { solved.iterations };
+            if solved.end == End::Preconditioner && !self.is_spare && self.choice != Choice::Mumps {
+                self.change_to_spare()?;
+                continue;
+            }
+            return Ok(solved.end);
+        }
+    }
+
+    fn failure(&self, end: End, iterations: u64, relative_residual: f64) -> SolveFailure {
+        match end {
+            End::NegativeCurvature => SolveFailure::Indefinite(Evidence::Curvature { iteration: iterations }),
+            End::NonFinite => SolveFailure::NonFinite,
+            _ => {
+                let reason = match end {
+                    End::IterationLimit => NotConverged::IterationLimit,
+                    End::Preconditioner => NotConverged::Preconditioner,
+                    _ => NotConverged::Stagnated,
+                };
+                SolveFailure::NotConverged { iterations, relative_residual, reason }
+            }
+        }
+    }
+
+    /// `‖b − A x‖/‖b‖` over all parts, by the product without a matrix.
+    fn residual(&mut self, a: &SystemOperator, b: &[f64], x: &[f64]) -> f64 {
+        a.apply(x, &mut self.product);
+        let own = a.system().dofs().first_row(self.halo.own);
+        let rest = b.iter().zip(&self.product).take(own).map(|(b, ax)| (b - ax) * (b - ax)).sum();
+        let mut squares: [f64; 2] = [rest, b.iter().take(own).map(|b| b * b).sum()];
+        ranks::sum(&mut squares);
+        let [rest, whole] = squares.map(f64::sqrt);
+        if rest == 0.0 { 0.0 } else { rest / whole }
+    }
+
+    fn run(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Result<Solution, SolveFailure>> {
+        let (dofs, own, size) = (a.system().dofs(), self.halo.own, self.rows.size);
+        self.b.with(size * own, |values| {
+            for p in 0..own {
+                let row = dofs.get(b, p);
+                values[size * p..size * (p + 1)].copy_from_slice(&row.as_slice()[..size]);
+            }
+        })?;
+        let before = work.cg_iterations;
+        work.solves += 1;
+        work.iterative_solves += u64::from(self.choice != Choice::Mumps);
+        let end = self.iterate(work)?;
+        let full = &mut self.full;
+        self.x.with(size * own, |values| {
+            for (full, value) in full.iter_mut().zip(values.chunks_exact(size)) {
+                full.as_mut_slice()[..size].copy_from_slice(value);
+            }
+        })?;
+        self.halo.refresh(&mut self.full);
+        dofs.gather(&self.full, x);
+        let relative_residual = self.residual(a, b, x);
+        let iterations = work.cg_iterations - before;
+        Ok(match end {
+            End::Converged if relative_residual.is_finite() => Ok(Solution { relative_residual }),
+            End::Converged => Err(SolveFailure::NonFinite),
+            end => Err(self.failure(end, iterations, relative_residual)),
+        })
+    }
+}
+
+/// An error of PETSc itself is not one of the computation: it ends all ranks with what it says.
+fn or_abort<T>(result: Result<T>) -> T {
+    result.unwrap_or_else(|error| crate::end_all(&error.to_string()))
+}
+
+impl LinearSolver for PetscSolver<'_> {
+    fn name(&self) -> &'static str {
+        self.choice.solver()
+    }
+
+    fn preconditioner(&self) -> Option<&'static str> {
+        self.choice.preconditioner()
+    }
+
+    fn place(&mut self, positions: &[Vector3<f64>]) {
+        let (own, size) = (self.halo.own, self.rows.size);
+        or_abort(self.positions.with(size * own, |values| {
+            for (value, x) in values.chunks_exact_mut(size).zip(positions) {
+                value.copy_from_slice(&x.as_slice()[..size]);
+            }
+        }));
+    }
+
+    fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+        let is_finite = a.blocks().iter().all(|block| block.axial.is_finite() && block.transverse.is_finite());
+        if ranks::any(!is_finite || !a.mass_factor().is_finite()) {
+            return Err(SolveFailure::NonFinite);
+        }
+        work.factorizations += u64::from(self.choice == Choice::Mumps);
+        self.definiteness = or_abort(self.take_over(a));
+        Ok(self.definiteness)
+    }
+
+    fn set_tolerance(&mut self, tolerance: f64) {
+        self.tolerance = tolerance;
+    }
+
+    fn solve(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
+        or_abort(self.run(a, b, x, work))
+    }
+}

@@ -1,0 +1,163 @@
+//! Steps and accounts of systems cut in parts are those of the whole. Each part is on a thread of its own.
+
+use super::{Monitor, MonitorOptions, Softening, StepFailure, TimeStepper, Verlet};
+use crate::error::DegenerateSpring;
+use crate::force::Extensions;
+use crate::operator::Combination;
+use crate::spring::Spring;
+use crate::system::parts::{Cut, in_parts};
+use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+use nalgebra::Vector3;
+
+/// A ladder of ten damped rungs that swings, led by a path with a kink at one end.
+fn ladder() -> SystemBuilder {
+    let mut builder = SystemBuilder::new();
+    builder.gravity(0.0, -9.81, 0.0);
+    for rung in 0..10 {
+        for side in 0..2 {
+            let p = builder.particle(
+                [f64::from(rung), 0.1 * f64::from(rung * side), f64::from(side)],
+                1.0 + 0.1 * f64::from(rung),
+            );
+            builder.velocities[p] = Vector3::new(0.0, 0.3 * f64::from(rung), 0.1);
+        }
+    }
+    let spring = |rest_length, damping| Spring { stiffness: 200.0, rest_length, damping };
+    for p in 0..18 {
+        builder.spring(p + 2, p, spring(1.02, 0.3));
+        builder.spring(p, p + 1, spring(1.1, 0.0));
+    }
+    builder.hold(0);
+    let motion = Motion::Path { times: vec![0.0, 0.013, 0.03], offsets: [0.0, 0.02, 0.01].map(Vector3::repeat).into() };
+    builder.constrain(Constraint { particles: vec![1, 19], axes: Axes::of(&[0, 1]), motion });
+    builder
+}
+
+/// Explicit steps need nothing but forces: positions in parts are those of the whole to the bit, and so are the figures to the
+/// rounding of sums in another order.
+#[test]
+fn verlet_and_its_account_in_parts_are_those_of_the_whole() {
+    let options = MonitorOptions { forces: true, stops_unstable: true };
+    let dt = 2e-3;
+    let (system, start) = ladder().build().unwrap();
+    let mut state = start.clone();
+    let mut stepper = Verlet::new(&system, &state).unwrap();
+    let mut monitor = Monitor::new(&system, &state, options).unwrap();
+    for step in 1..=20 {
+        stepper.step(&mut state, dt).unwrap();
+        monitor.enter(step, &state, dt, None).unwrap();
+    }
+    let (figures, balance) = (monitor.figures(&state), monitor.balance());
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * (1.0 + a.abs());
+    for parts in 2..5 {
+        in_parts(
+            &ladder(),
+            parts,
+            |p| p * 7 % parts,
+            |Cut { particles, system, state: mut part, .. }| {
+                let mut stepper = Verlet::new(&system, &part).unwrap();
+                let mut monitor = Monitor::new(&system, &part, options).unwrap();
+                for step in 1..=20 {
+                    stepper.step(&mut part, dt).unwrap();
+                    monitor.enter(step, &part, dt, None).unwrap();
+                }
+                for (here, &p) in particles.iter().enumerate() {
+                    assert_eq!(
+                        (part.positions[here], part.velocities[here]),
+                        (state.positions[p], state.velocities[p])
+                    );
+                }
+                let found = monitor.figures(&part);
+                assert_eq!((found.steps, found.can_fold), (figures.steps, figures.can_fold));
+                for (found, expected) in [
+                    (found.extent, figures.extent),
+                    (found.change, figures.change),
+                    (found.bend, figures.bend),
+                    (found.third, figures.third),
+                    (found.slip, figures.slip),
+                    (found.defect, figures.defect),
+                    (found.way, figures.way),
+                    (found.turning, figures.turning),
+                    (found.reach, figures.reach),
+                    (found.exchanged, figures.exchanged),
+                    (found.lost, figures.lost),
+                    (monitor.balance().work, balance.work),
+                    (monitor.balance().dissipated, balance.dissipated),
+                    (
+                        monitor.energy().total(),
+                        0.0 + monitor.energy().kinetic + monitor.energy().elastic + monitor.energy().gravitational,
+                    ),
+                ] {
+                    assert!(near(expected, found), "{parts} parts: {found} instead of {expected}");
+                }
+            },
+        );
+    }
+    assert!(balance.work.abs() > 1e-3 && balance.dissipated > 1e-6 && figures.defect > 0.0);
+}
+
+/// A failure of one part is one of all, with the numbers of the whole scene.
+#[test]
+fn failures_of_one_part_are_those_of_all() {
+    let failures = in_parts(
+        &ladder(),
+        3,
+        |p| p * 3 / 20,
+        |Cut { particles, system, state: mut part, .. }| {
+            let mut stepper = Verlet::new(&system, &part).unwrap();
+            for (here, &p) in particles.iter().enumerate() {
+                if p == 18 {
+                    // Where particle 16 is; the spring between them is 32.
+                    let at = particles.iter().position(|&q| q == 16).unwrap();
+                    part.positions[here] = part.positions[at];
+                }
+            }
+            stepper.step(&mut part, 1e-3).unwrap_err()
+        },
+    );
+    let expected = StepFailure::DegenerateSpring(DegenerateSpring { spring: 32, pair: [18, 16] });
+    assert_eq!(failures, [expected; 3]);
+}
+
+/// Compressed springs of many sizes on light and heavy particles: the terms dropped are those of the whole, however it is cut.
+#[test]
+fn parts_drop_the_terms_of_the_whole() {
+    let mut builder = SystemBuilder::new();
+    for p in 0..40 {
+        let x = f64::from(p);
+        builder.particle([x, (0.7 * x).sin(), (1.3 * x).cos()], 1.0 + f64::from(p % 7));
+    }
+    for p in 0..40usize {
+        for reach in [1, 2, 5, 11] {
+            let (i, j) = (p, (p + reach) % 40);
+            let rest_length = 1.5 * (builder.positions[i] - builder.positions[j]).norm();
+            let stiffness = 10.0 * (1.0 + ((p * reach) % 13) as f64) * rest_length;
+            let pair = if p % 2 == 0 { (i, j) } else { (j, i) };
+            builder.spring(pair.0, pair.1, Spring { stiffness, rest_length, damping: 0.0 });
+        }
+    }
+    builder.hold(3);
+    let combination = |mass| Combination { mass, damping: 0.0, stiffness: -1.0 };
+    let (system, state) = builder.clone().build().unwrap();
+    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    for mass in [5.0, 15.0, 25.0] {
+        let mut whole = Softening::new(&system);
+        let dropped = whole.choose(&system, &extensions, combination(mass));
+        assert!(dropped > 0 && dropped < system.springs().len());
+        for parts in 2..5 {
+            in_parts(
+                &builder,
+                parts,
+                |p| p * 13 % parts,
+                |Cut { system, state, springs, .. }| {
+                    let extensions = Extensions::at(&system, &state.positions).unwrap();
+                    let mut softening = Softening::new(&system);
+                    assert_eq!(softening.choose(&system, &extensions, combination(mass)), dropped);
+                    for (option, &spring) in softening.options().iter().zip(&springs) {
+                        assert_eq!(*option, whole.options()[spring], "spring {spring} in {parts} parts");
+                    }
+                },
+            );
+        }
+    }
+}
