@@ -209,7 +209,9 @@ def steps():
     cases += [("led", changed(scene("cloth-led", "cloth", 9), "led", led)), ("line", one_dimensional()), ("sphere", mesh_scene())]
     for name, path in cases:
         for option in ["tension", "axial", "full"] if name in ("led", "cloth") else ["tension"]:
-            compare_runs(f"{name} {option}", path, 1, 0.004, ["--stiffness", option], LLT, 1e-8)
+            # The full stiffness is positive definite with short steps alone.
+            dt = 0.0005 if option == "full" else 0.004
+            compare_runs(f"{name} {option}", path, 1, dt, ["--stiffness", option], LLT, 1e-8)
     for preconditioner in ("icc", "hypre", "block-jacobi"):
         path = WORK / "cloth-stirred.json"
         there = ["--stiffness", "tension"]

@@ -80,6 +80,7 @@ pub fn say(message: impl std::fmt::Display) {
 }
 
 fn main() -> ExitCode {
+    petsc::partition_without_threads();
     // Ends last of all that is made here.
     let Some(_universe) = mpi::initialize() else {
         eprintln!("error: MPI cannot be started");

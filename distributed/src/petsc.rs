@@ -110,6 +110,16 @@ fn index(number: usize) -> Result<Index> {
     })
 }
 
+/// Keeps PT-Scotch from starting threads, with which it waits for ever at times where ranks share cores (7.0.3). To be called
+/// first of all; what the user sets stays.
+pub fn partition_without_threads() {
+    let name = "SCOTCH_PTHREAD_NUMBER";
+    if std::env::var_os(name).is_none() {
+        // SAFETY: `main` calls this before there is a thread that could read the environment.
+        unsafe { std::env::set_var(name, "1") };
+    }
+}
+
 /// PETSc, from its start to its end. MPI must be initialised before and finalised after.
 pub struct Petsc(());
 

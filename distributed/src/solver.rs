@@ -50,8 +50,8 @@ impl Choice {
     /// PETSc's options for it; those that the user gives come later.
     pub fn options(self) -> &'static str {
         match self {
-            // The bound of the smoother's eigenvalues must be found anew where an older prolongator is used again. Found by
-            // conjugate gradients it is zero on single ranks at times (3.18, few rows a rank), which leaves the others waiting.
+            // The bound of the smoother's eigenvalues must be found anew where an older prolongator is used again. By conjugate
+            // gradients, GAMG's own choice, some ranks may find zero where A is indefinite, which leaves the others waiting.
             Self::Cg(Preconditioner::Gamg) => {
                 "-pc_type gamg -pc_gamg_reuse_interpolation true -pc_gamg_use_sa_esteig false \
                  -pc_gamg_esteig_ksp_type gmres -mg_levels_pc_type bjacobi -mg_levels_sub_pc_type icc"
