@@ -64,11 +64,15 @@ const FUNCTIONS: &[&str] = &[
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rerun-if-env-changed=PKG_CONFIG_PATH");
-    let found = pkg_config::Config::new().atleast_version("3.18").probe("PETSc").or_else(|_| pkg_config::probe_library("petsc"));
+    let found = pkg_config::Config::new()
+        .atleast_version("3.18")
+        .probe("PETSc")
+        .or_else(|_| pkg_config::probe_library("petsc"));
     // PETSc's own entry does not name MPI's headers.
-    let mpi = pkg_config::Config::new().cargo_metadata(false).probe("mpi-c").or_else(|_| {
-        pkg_config::Config::new().cargo_metadata(false).probe("ompi-c")
-    });
+    let mpi = pkg_config::Config::new()
+        .cargo_metadata(false)
+        .probe("mpi-c")
+        .or_else(|_| pkg_config::Config::new().cargo_metadata(false).probe("ompi-c"));
     let (Ok(petsc), Ok(mpi)) = (found, mpi) else {
         panic!("pkg-config knows no PETSc or no MPI: see the page about several machines in docs/guide");
     };

@@ -179,7 +179,7 @@ def matrices():
             check(f"matrix of {name} on {ranks}", order == found_order and worst <= 1e-14 * size, (order, found_order, worst / size))
 
 
-def compare_runs(name, path, steps, dt, options, same, bound=None, ranks=RANKS):
+def compare_runs(name, path, steps, dt, options, same, bound=None, ranks=RANKS, only_here=()):
     reference = velocities(path, steps, dt, *options, *same)
     if bound is None:
         other = velocities(disturbed(path, f"{path.stem}-disturbed"), steps, dt, *options, *same)
@@ -187,7 +187,7 @@ def compare_runs(name, path, steps, dt, options, same, bound=None, ranks=RANKS):
         bound = 10 * distance(other["positions"], reference["positions"]) / norm(reference["positions"]) + 1e-12
     for count in ranks:
         folder = WORK / f"many-{path.stem}"
-        done = many(count, "run", path, "--dt", dt, "--steps", steps, "--allow-unstable", "--out", folder, *options)
+        done = many(count, "run", path, "--dt", dt, "--steps", steps, "--allow-unstable", "--out", folder, *options, *only_here)
         if done.returncode != 0:
             continue
         found = final(folder)
@@ -227,7 +227,8 @@ def runs():
     for name, path in [*stirred_scenes(), ("led", changed(scene("cloth-led", "cloth", 9), "led", led)), ("line", one_dimensional())]:
         compare_runs(name, path, 20, 0.004, ["--stiffness", "tension"], LLT, ranks=[2, 3])
     for name in ("cloth-stirred", "led", "lattice-stirred"):
-        compare_runs(f"{name} bdf2", WORK / f"{name}.json", 20, 0.004, ["--method", "bdf2"], LLT)
+        # Iterations of bdf2 end at 1e-6 of what they correct, wherever they are done: a factorization is compared with another.
+        compare_runs(f"{name} bdf2", WORK / f"{name}.json", 20, 0.004, ["--method", "bdf2"], LLT, only_here=["--solver", "mumps"])
         compare_runs(f"{name} verlet", WORK / f"{name}.json", 20, 0.0002, ["--method", "verlet"], [])
     # MUMPS proves indefiniteness as the one-machine Cholesky factorization does, and drops the same terms.
     path = changed(scene("column", "column", 30), "column-stirred", lambda content: stir(content, 1e-3))

@@ -144,7 +144,8 @@ fn remove_states(folder: &Path, but: Option<u64>) {
     let kept = but.map(|reached| state_file(folder, reached));
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();
-        let is_state = name.to_str().is_some_and(|name| name.starts_with("checkpoint-mpi-") && name.ends_with(".state"));
+        let is_state =
+            name.to_str().is_some_and(|name| name.starts_with("checkpoint-mpi-") && name.ends_with(".state"));
         if is_state && Some(entry.path()) != kept {
             let _ = std::fs::remove_file(entry.path());
         }

@@ -70,7 +70,10 @@ impl Count {
             let mean = ghosts.iter().map(BTreeSet::len).sum::<usize>() as f64 / parts as f64;
             let imbalance = largest as f64 * parts as f64 / total as f64;
             let peers_most = most(&mut peers.iter().map(BTreeSet::len));
-            println!("{parts},{largest},{imbalance:.3},{cut},{mean:.1},{ghosts_most},{peers_most},{}", 24 * ghosts_most);
+            println!(
+                "{parts},{largest},{imbalance:.3},{cut},{mean:.1},{ghosts_most},{peers_most},{}",
+                24 * ghosts_most
+            );
         }
         Ok(())
     }

@@ -55,7 +55,7 @@ impl Matrix {
         let choice = self.method.choice();
         let mut solver = or_end(PetscSolver::new(&petsc, system, halo.clone(), choice, self.method.tolerance));
         solver.place(&part.state.positions);
-        or_end(solver.prepare(&operator, &mut Work::default()));
+        or_end(solver.take(&operator, &mut Work::default()));
 
         // A row of the gathered matrix is the number of a free coordinate in the scene's order: particle, then axis.
         let size = header.dimension;

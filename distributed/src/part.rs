@@ -122,7 +122,9 @@ pub fn cut(petsc: &Petsc, header: &Header, slab: Slab) -> Result<Part, Box<dyn E
     let values = look_up(&ranges, &particles, |p| {
         let at = (p - first) as usize;
         let values = slab.particles[PARTICLE * at..PARTICLE * (at + 1)].iter().map(|value| value.to_bits());
-        values.chain(leads.get(&p).into_iter().flatten().flat_map(|&[axis, motion]| [axis as u64, motion as u64])).collect()
+        values
+            .chain(leads.get(&p).into_iter().flatten().flat_map(|&[axis, motion]| [axis as u64, motion as u64]))
+            .collect()
     });
     let mut builder = SystemBuilder::new();
     builder.dimension = header.dimension;
@@ -242,9 +244,11 @@ fn number_rows(own: &[u64], ghosts: &BTreeMap<u64, usize>) -> (Vec<u64>, Lists, 
         questions.iter().flatten().copied().zip(answers.iter().flatten().copied()).collect();
     let mut rows: Vec<u64> = (first..first + own.len() as u64).collect();
     rows.extend(ghosts.keys().map(|number| rows_of[number]));
-    let places: BTreeMap<u64, u32> = (own.len() as u32..).zip(ghosts.keys()).map(|(at, &number)| (number, at)).collect();
+    let places: BTreeMap<u64, u32> =
+        (own.len() as u32..).zip(ghosts.keys()).map(|(at, &number)| (number, at)).collect();
     let receives = questions.iter().map(|list| list.iter().map(|number| places[number]).collect());
-    let with_ranks = |lists: Vec<Vec<u32>>| lists.into_iter().enumerate().filter(|(_, list)| !list.is_empty()).collect();
+    let with_ranks =
+        |lists: Vec<Vec<u32>>| lists.into_iter().enumerate().filter(|(_, list)| !list.is_empty()).collect();
     let receives: Vec<Vec<u32>> = receives.collect();
     (rows, with_ranks(asked), with_ranks(receives))
 }

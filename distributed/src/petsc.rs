@@ -167,6 +167,9 @@ macro_rules! handle {
                 unsafe { $destroy(&mut self.0) };
             }
         }
+
+        // SAFETY: PETSc keeps nothing by thread, and no handle is used by two: none is shared, for it is not `Sync`.
+        unsafe impl Send for $name<'_> {}
     };
 }
 

@@ -155,4 +155,3 @@ pub fn ranges(total: u64) -> Vec<u64> {
 pub fn owner(ranges: &[u64], number: u64) -> usize {
     ranges.partition_point(|&first| first <= number) - 1
 }
-

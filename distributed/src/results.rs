@@ -129,8 +129,9 @@ impl Frames {
         // All pieces are there when the file that names them is.
         ranks::total(0);
         if ranks::rank() == 0 {
-            let pieces: String =
-                (0..ranks::ranks()).map(|rank| format!("  <Piece Source=\"{}\"/>\n", &name(rank)["frames/".len()..])).collect();
+            let pieces: String = (0..ranks::ranks())
+                .map(|rank| format!("  <Piece Source=\"{}\"/>\n", &name(rank)["frames/".len()..]))
+                .collect();
             let array = |name: &str| format!("<PDataArray type=\"Float64\" Name=\"{name}\" NumberOfComponents=\"3\"/>");
             let text = format!(
                 "<?xml version=\"1.0\"?>\n<VTKFile type=\"PPolyData\" version=\"1.0\" byte_order=\"LittleEndian\" \

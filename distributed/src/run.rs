@@ -14,9 +14,7 @@ use sprung::integrate::{
     StiffnessPolicy, TimeStepper, Verlet, run_monitored,
 };
 use sprung::linear::{CostModel, LinearSolver, SolverOptions};
-use sprung::output::{
-    Effort, EnergyChange, EnergyLog, ErrorKind, ErrorReport, FailureReport, OutputFolder, Summary,
-};
+use sprung::output::{Effort, EnergyChange, EnergyLog, ErrorKind, ErrorReport, FailureReport, OutputFolder, Summary};
 use sprung::{State, Stiffness};
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
@@ -200,7 +198,8 @@ impl Run {
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             or_end(signal_hook::flag::register(signal, interrupted.clone()));
         }
-        let running = Running { run: self, header: &header, part: &part, petsc: &petsc, schedule, folder: &folder, fingerprint };
+        let running =
+            Running { run: self, header: &header, part: &part, petsc: &petsc, schedule, folder: &folder, fingerprint };
         let status = running.go(found, &interrupted)?;
         if !self.method.petsc.is_empty() {
             or_end(petsc.report_unused_options());
@@ -323,7 +322,10 @@ impl<'r> Running<'r> {
             statistics.add(&earlier);
             let wall_seconds = spent + clock.elapsed().as_secs_f64();
             let solver = stepper.linear_solver();
-            let solver = [solver.map_or("none", LinearSolver::name), solver.and_then(LinearSolver::preconditioner).unwrap_or("none")];
+            let solver = [
+                solver.map_or("none", LinearSolver::name),
+                solver.and_then(LinearSolver::preconditioner).unwrap_or("none"),
+            ];
             drop(stepper);
             let is_over = outcome.status() != Status::Completed || leg.len() >= schedule.len();
             let Some(every) = every.filter(|_| !is_over) else {
@@ -402,7 +404,8 @@ fn record(log: &mut Option<EnergyLog>, frames: &mut Option<Frames>, state: &Stat
 
 /// The summary for people.
 fn in_words(summary: &Summary, folder: &Path) -> String {
-    let Summary { scene, method, solver, preconditioner, steps, time, particles, springs, statistics, energy, .. } = summary;
+    let Summary { scene, method, solver, preconditioner, steps, time, particles, springs, statistics, energy, .. } =
+        summary;
     let work = &statistics.work;
     format!(
         "{scene}: {} after {steps} steps, at t = {time} s, in {:.1} s on {} ranks\n  system    {particles} particles, {springs} springs\n  \

@@ -111,7 +111,8 @@ pub fn share_out(whole: Option<(Header, Slab)>) -> (Header, Slab) {
     let ranges = [ranks::ranges(header.particles), ranks::ranges(header.springs)];
     let cut = |list: &[f64], ranges: &[u64], size: usize| -> Vec<f64> {
         let mut rest = list;
-        let mut piece = |w: &[u64]| rest.split_off(..rest.len().min((w[1] - w[0]) as usize * size)).unwrap_or_default().to_vec();
+        let mut piece =
+            |w: &[u64]| rest.split_off(..rest.len().min((w[1] - w[0]) as usize * size)).unwrap_or_default().to_vec();
         let parcels: Vec<Vec<f64>> = ranges.windows(2).map(&mut piece).collect();
         ranks::exchange(&parcels).swap_remove(0)
     };

@@ -13,12 +13,12 @@ use crate::petsc::{Counts, End, Index, Matrix, Petsc, Solver, Vector};
 type Result<T, E = crate::petsc::Error> = std::result::Result<T, E>;
 use crate::part::Halo;
 use crate::ranks;
-use sprung::linear::{Definiteness, Evidence, LinearSolver, NotConverged, Solution, SolveFailure};
+use sprung::System;
+use sprung::linear::{Definiteness, Evidence, Held, LinearSolver, NotConverged, Solution, SolveFailure};
 use sprung::nalgebra::{Matrix3, Vector3};
 use sprung::operator::{LinearOperator, SystemOperator};
 use sprung::system::{Axes, Dof, Peers};
 use sprung::work::Work;
-use sprung::System;
 use std::sync::Arc;
 
 /// The most iterations of a solve.
@@ -59,7 +59,7 @@ impl Choice {
             Self::Cg(Preconditioner::Hypre) => "-pc_type hypre",
             Self::Cg(Preconditioner::Icc) => "-pc_type bjacobi -sub_pc_type icc",
             Self::Cg(Preconditioner::BlockJacobi) => "-pc_type pbjacobi",
-            Self::Mumps => "-pc_type cholesky -pc_factor_mat_solver_type mumps",
+            Self::Mumps => "-pc_type cholesky -pc_factor_mat_solver_type mumps -mat_mumps_icntl_24 1",
         }
     }
 
@@ -144,7 +144,18 @@ impl Rows {
             starts.push(columns.len() as u32);
             spring_starts.push(incidences.len() as u32);
         }
-        Self { size: system.dimension(), own, rows, starts, columns, column_free, diagonals, spring_starts, incidences, free }
+        Self {
+            size: system.dimension(),
+            own,
+            rows,
+            starts,
+            columns,
+            column_free,
+            diagonals,
+            spring_starts,
+            incidences,
+            free,
+        }
     }
 
     fn columns(&self, particle: usize) -> &[Index] {
@@ -365,7 +376,13 @@ impl<'p> PetscSolver<'p> {
         if rest == 0.0 { 0.0 } else { rest / whole }
     }
 
-    fn run(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Result<Solution, SolveFailure>> {
+    fn run(
+        &mut self,
+        a: &SystemOperator,
+        b: &[f64],
+        x: &mut [f64],
+        work: &mut Work,
+    ) -> Result<Result<Solution, SolveFailure>> {
         let (dofs, own, size) = (a.system().dofs(), self.halo.own, self.rows.size);
         self.b.with(size * own, |values| {
             for p in 0..own {
@@ -418,7 +435,7 @@ impl LinearSolver for PetscSolver<'_> {
         }));
     }
 
-    fn prepare(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+    fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
         let is_finite = a.blocks().iter().all(|block| block.axial.is_finite() && block.transverse.is_finite());
         if ranks::any(!is_finite || !a.mass_factor().is_finite()) {
             return Err(SolveFailure::NonFinite);
@@ -432,7 +449,7 @@ impl LinearSolver for PetscSolver<'_> {
         self.tolerance = tolerance;
     }
 
-    fn solve(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
-        or_abort(self.run(a, b, x, work))
+    fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
+        or_abort(self.run(&a, b, x, work))
     }
 }

@@ -99,8 +99,7 @@ pub fn read(folder: &Path) -> Result<(Header, Slab), Stop> {
         Ok(true)
     })?;
     let wrong = |what: String| Stop::Unusable(format!("{}: {what}", file.display()));
-    let content: Content =
-        serde_json::from_str(&ranks::share_text(&text)).map_err(|error| wrong(error.to_string()))?;
+    let content: Content = serde_json::from_str(&ranks::share_text(&text)).map_err(|error| wrong(error.to_string()))?;
     if content.format != FORMAT {
         return Err(wrong(format!("format = {:?}: must be {FORMAT:?}", content.format)));
     }
