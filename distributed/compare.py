@@ -270,7 +270,9 @@ def splits():
 
 def blocked(folder, step):
     """Where rank 1 cannot write its piece of a frame."""
-    (folder / "frames" / f"frame_{step:06}_0001.vtp").mkdir(parents=True)
+    piece = folder / "frames" / f"frame_{step:06}_0001.vtp"
+    piece.unlink(missing_ok=True)
+    piece.mkdir(parents=True)
 
 
 def resume():

@@ -97,8 +97,9 @@ pub fn exchange<T: Sent>(parcels: &[Vec<T>]) -> Vec<Vec<T>> {
     let mut expected = vec![0u64; counts.len()];
     world.all_to_all_into(&counts[..], &mut expected[..]);
     let (counts, expected) = (lengths(&counts), lengths(&expected));
-    let sent: Vec<T> = parcels.iter().flatten().copied().collect();
-    let mut received = vec![T::default(); expected.iter().map(|&count| count as usize).sum()];
+    // Never empty: an empty list of bytes begins at the address that MPI takes for "in place".
+    let sent: Vec<T> = parcels.iter().flatten().copied().chain([T::default()]).collect();
+    let mut received = vec![T::default(); 1 + expected.iter().map(|&count| count as usize).sum::<usize>()];
     world.all_to_all_varcount_into(
         &Partition::new(&sent[..], counts.clone(), starts(&counts)),
         &mut PartitionMut::new(&mut received[..], expected.clone(), starts(&expected)),
