@@ -247,6 +247,8 @@ pub struct PetscSolver<'p> {
     /// What takes the place of a preconditioner that failed, and for which it is.
     spare: Option<Solver<'p>>,
     is_spare: bool,
+    /// Iterations of the first solve since multigrid was set up from nothing, and of the last one.
+    iterations: [u64; 2],
     b: Vector<'p>,
     x: Vector<'p>,
     positions: Vector<'p>,
@@ -284,6 +286,7 @@ impl<'p> PetscSolver<'p> {
             solver,
             spare: None,
             is_spare: false,
+            iterations: [0; 2],
             b,
             x,
             positions,
@@ -306,6 +309,12 @@ impl<'p> PetscSolver<'p> {
         self.is_spare = false;
         if self.choice == Choice::Cg(Preconditioner::Gamg) {
             matrix.set_rigid_modes(&self.positions)?;
+            // Aggregates and prolongators serve for as long as they are good; they grow stale as springs turn.
+            let [first, last] = self.iterations;
+            if last > first + first / 6 {
+                *solver = Solver::new(self.petsc, "cg", "")?;
+                self.iterations = [0; 2];
+            }
         }
         if self.choice == Choice::Mumps {
             solver.prepare(matrix)?;
@@ -404,6 +413,8 @@ impl<'p> PetscSolver<'p> {
         dofs.gather(&self.full, x);
         let relative_residual = self.residual(a, b, x);
         let iterations = work.cg_iterations - before;
+        let [first, _] = self.iterations;
+        self.iterations = [if first == 0 { iterations } else { first }, iterations];
         Ok(match end {
             End::Converged if relative_residual.is_finite() => Ok(Solution { relative_residual }),
             End::Converged => Err(SolveFailure::NonFinite),
