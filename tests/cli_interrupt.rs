@@ -72,3 +72,44 @@ fn a_killed_run_leaves_older_results_whole() {
     let series = sandbox.read("o/frames.pvd");
     assert!(series.trim_end().ends_with("</VTKFile>"), "{series}");
 }
+
+/// The folders of runs that may become the answer.
+fn attempts(sandbox: &Sandbox) -> Vec<String> {
+    let entries = std::fs::read_dir(sandbox.path("o")).into_iter().flatten().flatten();
+    entries
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .filter(|name| name.starts_with(".sprung-"))
+        .collect()
+}
+
+/// A cloth that folds for 20 s: two runs of Verlet's method take less than a second, the third run, of DOP853, takes minutes.
+#[test]
+fn an_interrupted_search_leaves_the_best_answer_with_its_estimate() {
+    let sandbox = Sandbox::new();
+    let scene = sandbox.sprung(&["new", "cloth", "--size", "8"]).ends_with(0).stdout;
+    sandbox.put("cloth.toml", &scene);
+    let arguments = ["run", "cloth.toml", "--accuracy", "1e-8", "--duration", "20", "--out", "o", "--json"];
+    let child = sandbox.command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let (mut seen, patience) = (std::collections::BTreeSet::new(), Instant::now() + Duration::from_secs(120));
+    while seen.len() < 3 {
+        assert!(Instant::now() < patience, "the search does not come to its third run");
+        seen.extend(attempts(&sandbox));
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    send("-INT", &child);
+    let output = child.wait_with_output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("interrupted: "), "{message}");
+    let summary = sandbox.json("o/summary.json");
+    assert_eq!(serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap(), summary);
+    assert_eq!((&summary["status"], &summary["time"]), (&json!("interrupted"), &json!(20.0)));
+    let error = &summary["error"];
+    assert_eq!(error["kind"], "indicator");
+    assert!(error["estimate"].as_f64().unwrap() > 1e-8, "{error}");
+    assert_eq!(sandbox.json("o/final.json")["time"], 20.0);
+    assert!(sandbox.csv("o/energy.csv").len() > 100);
+    assert_eq!(attempts(&sandbox), [""; 0]);
+    let (run, total) = (summary["effort"]["run"].as_f64().unwrap(), summary["effort"]["total"].as_f64().unwrap());
+    assert!(run > 0.0 && total > 1.5 * run, "{run} {total}");
+}

@@ -3,7 +3,7 @@
 //! Of three runs in a row the last is believed when their differences contract, by more than the order ½, and when its steps
 //! resolve what moves: methods that damp may agree on a motion without its vibrations.
 
-use super::attempt::Audience;
+use super::audience::Audience;
 use super::course::Course;
 use super::rates::Rates;
 use super::resolution::unresolved;

@@ -6,13 +6,17 @@
 //! recorded as it went, and nothing is repeated.
 //!
 //! An estimate counts only when it was made by two runs that could have disagreed, and steps that resolve what moves. What cannot be
-//! confirmed so is handed out as [unconfirmed](Verdict::Unconfirmed), with the least estimate that there is.
+//! confirmed so is handed out as [unconfirmed](Verdict::Unconfirmed), with the least estimate that there is. So is a motion in one dimension
+//! in which springs pass the length zero: their forces jump there, from pushing one way to pushing the other, and whether ends that
+//! come close slowly pass each other or turn round is decided by less than any run resolves. Runs may all agree on one of the two.
 //!
 //! Costs are [counted](CostModel), not timed: the same scene gives the same answer on every machine.
 
-use super::attempt::{Audience, Grid, Task};
+use super::attempt::Task;
+use super::audience::Audience;
 use super::explicit::{self, Price};
 use super::rates::Rates;
+use super::samples::Grid;
 use super::search::{Answer, Search, Verdict};
 use super::{alone, stiff};
 use crate::error::Result;

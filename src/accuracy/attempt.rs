@@ -1,63 +1,18 @@
 //! One run on the way to an answer: metered, observed, and compared with others by its course.
 
-use super::course::{Course, most_samples};
+use super::audience::Audience;
+use super::course::Course;
+use super::metered::{Meter, Metered};
+use super::samples::{Between, Grid};
 use super::{Configuration, Pace};
 use crate::error::Result;
 use crate::integrate::{
-    AdaptiveStepper, Adaptivity, ErrorEstimate, Monitor, MonitorOptions, Outcome, Sampling, Schedule, Statistics,
-    Status, StepFailure, TimeStepper, hermite, run_adaptive_monitored, run_monitored,
+    Adaptivity, Monitor, MonitorOptions, Outcome, Sampling, Schedule, Statistics, Status, TimeStepper,
+    run_adaptive_monitored, run_monitored,
 };
 use crate::linear::{CostModel, FactorReport, LinearSolver};
 use crate::system::{State, System};
-use std::cell::Cell;
 use std::ops::ControlFlow;
-
-/// What looks on while an answer is looked for.
-pub trait Audience {
-    /// What is kept of one run until it is known whether that is the answer.
-    type Records;
-
-    /// A run begins.
-    ///
-    /// # Errors
-    /// What ends the search.
-    fn begin(&mut self, monitor: &Monitor) -> Result<Self::Records>;
-
-    /// The run is at a multiple of the interval asked for, or at its end.
-    ///
-    /// # Errors
-    /// What ends the search.
-    fn record(&mut self, records: &mut Self::Records, number: u64, state: &State, monitor: &Monitor) -> Result<()>;
-
-    /// How the search gets on.
-    fn progress(&mut self, _progress: &Progress<'_>) {}
-}
-
-/// Nobody.
-impl Audience for () {
-    type Records = ();
-
-    fn begin(&mut self, _: &Monitor) -> Result<()> {
-        Ok(())
-    }
-
-    fn record(&mut self, (): &mut (), _: u64, _: &State, _: &Monitor) -> Result<()> {
-        Ok(())
-    }
-}
-
-/// How a search gets on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Progress<'a> {
-    /// What is being done.
-    pub doing: &'a str,
-    /// The part of it that is done.
-    pub part: f64,
-    /// What has been spent, in force evaluations.
-    pub spent: f64,
-    /// What is left to do at most, as far as can be seen, in force evaluations.
-    pub left: f64,
-}
 
 /// A motion to be computed.
 pub(super) struct Task<'a> {
@@ -67,28 +22,6 @@ pub(super) struct Task<'a> {
     pub costs: CostModel,
     pub grid: Grid,
     pub go_on: &'a dyn Fn() -> bool,
-}
-
-/// The times at which runs are seen: multiples of a spacing, and the end.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Grid {
-    spacing: f64,
-    /// Of these every so many are recorded, and every so many kept to compare runs by.
-    recorded: u64,
-    compared: u64,
-}
-
-/// A run is compared in at least so many places.
-const FEWEST: f64 = 16.0;
-
-impl Grid {
-    pub fn new(duration: f64, interval: f64, particles: usize) -> Self {
-        let recorded = (FEWEST * interval / duration).ceil().max(1.0);
-        let spacing = interval / recorded;
-        let samples = (duration / spacing).ceil();
-        let compared = (samples / most_samples(particles) as f64).ceil().max(1.0);
-        Self { spacing, recorded: recorded as u64, compared: compared as u64 }
-    }
 }
 
 /// A completed run.
@@ -101,6 +34,8 @@ pub(super) struct Attempt<R> {
     pub cost: f64,
     pub solver: SolverReport,
     pub course: Course,
+    /// Whether springs of a one-dimensional system have passed the length zero.
+    pub reverses: bool,
     pub records: R,
 }
 
@@ -142,7 +77,7 @@ pub(super) fn attempt<A: Audience>(
     // A run that blows up shows in the comparison with another.
     let options_of_monitor = MonitorOptions { stops_unstable: false, ..MonitorOptions::default() };
     let mut monitor = Monitor::new(system, &state, options_of_monitor)?;
-    let meter = Meter { costs: task.costs, limit, spent: Cell::new(0.0), refused: Cell::new(false), go_on: task.go_on };
+    let meter = Meter::new(task.costs, limit, task.go_on);
     let mut watch = Watch {
         records: audience.begin(&monitor)?,
         audience,
@@ -204,9 +139,10 @@ pub(super) fn attempt<A: Audience>(
             factor,
         },
         course,
+        reverses: false,
         records,
     });
-    Ok(Tried { attempt, status, cost, is_too_expensive: meter.refused.get() && !interrupted })
+    Ok(Tried { attempt, status, cost, is_too_expensive: meter.has_refused() && !interrupted })
 }
 
 /// Records and compares.
@@ -233,201 +169,8 @@ impl<A: Audience> Watch<'_, A> {
             self.failed = self.audience.record(&mut self.records, number, state, monitor).err();
         }
         let part = (state.time - self.start) / (self.end - self.start);
-        (self.progress)(self.audience, part, self.meter.spent.get());
+        (self.progress)(self.audience, part, self.meter.spent());
         let stops = self.failed.is_some() || self.meter.is_over();
         if stops { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    }
-}
-
-/// What a run has spent, and whether it may go on.
-struct Meter<'a> {
-    costs: CostModel,
-    limit: f64,
-    spent: Cell<f64>,
-    /// Whether the limit has been reached.
-    refused: Cell<bool>,
-    go_on: &'a dyn Fn() -> bool,
-}
-
-impl Meter<'_> {
-    fn is_over(&self) -> bool {
-        if self.spent.get() > self.limit {
-            self.refused.set(true);
-        }
-        self.refused.get() || !(self.go_on)()
-    }
-}
-
-/// A stepper that refuses steps when it has cost too much, or is asked to stop: no step, however often cut, gets in the way of
-/// that.
-struct Metered<'a, S: ?Sized> {
-    stepper: &'a mut S,
-    meter: &'a Meter<'a>,
-}
-
-impl<S: TimeStepper + ?Sized> Metered<'_, S> {
-    fn meter(&self) -> Result<(), StepFailure> {
-        let factor = self.stepper.linear_solver().and_then(LinearSolver::factor).map(|factor| factor.size);
-        self.meter.spent.set(self.meter.costs.cost(&self.stepper.statistics().work, factor));
-        if self.meter.is_over() { Err(StepFailure::Tolerance) } else { Ok(()) }
-    }
-}
-
-impl<S: TimeStepper + ?Sized> TimeStepper for Metered<'_, S> {
-    fn name(&self) -> &'static str {
-        self.stepper.name()
-    }
-
-    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
-        self.stepper.linear_solver()
-    }
-
-    fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
-        self.meter()?;
-        self.stepper.step(state, dt)
-    }
-
-    fn restart(&mut self) {
-        self.stepper.restart();
-    }
-
-    fn statistics(&self) -> &Statistics {
-        self.stepper.statistics()
-    }
-}
-
-impl<S: AdaptiveStepper + ?Sized> AdaptiveStepper for Metered<'_, S> {
-    fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
-        self.meter()?;
-        self.stepper.try_step(state, dt)
-    }
-
-    fn coarser_estimate(&self) -> Option<ErrorEstimate<'_>> {
-        self.stepper.coarser_estimate()
-    }
-
-    fn accept(&mut self, state: &mut State) {
-        self.stepper.accept(state);
-    }
-
-    fn reject(&mut self) {
-        self.stepper.reject();
-    }
-
-    fn order(&self) -> u32 {
-        self.stepper.order()
-    }
-
-    fn estimate_order(&self) -> u32 {
-        self.stepper.estimate_order()
-    }
-
-    fn caution(&self) -> f64 {
-        self.stepper.caution()
-    }
-
-    fn gains_by_equal_steps(&self) -> bool {
-        self.stepper.gains_by_equal_steps()
-    }
-
-    fn largest_growth(&self) -> f64 {
-        self.stepper.largest_growth()
-    }
-
-    fn interpolate(&mut self, before: &State, after: &State, time: f64, sample: &mut State) {
-        self.stepper.interpolate(before, after, time, sample);
-    }
-
-    fn statistics_mut(&mut self) -> &mut Statistics {
-        self.stepper.statistics_mut()
-    }
-}
-
-/// States between the steps of a fixed length.
-struct Between {
-    spacing: f64,
-    dt: f64,
-    start: f64,
-    count: u64,
-    /// The last state before the next time to be seen, where that is needed.
-    before: State,
-    sample: State,
-}
-
-impl Between {
-    fn new(spacing: f64, dt: f64, start: &State) -> Self {
-        Self { spacing, dt, start: start.time, count: 0, before: start.clone(), sample: start.clone() }
-    }
-
-    fn next(&self) -> f64 {
-        self.start + (self.count + 1) as f64 * self.spacing
-    }
-
-    fn see(
-        &mut self,
-        system: &System,
-        state: &State,
-        end: f64,
-        mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
-    ) -> ControlFlow<()> {
-        let is_end = state.time >= end;
-        // A time within rounding of the end is the end.
-        let slack = if is_end { 1e-9 * self.spacing } else { 0.0 };
-        while self.next() < state.time - slack || (self.next() == state.time && !is_end) {
-            let time = self.next();
-            hermite(&self.before, state, time, &mut self.sample);
-            self.sample.time = time;
-            self.sample.prescribe(system);
-            self.count += 1;
-            observe(self.count, &self.sample)?;
-        }
-        if is_end {
-            self.count += 1;
-            return observe(self.count, state);
-        }
-        if self.next() <= state.time + 2.0 * self.dt {
-            self.before.copy_from(state);
-        }
-        ControlFlow::Continue(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn grids_record_as_asked_and_compare_often_enough() {
-        let grid = Grid::new(1.0, 0.01, 10);
-        assert_eq!(grid, Grid { spacing: 0.01, recorded: 1, compared: 2 });
-        let grid = Grid::new(1.0, 0.25, 10);
-        assert_eq!(grid, Grid { spacing: 0.0625, recorded: 4, compared: 1 });
-        let grid = Grid::new(2.0, 5.0, 10);
-        assert_eq!((grid.spacing, grid.compared), (0.125, 1));
-    }
-
-    /// Steps of 0.3 s on a parabola, seen every 0.25 s: cubic polynomials meet it.
-    #[test]
-    fn states_between_steps_are_interpolated() {
-        let mut builder = crate::SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        let (system, start) = builder.build().unwrap();
-        let at = |time: f64| State {
-            time,
-            positions: vec![nalgebra::Vector3::new(time * time, 0.0, 0.0)],
-            velocities: vec![nalgebra::Vector3::new(2.0 * time, 0.0, 0.0)],
-        };
-        let mut between = Between::new(0.25, 0.3, &start);
-        let mut seen = Vec::new();
-        for step in 1..=4 {
-            let time = if step == 4 { 1.0 } else { 0.3 * f64::from(step) };
-            let flow = between.see(&system, &at(time), 1.0, |number, state| {
-                seen.push((number, state.time));
-                assert!((state.positions[0].x - state.time * state.time).abs() < 1e-15);
-                ControlFlow::Continue(())
-            });
-            assert!(flow.is_continue());
-        }
-        assert_eq!(seen, [(1, 0.25), (2, 0.5), (3, 0.75), (4, 1.0)]);
     }
 }

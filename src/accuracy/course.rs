@@ -39,6 +39,17 @@ impl Course {
         self.positions.last().map_or(&[], Vec::as_slice)
     }
 
+    /// Whether a spring of a one-dimensional system, whose ends are these pairs, points the other way at some time than at the start.
+    pub fn reverses(&self, pairs: &[[u32; 2]], start: &[Vector3<f64>]) -> bool {
+        let along = |positions: &[Vector3<f64>], [i, j]: [u32; 2]| -> Option<f64> {
+            Some(positions.get(j as usize)?.x - positions.get(i as usize)?.x)
+        };
+        let reversed = |positions: &[Vector3<f64>], pair| {
+            along(start, pair).zip(along(positions, pair)).is_some_and(|(before, now)| before * now < 0.0)
+        };
+        self.positions.iter().any(|positions| pairs.iter().any(|&pair| reversed(positions, pair)))
+    }
+
     /// `self + factor (self − coarser)`, what is left when an error of known order is taken off.
     pub fn extrapolated(&self, coarser: &Self, factor: f64) -> Self {
         let pairs = self.positions.iter().zip(&coarser.positions);
@@ -124,6 +135,16 @@ mod tests {
         let better = fine.extrapolated(&coarse, 1.0 / 3.0);
         let difference = better.compared_with(&course(&[0.0, 0.0]), &[Vector3::zeros(); 2]);
         assert!(difference.largest() < 1e-15);
+    }
+
+    /// The second particle, 1 m from the first, passes it and comes back.
+    #[test]
+    fn springs_that_turned_round_are_seen() {
+        let start = [Vector3::zeros(), Vector3::new(1.0, 0.0, 0.0)];
+        for (at, expected) in [([-0.2, -0.9, 0.3], false), ([-0.2, -1.1, 0.3], true)] {
+            assert_eq!(course(&at).reverses(&[[0, 1]], &start), expected);
+            assert_eq!(course(&at).reverses(&[[1, 0]], &start), expected);
+        }
     }
 
     #[test]

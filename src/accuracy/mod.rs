@@ -3,21 +3,27 @@
 mod alone;
 mod answer;
 mod attempt;
+mod audience;
 mod course;
+mod dop853;
 mod explicit;
 mod horizon;
+mod metered;
 mod norm;
 mod preset;
 mod rates;
 mod reduction;
 mod resolution;
+mod samples;
 mod search;
 mod stiff;
 mod trial;
+mod verlet;
 mod words;
 
 pub use answer::{Requirement, answer};
-pub use attempt::{Audience, Progress, SolverReport};
+pub use attempt::SolverReport;
+pub use audience::{Audience, Progress};
 pub use horizon::Horizon;
 pub use norm::{extent, relative_position_error};
 pub use preset::preset;

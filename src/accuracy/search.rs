@@ -1,6 +1,7 @@
 //! What a search has tried, spent and found so far.
 
-use super::attempt::{Attempt, Audience, Progress, SolverReport, Task, Tried, attempt};
+use super::attempt::{Attempt, SolverReport, Task, Tried, attempt};
+use super::audience::{Audience, Progress};
 use super::course::{Course, Difference};
 use super::horizon::Horizon;
 use super::{Configuration, Pace, Requirement};
@@ -128,6 +129,8 @@ impl<'s, A: Audience> Search<'s, A> {
             });
         };
         let course = std::mem::take(&mut attempt.course);
+        let system = self.task.system;
+        attempt.reverses = system.dimension() == 1 && course.reverses(system.pairs(), &self.task.start.positions);
         let run = Run { cost, steps: attempt.steps };
         self.latest = Some(attempt);
         Ok(Went::Well(course, run))
@@ -147,7 +150,12 @@ impl<'s, A: Audience> Search<'s, A> {
         let Self { spent, runs, latest, best, horizon, .. } = self;
         let best = best.map(|(attempt, error)| (attempt, Some(error)));
         let (attempt, estimated_error) = best.or(latest.map(|attempt| (attempt, None)))?;
-        let Attempt { configuration, pace, state, steps, statistics, cost, solver, records, .. } = attempt;
+        let Attempt { configuration, pace, state, steps, statistics, cost, solver, reverses, records, .. } = attempt;
+        let verdict = if reverses && verdict == Verdict::Confirmed {
+            Verdict::Unconfirmed("springs pass the length zero, where their forces jump".into())
+        } else {
+            verdict
+        };
         Some(Answer {
             configuration,
             pace,

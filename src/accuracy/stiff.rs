@@ -1,7 +1,7 @@
 //! Answers by an implicit method, where explicit ones are dear: runs of RODAS4 with smaller and smaller tolerances, as long as they cost
 //! less than explicit answers would.
 
-use super::attempt::Audience;
+use super::audience::Audience;
 use super::course::Course;
 use super::explicit::Price;
 use super::resolution::unresolved;

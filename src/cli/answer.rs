@@ -3,8 +3,8 @@
 use super::Stop;
 use super::common::{LoadedScene, claim};
 use super::console::{Console, error};
+use super::files::{FILES, Files, text};
 use super::recorder::{Recorder, bar};
-use super::run::{FILES, Run, text};
 use indicatif::ProgressBar;
 use sprung::accuracy::{Audience, Progress, Reduction, Requirement, answer};
 use sprung::force::Energy;
@@ -30,7 +30,7 @@ pub struct Kept {
 
 /// Records runs and shows how the search gets on.
 struct Onlooker<'a> {
-    run: &'a Run,
+    files: &'a Files,
     folder: &'a Path,
     schedule: Schedule,
     scene: &'a LoadedScene,
@@ -45,7 +45,7 @@ impl Audience for Onlooker<'_> {
             .prefix(".sprung-")
             .tempdir_in(self.folder)
             .map_err(|source| Error::io(self.folder, source))?;
-        let frames = self.run.kept(folder.path(), &self.schedule, self.scene)?;
+        let frames = self.files.kept(folder.path(), &self.schedule, self.scene)?;
         let recorder = Recorder::silent(folder.path(), frames, &self.scene.system, &self.scene.state, monitor)?;
         let initial = monitor.initial();
         let energy = EnergyChange::between(&initial, &initial, monitor.balance());
@@ -93,7 +93,7 @@ fn move_files(from: &Path, to: &Path) -> Result<()> {
 
 /// What is asked for, and where its results go.
 pub struct Question<'a> {
-    pub run: &'a Run,
+    pub files: &'a Files,
     pub requirement: Requirement,
     pub folder: PathBuf,
     pub reductions: &'a [Reduction],
@@ -103,7 +103,7 @@ pub struct Question<'a> {
 impl Question<'_> {
     /// Searches, writes and reports the answer.
     pub fn answer(&self, console: &Console, scene: &LoadedScene) -> Result<Summary, Stop> {
-        let Self { run, requirement, folder, interrupted, .. } = self;
+        let Self { files, requirement, folder, interrupted, .. } = self;
         let LoadedScene { file, name, system, state: start, .. } = scene;
         let claimed = claim(folder, &FILES, false)?;
         claimed.remove(CHECKPOINT)?;
@@ -111,7 +111,7 @@ impl Question<'_> {
         let go_on = || !interrupted.load(Ordering::Relaxed);
         let schedule = Schedule::duration(requirement.interval, requirement.duration);
         let bar = bar(console, PARTS, "{wide_bar} {msg}");
-        let mut onlooker = Onlooker { run, folder, schedule, scene, bar };
+        let mut onlooker = Onlooker { files, folder, schedule, scene, bar };
         let found = answer(system, start, requirement, &mut onlooker, &go_on);
         onlooker.bar.finish_and_clear();
         let Some(found) = found.map_err(|error| error.in_file(file))? else {
@@ -128,11 +128,11 @@ impl Question<'_> {
         let final_state = folder.join("final.json");
         let written = clear_frames(&claimed)
             .and_then(|()| records.publish(system, folder))
-            .and_then(|()| run.clear_older(&claimed))
+            .and_then(|()| files.clear_older(&claimed))
             .and_then(|()| write_final_state(final_state, &summary.scene, system.dimension(), summary.steps, state))
             .and_then(|()| summary.write(folder.join("summary.json")));
         written.map_err(Stop::Broken)?;
-        let names = run.show(folder).map_err(Stop::Broken)?;
+        let names = files.show(folder).map_err(Stop::Broken)?;
         console.result(&summary, text(&summary, folder, &names))?;
         summary.warnings.iter().for_each(error);
         Ok(summary)

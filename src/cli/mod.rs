@@ -7,6 +7,7 @@ mod completions;
 mod console;
 mod doubts;
 mod failure;
+mod files;
 mod inspect;
 mod interrupt;
 mod man;

@@ -5,23 +5,23 @@ use super::common::{LoadedScene, SceneFile, Threads, claim};
 use super::console::{Console, error, help, warning};
 use super::doubts::{advice, doubts};
 use super::failure::Failed;
+use super::files::{FILES, Files, text};
 use super::method::{MethodArguments, repeat};
 use super::parts::{Checkpoints, Ended, Parts};
 use super::recorder::Recorder;
-use super::time::in_words;
 use super::values::{count, positive, positive_count};
-use super::view::{self, PAGE};
+use super::view;
 use super::{Exit, Stop, interrupt};
 use sprung::accuracy::{Reduction, Requirement, reduce};
-use sprung::integrate::{Balance, Schedule, Status, percent};
+use sprung::integrate::{Schedule, Status};
 use sprung::output::{
-    BUNDLE, CHECKPOINT, Checkpoint, ChoiceReport, EnergyLog, ErrorKind, ErrorReport, FailureReport, Frames,
-    OutputFolder, Ran, Summary, TRAJECTORY, WAITING, clear_frames, fingerprint, playback, write_final_state,
+    CHECKPOINT, Checkpoint, ChoiceReport, EnergyLog, FailureReport, OutputFolder, Ran, Summary, WAITING, clear_frames,
+    fingerprint, write_final_state,
 };
 use sprung::plan::{DEFAULT_STEP, Plan, records_every};
 use sprung::{Error, Result};
 use std::num::NonZeroU64;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 /// Simulate a scene
@@ -53,14 +53,8 @@ pub struct Run {
     #[command(flatten)]
     method: MethodArguments,
 
-    /// Write every Nth step as a VTK file, from the initial state on, frames.pvd, which opens them as a time series, and
-    /// trajectory.npz, all of them in one file for Python
-    #[arg(long, value_name = "N", value_parser = positive_count)]
-    frames: Option<NonZeroU64>,
-
-    /// Write view.html, a page that plays the motion in any browser; without --frames, of about 300 frames
-    #[arg(long)]
-    view: bool,
+    #[command(flatten)]
+    files: Files,
 
     /// Go on when energy appears from nowhere: to see it blow up
     #[arg(long)]
@@ -98,8 +92,6 @@ struct Pacing {
     is_chosen: bool,
 }
 
-pub const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
-
 impl Run {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let mut scene = self.scene.load()?;
@@ -121,7 +113,8 @@ impl Run {
                 (Some(requirement), _) => {
                     let folder = scene.folder(&self.out);
                     let (reductions, interrupted) = (&reductions[..], interrupted);
-                    Question { run: self, requirement, folder, reductions, interrupted }.answer(console, &scene)
+                    Question { files: &self.files, requirement, folder, reductions, interrupted }
+                        .answer(console, &scene)
                 }
                 (None, Some(pace)) => {
                     let prepared = self.prepare(&scene, pace)?;
@@ -230,12 +223,12 @@ impl Run {
         let claimed = claim(&folder, &FILES, self.resume)?;
         if from.is_none() {
             claimed.remove(CHECKPOINT)?;
-            if self.frames.is_some() {
+            if self.files.frames.is_some() {
                 clear_frames(&claimed)?;
             }
         }
         let resumable = every.is_some();
-        let kept = view::frames(&folder, self.frames, self.view, schedule, &system, from.as_ref())?;
+        let kept = view::frames(&folder, self.files.frames, self.files.view, schedule, &system, from.as_ref())?;
         let kept = kept.map(|frames| frames.with_triangles(triangles));
         let kept = kept.map(|frames| if resumable { frames.resumable() } else { frames });
         let mut recorder = match &from {
@@ -274,14 +267,14 @@ impl Run {
             .and_then(|()| {
                 write_final_state(folder.join("final.json"), &summary.scene, system.dimension(), summary.steps, &state)
             })
-            .and_then(|()| self.clear_older(&claimed))
+            .and_then(|()| self.files.clear_older(&claimed))
             .and_then(|()| summary.write(folder.join("summary.json")))
             .and_then(|()| if summary.status == Status::Completed { forget_checkpoint(&claimed) } else { Ok(()) });
         written.map_err(Stop::Broken)?;
         if summary.status == Status::Completed {
             claimed.tidy();
         }
-        let names = self.show(&folder).map_err(Stop::Broken)?;
+        let names = self.files.show(&folder).map_err(Stop::Broken)?;
         console.result(&summary, text(&summary, &folder, &names))?;
         summary.warnings.iter().for_each(warning);
         if let Some(FailureReport { step, time, message }) = &summary.failure {
@@ -307,49 +300,10 @@ impl Run {
     /// Everything but the scene that decides about the bits of the files.
     fn how(&self, plan: &Plan, schedule: &Schedule) -> String {
         let Plan { configuration, rtol, .. } = plan;
-        format!("{configuration:?} {rtol:?} {schedule:?} {:?} {} {}", self.frames, self.view, self.allow_unstable)
-    }
-
-    /// Writes the page that plays the motion, where it is asked for; names all files of a run.
-    ///
-    /// # Errors
-    /// A page that cannot be written.
-    pub fn show(&self, folder: &Path) -> Result<Vec<&'static str>> {
-        let mut names = FILES.to_vec();
-        if self.frames.is_some() {
-            names.push("frames.pvd");
-        }
-        if self.frames.is_some() || self.view {
-            names.push(TRAJECTORY);
-        }
-        if self.view {
-            playback(folder).and_then(|motion| view::write(&folder.join(PAGE), &motion))?;
-            names.push(PAGE);
-        }
-        Ok(names)
-    }
-
-    /// The frames that are to be kept, if any, in a folder.
-    ///
-    /// # Errors
-    /// A folder that cannot be written.
-    pub fn kept(&self, folder: &Path, schedule: &Schedule, scene: &LoadedScene) -> Result<Option<Frames>> {
-        let kept = view::frames(folder, self.frames, self.view, schedule, &scene.system, None)?;
-        Ok(kept.map(|frames| frames.with_triangles(scene.triangles.clone())))
-    }
-
-    /// Removes what an earlier run has left that this one has nothing in place of.
-    pub fn clear_older(&self, folder: &OutputFolder) -> Result<()> {
-        if self.frames.is_none() {
-            clear_frames(folder)?;
-        }
-        if self.frames.is_none() && !self.view {
-            folder.remove(TRAJECTORY)?;
-        }
-        if !self.view {
-            folder.remove(PAGE)?;
-        }
-        folder.remove_inside("failure", |name| BUNDLE.contains(&name))
+        format!(
+            "{configuration:?} {rtol:?} {schedule:?} {:?} {} {}",
+            self.files.frames, self.files.view, self.allow_unstable
+        )
     }
 }
 
@@ -357,59 +311,4 @@ impl Run {
 fn forget_checkpoint(folder: &OutputFolder) -> Result<()> {
     folder.remove(CHECKPOINT)?;
     folder.remove(WAITING)
-}
-
-/// The summary for people.
-pub fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
-    let Summary { scene, method, stiffness, solver, steps, time, wall_seconds, energy, statistics, .. } = summary;
-    let Summary { particles, springs, dofs, .. } = summary;
-    let work = &statistics.work;
-    let status = summary.status.name();
-    let mut lines =
-        vec![format!("{scene}: {status} after {steps} steps, at t = {time} s, in {}", in_words(*wall_seconds))];
-    lines.push(format!("  system    {particles} particles, {springs} springs, {dofs} degrees of freedom"));
-    if *solver == "none" {
-        lines.push(format!("  method    {method}, {} force evaluations", work.force_evaluations));
-    } else {
-        let with =
-            if summary.preconditioner == "none" { String::new() } else { format!(" with {}", summary.preconditioner) };
-        lines.push(format!("  method    {method}, stiffness {stiffness}, solver {solver}{with}"));
-        if let Some(choice) = &summary.solver_choice {
-            lines.push(format!("  chosen    {choice}"));
-        }
-        lines.push(format!(
-            "  work      {} solves, {} factorizations, {} CG iterations, {} Newton iterations",
-            work.solves, work.factorizations, work.cg_iterations, work.newton_iterations,
-        ));
-        lines.push(format!("  residual  at most {:.1e} of the right-hand side", statistics.max_relative_residual));
-    }
-    if let Some(choice) = &summary.choice {
-        lines.push(format!("  chosen    {}", choice.reason));
-    }
-    lines.extend(summary.reductions.iter().map(|reduction| format!("  reduced   {reduction}")));
-    if statistics.rejected_steps > 0 {
-        lines.push(format!("  rejected  {} steps with too large an error", statistics.rejected_steps));
-    }
-    if statistics.softened_solves > 0 {
-        let each = statistics.dropped_terms as f64 / statistics.softened_solves as f64;
-        lines.push(format!(
-            "  dropped   {each:.1} transverse terms on average in {} solves where A was indefinite",
-            statistics.softened_solves
-        ));
-    }
-    lines.push(format!("  energy    {:.6e} J at the start, {:.6e} J at the end", energy.initial, energy.last));
-    if let Some(ErrorReport { estimate, kind }) = summary.error {
-        let how = if kind == ErrorKind::Confirmed {
-            "confirmed by another run"
-        } else {
-            "an indicator, right to about ten times"
-        };
-        lines.push(format!("  error     about {} of the extent ({how})", percent(estimate)));
-    }
-    let Balance { work, dissipated, imbalance } = energy.balance;
-    lines.push(format!(
-        "  balance   {work:.3e} J of work by moving constraints, {dissipated:.3e} J dissipated, {imbalance:.3e} J unexplained"
-    ));
-    lines.push(format!("  files     {} in {}", files.join(", "), folder.display()));
-    lines.join("\n")
 }

@@ -1,0 +1,115 @@
+//! Answers by DOP853, where the steps of Verlet's method that the accuracy needs would cost more. Its first run is compared with the
+//! extrapolation of Verlet's pair, which errs for other reasons; further ones have smaller tolerances.
+//!
+//! Every run begins with a step that its tolerance decides about. Where all of them began with the same step they would share its error,
+//! which a motion that amplifies can make the largest of all, and agree on it.
+
+use super::Pace;
+use super::audience::Audience;
+use super::course::Course;
+use super::explicit::{CHANCE, PROVEN, Price, RETRIES, USABLE, of};
+use super::horizon::{Outlook, Parting};
+use super::search::{Run, Search, Verdict, Went};
+use crate::error::Result;
+use crate::integrate::Method;
+
+/// The tolerance of the first run, in the accuracy asked for, and what it does not exceed. (Ten times less costs a third more.)
+const FIRST_TOLERANCE: f64 = 10.0;
+const COARSEST: f64 = 0.1;
+
+/// Below this runs differ by rounding.
+const FINEST: f64 = 1e-14;
+
+/// What the difference of a first pair is multiplied with. Errors in proportion to the tolerances would leave a tenth of it; five times
+/// that stands against chance.
+const UNPROVEN: f64 = 0.5;
+
+/// So many times in a row runs must say that no tolerance is enough.
+const BLEAK: u32 = 2;
+
+/// The first step spans so many radians of the fastest motion with a tolerance of one, and at most this part of the run.
+const FIRST_STEP: f64 = 3.0;
+const FIRST_PART: f64 = 0.1;
+
+/// An answer.
+pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price, other: Option<Course>) -> Result<Verdict> {
+    let (accuracy, duration, start) = (search.requirement.accuracy, search.task.duration, search.task.start.time);
+    let mut tolerance = (FIRST_TOLERANCE * accuracy).min(COARSEST);
+    let mut coarse: Option<(f64, Course)> = None;
+    let mut history: Vec<f64> = Vec::new();
+    let mut parting: Option<Parting> = None;
+    let mut bleak = 0;
+    let mut other = other;
+    let mut failures = 0;
+    loop {
+        search.left = 1.5 * price.dop853(accuracy);
+        // Of eighth order.
+        let first_step = (FIRST_STEP / price.radius * tolerance.powf(0.125)).min(FIRST_PART * duration);
+        let pace = Pace::Adaptive { rtol: tolerance, first_step: Some(first_step) };
+        let (fine, Run { cost, .. }) = match search.run(of(Method::Dop853), pace, f64::INFINITY)? {
+            Went::Well(course, run) => (course, run),
+            Went::Stopped => return Ok(Verdict::Interrupted),
+            Went::Wrong if failures < RETRIES => {
+                failures += 1;
+                tolerance *= 0.1;
+                continue;
+            }
+            Went::Wrong => return Ok(Verdict::Unconfirmed("no run came to the end".into())),
+            Went::TooFar => return Ok(Verdict::Unconfirmed("it would take too many steps".into())),
+        };
+        if let Some(other) = other.take().filter(|_| coarse.is_none()) {
+            let apart = search.difference(&fine, &other).envelope();
+            if apart <= USABLE * accuracy {
+                search.estimate(apart);
+                return Ok(Verdict::Confirmed);
+            }
+        }
+        let mut next = 0.1 * tolerance;
+        if let Some((before, course)) = coarse.take() {
+            let difference = search.difference(&fine, &course);
+            let apart = difference.envelope();
+            // Errors are about in proportion to the tolerance; more than half of that decay must be seen, and no more than all.
+            let least = history.iter().copied().reduce(f64::min);
+            let ratio = tolerance / before;
+            let (estimate, contracts) = match least {
+                None => (UNPROVEN * apart, true),
+                Some(least) if apart <= least * ratio.sqrt() => (apart.max(CHANCE * least * ratio) / PROVEN, true),
+                Some(_) => (history.iter().fold(apart, |a, b| a.max(*b)) * PROVEN, false),
+            };
+            search.estimate(estimate);
+            if estimate <= accuracy {
+                return Ok(Verdict::Confirmed);
+            }
+            history.push(apart);
+            // What does not contract yet says nothing about how far it has to go.
+            let most = if contracts { 1e-2 } else { 0.1 };
+            next = tolerance * (0.3 * accuracy / estimate).powf(1.1).clamp(most, 0.1);
+            let parted = Parting::of(&difference, accuracy, tolerance, start);
+            let outlook = parting.and_then(|before| parted.outlook(&before, duration));
+            bleak = match outlook {
+                Some(Outlook::Unpredictable(horizon)) => {
+                    search.horizon = Some(horizon);
+                    bleak + 1
+                }
+                Some(Outlook::Needs(_)) => {
+                    search.horizon = None;
+                    0
+                }
+                // Runs that say nothing take nothing back.
+                None => 0,
+            };
+            if bleak >= BLEAK {
+                return Ok(Verdict::Unconfirmed("the motion forgets how it began".into()));
+            }
+            parting = Some(parted);
+        }
+        if next < FINEST {
+            return Ok(Verdict::Unconfirmed("runs differ by more than the accuracy down to rounding".into()));
+        }
+        if !search.affords(cost) {
+            return Ok(Verdict::Unconfirmed("it would take too many steps".into()));
+        }
+        coarse = Some((tolerance, fine));
+        tolerance = next;
+    }
+}

@@ -1,0 +1,126 @@
+//! Runs that end when they have cost enough, or somebody asks them to.
+
+use crate::error::Result;
+use crate::integrate::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper};
+use crate::linear::{CostModel, LinearSolver};
+use crate::system::State;
+use std::cell::Cell;
+
+/// What a run has spent, and whether it may go on.
+pub(super) struct Meter<'a> {
+    costs: CostModel,
+    limit: f64,
+    spent: Cell<f64>,
+    refused: Cell<bool>,
+    go_on: &'a dyn Fn() -> bool,
+}
+
+impl<'a> Meter<'a> {
+    /// For a run that may cost `limit`.
+    pub fn new(costs: CostModel, limit: f64, go_on: &'a dyn Fn() -> bool) -> Self {
+        Self { costs, limit, spent: Cell::new(0.0), refused: Cell::new(false), go_on }
+    }
+
+    /// What the run has cost so far.
+    pub fn spent(&self) -> f64 {
+        self.spent.get()
+    }
+
+    /// Whether the limit has been reached.
+    pub fn has_refused(&self) -> bool {
+        self.refused.get()
+    }
+
+    /// Whether the run is to end here.
+    pub fn is_over(&self) -> bool {
+        if self.spent.get() > self.limit {
+            self.refused.set(true);
+        }
+        self.refused.get() || !(self.go_on)()
+    }
+}
+
+/// A stepper that refuses steps when it has cost too much, or is asked to stop: no step, however often cut, gets in the way of
+/// that.
+pub(super) struct Metered<'a, S: ?Sized> {
+    pub stepper: &'a mut S,
+    pub meter: &'a Meter<'a>,
+}
+
+impl<S: TimeStepper + ?Sized> Metered<'_, S> {
+    fn meter(&self) -> Result<(), StepFailure> {
+        let factor = self.stepper.linear_solver().and_then(LinearSolver::factor).map(|factor| factor.size);
+        self.meter.spent.set(self.meter.costs.cost(&self.stepper.statistics().work, factor));
+        if self.meter.is_over() { Err(StepFailure::Tolerance) } else { Ok(()) }
+    }
+}
+
+impl<S: TimeStepper + ?Sized> TimeStepper for Metered<'_, S> {
+    fn name(&self) -> &'static str {
+        self.stepper.name()
+    }
+
+    fn linear_solver(&self) -> Option<&dyn LinearSolver> {
+        self.stepper.linear_solver()
+    }
+
+    fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        self.meter()?;
+        self.stepper.step(state, dt)
+    }
+
+    fn restart(&mut self) {
+        self.stepper.restart();
+    }
+
+    fn statistics(&self) -> &Statistics {
+        self.stepper.statistics()
+    }
+}
+
+impl<S: AdaptiveStepper + ?Sized> AdaptiveStepper for Metered<'_, S> {
+    fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
+        self.meter()?;
+        self.stepper.try_step(state, dt)
+    }
+
+    fn coarser_estimate(&self) -> Option<ErrorEstimate<'_>> {
+        self.stepper.coarser_estimate()
+    }
+
+    fn accept(&mut self, state: &mut State) {
+        self.stepper.accept(state);
+    }
+
+    fn reject(&mut self) {
+        self.stepper.reject();
+    }
+
+    fn order(&self) -> u32 {
+        self.stepper.order()
+    }
+
+    fn estimate_order(&self) -> u32 {
+        self.stepper.estimate_order()
+    }
+
+    fn caution(&self) -> f64 {
+        self.stepper.caution()
+    }
+
+    fn gains_by_equal_steps(&self) -> bool {
+        self.stepper.gains_by_equal_steps()
+    }
+
+    fn largest_growth(&self) -> f64 {
+        self.stepper.largest_growth()
+    }
+
+    fn interpolate(&mut self, before: &State, after: &State, time: f64, sample: &mut State) {
+        self.stepper.interpolate(before, after, time, sample);
+    }
+
+    fn statistics_mut(&mut self) -> &mut Statistics {
+        self.stepper.statistics_mut()
+    }
+}

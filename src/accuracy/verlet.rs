@@ -1,0 +1,144 @@
+//! Answers by Verlet's method: it goes first, with the longest stable steps and with steps 1.35 times shorter.
+//!
+//! **The law.** Its error is `C h²`, C a motion of its own. So the difference d of runs with steps h and h/r leaves `d/(r² − 1)`
+//! of the finer one. Where that is too much, steps follow that are shorter by what the estimate says, each compared with the
+//! one before, and never by so much that the difference shows the coarser run's error alone: then two runs would not
+//! disagree about the finer one.
+//!
+//! **Whether it holds** two runs do not tell, three do: from the first two it follows where the third will be,
+//!
+//! ```text
+//! x₃ = x₂ + (x₂ − x₁) (h₂² − h₃²)/(h₁² − h₂²).
+//! ```
+//!
+//! Of fast vibrations whose phases are lost after `24/(ωh)²` radians the runs differ by as much as each of them errs, whatever their
+//! steps, and differences that happen to have the right size point anywhere. By how much the third run strays from where it should be is
+//! therefore a part of its estimate: of errors of one size A that know nothing of each other it is about `√6 A`.
+
+use super::Pace;
+use super::audience::Audience;
+use super::course::Course;
+use super::explicit::{CHANCE, PROVEN, Price, RETRIES, USABLE, of};
+use super::search::{Search, Verdict, Went};
+use crate::error::Result;
+use crate::integrate::Method;
+
+/// From the first run of a pair to the second.
+pub(super) const FIRST_RATIO: f64 = 1.35;
+
+/// What the difference of a first pair is multiplied with, of which nothing shows yet that it follows the law.
+const UNPROVEN: f64 = 2.0;
+
+/// A difference is not believed above this many times what the law makes of the one before.
+const CONTRACTION: f64 = 2.0;
+
+/// What a run strays from where the law leads counts with this for its error, `1/√6`.
+const STRAYED: f64 = 0.4;
+
+/// Steps become shorter by at least and at most this from run to run; longer ways are made in two.
+const SHORTER: [f64; 2] = [1.4, 2.5];
+
+/// Runs that are apart by more than ten times the extent have blown up.
+const BLOWN_UP: f64 = 10.0;
+
+/// The part of the accuracy that the next run aims at.
+const AIM: f64 = 0.5;
+
+/// The part of what DOP853 costs that Verlet's method may.
+const WORTH: f64 = 0.9;
+
+/// What Verlet's method leaves to DOP853.
+pub(super) struct Extrapolated(pub Option<Course>);
+
+/// A run, and how many steps it had.
+struct Ran {
+    steps: f64,
+    course: Course,
+}
+
+/// What the law says of the run to come: how far it will be from the one before, and where.
+struct Expected {
+    apart: f64,
+    course: Course,
+}
+
+/// `h₁² − h₂²`, times the square of the duration.
+fn share(coarse: f64, fine: f64) -> f64 {
+    coarse.powi(-2) - fine.powi(-2)
+}
+
+/// An answer, or what DOP853 may be compared with.
+pub(super) fn answer<A: Audience>(
+    search: &mut Search<'_, A>,
+    price: Price,
+) -> Result<std::result::Result<Verdict, Extrapolated>> {
+    let (accuracy, duration) = (search.requirement.accuracy, search.task.duration);
+    let too_dear = WORTH * price.dop853(accuracy);
+    let [least, largest] = SHORTER;
+    let mut steps = price.verlet.ceil();
+    let mut coarse: Option<Ran> = None;
+    let mut history: Vec<f64> = Vec::new();
+    let mut expected: Option<Expected> = None;
+    let mut extrapolated = None;
+    for failures in 0.. {
+        // Between here and the next failure every run is compared with the one before.
+        loop {
+            search.left = (FIRST_RATIO * steps).max(2.0 * price.dop853(accuracy));
+            if !search.affords(steps) {
+                return Ok(Ok(Verdict::Unconfirmed("it would take too many steps".into())));
+            }
+            let fine = match search.run(of(Method::Verlet), Pace::Step(duration / steps), f64::INFINITY)? {
+                Went::Well(course, _) => Ran { steps, course },
+                Went::Stopped => return Ok(Ok(Verdict::Interrupted)),
+                Went::Wrong | Went::TooFar => break,
+            };
+            let Some(before) = coarse.take() else {
+                coarse = Some(fine);
+                steps = (FIRST_RATIO * steps).ceil();
+                continue;
+            };
+            let gain = (steps / before.steps).powi(2) - 1.0;
+            let apart = search.difference(&fine.course, &before.course).envelope();
+            if apart > BLOWN_UP {
+                break;
+            }
+            let mut strays = 0.0;
+            let by_law = match &expected {
+                None => UNPROVEN * apart / gain,
+                Some(law) if apart <= CONTRACTION * law.apart => {
+                    strays = STRAYED * search.difference(&fine.course, &law.course).envelope();
+                    PROVEN * apart.max(CHANCE * law.apart) / gain
+                }
+                Some(_) => history.iter().fold(apart, |a, b| a.max(*b)) * PROVEN,
+            };
+            // A long way is not believed to its end.
+            let most_gain = largest.powi(2) - 1.0;
+            let estimate = by_law * (gain / most_gain).max(1.0) + strays;
+            search.estimate(estimate);
+            if estimate <= USABLE * accuracy {
+                return Ok(Ok(Verdict::Confirmed));
+            }
+            history.push(apart);
+            extrapolated = Some(fine.course.extrapolated(&before.course, 1.0 / gain));
+            let shorter = (by_law / (AIM * accuracy)).sqrt().max(least);
+            if steps * shorter > too_dear || !shorter.is_finite() {
+                return Ok(Err(Extrapolated(extrapolated)));
+            }
+            let shorter = if shorter > largest { shorter.sqrt().max(shorter / largest) } else { shorter };
+            let next = (steps * shorter).ceil();
+            let factor = share(steps, next) / share(before.steps, steps);
+            let course = fine.course.extrapolated(&before.course, factor);
+            expected = Some(Expected { apart: factor * apart, course });
+            coarse = Some(fine);
+            steps = next;
+        }
+        // Broken down: the fastest motion is faster than at the start.
+        (coarse, expected) = (None, None);
+        history.clear();
+        steps = (1.5 * steps).ceil();
+        if failures >= RETRIES {
+            break;
+        }
+    }
+    Ok(Err(Extrapolated(extrapolated)))
+}
