@@ -14,6 +14,7 @@
 mod study;
 
 use clap::Parser;
+use cpu_time::ThreadTime;
 use sprung::accuracy::{Configuration, Pace, Requirement, Verdict, answer, reduce, relative_position_error, trial};
 use sprung::integrate::{Equations, ImplicitOptions, Method, Status, StiffnessPolicy};
 use sprung::linear::{CostModel, SolverChoice, SolverOptions};
@@ -24,7 +25,6 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::fmt::Write;
 use std::path::Path;
-use std::time::Instant;
 use study::reference::Reference;
 use study::store::Store;
 use study::{named, random};
@@ -231,7 +231,7 @@ impl Motion<'_> {
 fn shortest(mut work: impl FnMut() -> sprung::Result<()>) -> sprung::Result<f64> {
     let mut least = f64::INFINITY;
     for _ in 0..REPEATS {
-        let clock = Instant::now();
+        let clock = ThreadTime::now();
         work()?;
         least = least.min(clock.elapsed().as_secs_f64());
     }
@@ -354,7 +354,7 @@ fn main() -> Result<(), Box<dyn Error>> {
          counted in force evaluations of the scene: that of the run handed out, and of everything done to find and confirm it\n\
          (`effort.run` and `effort.total` of `summary.json`). The cheapest run is that of a sweep over all methods with their stiffness options\n\
          and solvers, three steps to a power of two and three tolerances to a decade, and is cheapest with hindsight: also one that\n\
-         is good enough by chance counts. Times are those of the search, recording included, and of that run alone, the shortest of {REPEATS}.\n\n\
+         is good enough by chance counts. Times are those of the search, with what recording asks of it, and of that run alone: of one thread, the shortest of {REPEATS}.\n\n\
          ## {} random scenes\n\n{}\nDearest first:\n\n{HEADER}{dearest}\n## Ready scenes\n\n{}\n{HEADER}{lines}",
         arguments.count,
         table(&of_random)?,

@@ -83,6 +83,39 @@ fn agreement_of_steps_that_resolve_nothing_is_not_believed() {
     }
 }
 
+/// Three particles that hang on springs of ω = 1000/s and more, where their weight holds them, the lowest pulled down by `stretch` m.
+fn hanging(stretch: f64) -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.gravity.y = -10.0;
+    builder.particle([0.0; 3], 1.0);
+    for i in 1..=3 {
+        // A stiffness of 10⁶ N carries 10 N for each particle below.
+        let below = f64::from(4 - i);
+        let y = builder.positions[i as usize - 1].y - (1.0 + 1e-5 * below);
+        builder.particle([0.0, y - if i == 3 { stretch } else { 0.0 }, 0.0], 1.0);
+        builder.spring(i as usize - 1, i as usize, Spring { stiffness: 1e6, rest_length: 1.0, damping: 0.0 });
+    }
+    builder.hold(0);
+    builder.build().unwrap()
+}
+
+/// An explicit answer takes thousands of steps, whether anything moves or not.
+#[test]
+fn what_hangs_still_costs_little_and_what_vibrates_is_not_calmed() {
+    let (system, start) = hanging(0.0);
+    let still = found(&system, &start, &requirement(1e-3, 10.0));
+    assert_eq!((still.configuration.method, &still.verdict), (Method::Bdf2, &Verdict::Confirmed));
+    assert!(still.total_cost < 2000.0, "{}", still.total_cost);
+    assert!(relative_position_error(&still.state.positions, &start.positions, &start.positions) < 1e-3);
+
+    let (system, start) = hanging(0.05);
+    let exact = fine_answer(&system, &start, 1.0);
+    let moving = found(&system, &start, &requirement(1e-3, 1.0));
+    assert_ne!(moving.configuration.method, Method::Bdf2);
+    assert_eq!(moving.verdict, Verdict::Confirmed);
+    assert!(relative_position_error(&moving.state.positions, &exact.positions, &start.positions) <= 1e-3);
+}
+
 #[test]
 fn what_is_asked_for_is_kept() {
     let (system, start, duration) = scene("tetrahedron.toml");

@@ -7,8 +7,9 @@
 //!
 //! An estimate counts only when it was made by two runs that could have disagreed, and steps that resolve what moves. What cannot be
 //! confirmed so is handed out as [unconfirmed](Verdict::Unconfirmed), with the least estimate that there is. So is a motion in one dimension
-//! in which springs pass the length zero: their forces jump there, from pushing one way to pushing the other, and whether ends that
+//! in which many springs pass the length zero: their forces jump there, from pushing one way to pushing the other, and whether ends that
 //! come close slowly pass each other or turn round is decided by less than any run resolves. Runs may all agree on one of the two.
+//! Where few do, differences count in full: errors made at jumps follow no law of steps or tolerances.
 //!
 //! Costs are [counted](CostModel), not timed: the same scene gives the same answer on every machine.
 
@@ -18,7 +19,7 @@ use super::explicit::{self, Price};
 use super::rates::Rates;
 use super::samples::Grid;
 use super::search::{Answer, Search, Verdict};
-use super::{alone, stiff};
+use super::{alone, settled, stiff};
 use crate::error::Result;
 use crate::integrate::{Method, StiffnessPolicy};
 use crate::linear::{CostModel, SolverChoice};
@@ -66,7 +67,11 @@ pub fn answer<A: Audience>(
         Some(method) => alone::answer(&mut search, method, &rates)?,
         None => {
             let price = Price::of(&rates, duration);
-            match stiff::answer(&mut search, price)? {
+            let implicit = match settled::answer(&mut search, price)? {
+                None => stiff::answer(&mut search, price)?,
+                settled => settled,
+            };
+            match implicit {
                 Some(verdict) => verdict,
                 None => explicit::answer(&mut search, price)?,
             }

@@ -34,8 +34,8 @@ pub(super) struct Attempt<R> {
     pub cost: f64,
     pub solver: SolverReport,
     pub course: Course,
-    /// Whether springs of a one-dimensional system have passed the length zero.
-    pub reverses: bool,
+    /// How many springs of a one-dimensional system have passed the length zero.
+    pub reversed: usize,
     pub records: R,
 }
 
@@ -139,7 +139,7 @@ pub(super) fn attempt<A: Audience>(
             factor,
         },
         course,
-        reverses: false,
+        reversed: 0,
         records,
     });
     Ok(Tried { attempt, status, cost, is_too_expensive: meter.has_refused() && !interrupted })

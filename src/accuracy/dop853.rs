@@ -24,6 +24,9 @@ const FINEST: f64 = 1e-14;
 /// that stands against chance.
 const UNPROVEN: f64 = 0.5;
 
+/// The same where forces jump on the way.
+const JUMPED: f64 = 3.0;
+
 /// So many times in a row runs must say that no tolerance is enough.
 const BLEAK: u32 = 2;
 
@@ -46,7 +49,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price, othe
         // Of eighth order.
         let first_step = (FIRST_STEP / price.radius * tolerance.powf(0.125)).min(FIRST_PART * duration);
         let pace = Pace::Adaptive { rtol: tolerance, first_step: Some(first_step) };
-        let (fine, Run { cost, .. }) = match search.run(of(Method::Dop853), pace, f64::INFINITY)? {
+        let (fine, Run { cost, jumps, .. }) = match search.run(of(Method::Dop853), pace, f64::INFINITY)? {
             Went::Well(course, run) => (course, run),
             Went::Stopped => return Ok(Verdict::Interrupted),
             Went::Wrong if failures < RETRIES => {
@@ -72,7 +75,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price, othe
             let least = history.iter().copied().reduce(f64::min);
             let ratio = tolerance / before;
             let (estimate, contracts) = match least {
-                None => (UNPROVEN * apart, true),
+                None => (if jumps { JUMPED } else { UNPROVEN } * apart, true),
                 Some(least) if apart <= least * ratio.sqrt() => (apart.max(CHANCE * least * ratio) / PROVEN, true),
                 Some(_) => (history.iter().fold(apart, |a, b| a.max(*b)) * PROVEN, false),
             };

@@ -16,6 +16,7 @@ mod reduction;
 mod resolution;
 mod samples;
 mod search;
+mod settled;
 mod stiff;
 mod trial;
 mod verlet;

@@ -12,6 +12,9 @@ use crate::system::State;
 /// A search stops without an answer when it would cost more than this many force evaluations.
 const MOST_COST: f64 = 3e7;
 
+/// An answer in which more springs pass the length zero is not confirmed.
+const MOST_REVERSED: usize = 4;
+
 /// Whether an answer can be relied on.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
@@ -86,6 +89,8 @@ pub(super) enum Went {
 pub(super) struct Run {
     pub cost: f64,
     pub steps: u64,
+    /// Whether forces have jumped on the way: springs of a one-dimensional system that pass the length zero.
+    pub jumps: bool,
 }
 
 impl<'s, A: Audience> Search<'s, A> {
@@ -130,8 +135,10 @@ impl<'s, A: Audience> Search<'s, A> {
         };
         let course = std::mem::take(&mut attempt.course);
         let system = self.task.system;
-        attempt.reverses = system.dimension() == 1 && course.reverses(system.pairs(), &self.task.start.positions);
-        let run = Run { cost, steps: attempt.steps };
+        if system.dimension() == 1 {
+            attempt.reversed = course.reversed(system.pairs(), &self.task.start.positions);
+        }
+        let run = Run { cost, steps: attempt.steps, jumps: attempt.reversed > 0 };
         self.latest = Some(attempt);
         Ok(Went::Well(course, run))
     }
@@ -150,9 +157,9 @@ impl<'s, A: Audience> Search<'s, A> {
         let Self { spent, runs, latest, best, horizon, .. } = self;
         let best = best.map(|(attempt, error)| (attempt, Some(error)));
         let (attempt, estimated_error) = best.or(latest.map(|attempt| (attempt, None)))?;
-        let Attempt { configuration, pace, state, steps, statistics, cost, solver, reverses, records, .. } = attempt;
-        let verdict = if reverses && verdict == Verdict::Confirmed {
-            Verdict::Unconfirmed("springs pass the length zero, where their forces jump".into())
+        let Attempt { configuration, pace, state, steps, statistics, cost, solver, reversed, records, .. } = attempt;
+        let verdict = if reversed > MOST_REVERSED && verdict == Verdict::Confirmed {
+            Verdict::Unconfirmed(format!("{reversed} springs pass the length zero, where their forces jump"))
         } else {
             verdict
         };

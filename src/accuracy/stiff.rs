@@ -24,7 +24,7 @@ const FIRST_RATIO: f64 = 6.7;
 const GROWTH: f64 = 0.35;
 
 /// What cannot be resolved may have this part of the accuracy.
-const UNRESOLVED: f64 = 0.5;
+pub(super) const UNRESOLVED: f64 = 0.5;
 
 /// The least that a step costs: six solves, two each where there is damping, with one factorization.
 pub(super) fn step_price(system: &System, costs: &CostModel) -> f64 {

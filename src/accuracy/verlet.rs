@@ -79,7 +79,7 @@ pub(super) fn answer<A: Audience>(
     let mut coarse: Option<Ran> = None;
     let mut history: Vec<f64> = Vec::new();
     let mut expected: Option<Expected> = None;
-    let mut extrapolated = None;
+    let (mut extrapolated, mut jumps) = (None, false);
     for failures in 0.. {
         // Between here and the next failure every run is compared with the one before.
         loop {
@@ -88,7 +88,10 @@ pub(super) fn answer<A: Audience>(
                 return Ok(Ok(Verdict::Unconfirmed("it would take too many steps".into())));
             }
             let fine = match search.run(of(Method::Verlet), Pace::Step(duration / steps), f64::INFINITY)? {
-                Went::Well(course, _) => Ran { steps, course },
+                Went::Well(course, run) => {
+                    jumps |= run.jumps;
+                    Ran { steps, course }
+                }
                 Went::Stopped => return Ok(Ok(Verdict::Interrupted)),
                 Went::Wrong | Went::TooFar => break,
             };
@@ -98,16 +101,18 @@ pub(super) fn answer<A: Audience>(
                 continue;
             };
             let gain = (steps / before.steps).powi(2) - 1.0;
+            // Errors made where forces jump do not follow the law.
+            let believed = if jumps { gain.min(1.0) } else { gain };
             let apart = search.difference(&fine.course, &before.course).envelope();
             if apart > BLOWN_UP {
                 break;
             }
             let mut strays = 0.0;
             let by_law = match &expected {
-                None => UNPROVEN * apart / gain,
+                None => UNPROVEN * apart / believed,
                 Some(law) if apart <= CONTRACTION * law.apart => {
                     strays = STRAYED * search.difference(&fine.course, &law.course).envelope();
-                    PROVEN * apart.max(CHANCE * law.apart) / gain
+                    PROVEN * apart.max(CHANCE * law.apart) / believed
                 }
                 Some(_) => history.iter().fold(apart, |a, b| a.max(*b)) * PROVEN,
             };
