@@ -2,8 +2,8 @@
 //! against the cheapest single run that a sweep over all methods, options, solvers and steps finds.
 //!
 //! ```sh
-//! cargo run --release --example accuracy                            # the page
-//! cargo run --release --example accuracy -- --count 20 --first 500  # other random scenes, and no page
+//! cargo run --release --example accuracy -- --ready --write         # the page; sweeps of ready scenes take an hour
+//! cargo run --release --example accuracy -- --count 20 --first 500  # other random scenes
 //! cargo run --release --example accuracy -- --named cloth-of-6      # one scene with a name, answer by answer
 //! ```
 //!
@@ -40,9 +40,17 @@ struct Arguments {
     #[arg(long, default_value_t = 0)]
     first: u64,
 
-    /// Only this one of the scenes with names, and no page
+    /// Only this one of the scenes with names
     #[arg(long, value_name = "NAME")]
     named: Option<String>,
+
+    /// Ready scenes too
+    #[arg(long)]
+    ready: bool,
+
+    /// Writes the page
+    #[arg(long)]
+    write: bool,
 }
 
 const ACCURACIES: [f64; 6] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
@@ -326,8 +334,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let store = Store::open(&root.join("target/study/references"))?;
     let (mut lines, mut of_ready) = (String::new(), Vec::new());
     let wanted = |scene: &Scene| arguments.named.as_ref().is_none_or(|name| *name == scene.name);
-    let is_whole = arguments.first == 0 && arguments.named.is_none() && arguments.count >= 150;
-    let ready = if is_whole || arguments.named.is_some() { ready()? } else { Vec::new() };
+    let ready = if arguments.ready || arguments.named.is_some() { ready()? } else { Vec::new() };
     for scene in ready.iter().filter(|scene| wanted(scene)) {
         for row in rows(scene, &store)? {
             eprintln!("{}", line(&scene.name, &row));
@@ -347,6 +354,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     drawn.sort_by(|(_, a), (_, b)| (b.total / b.least).total_cmp(&(a.total / a.least)));
     let dearest: String = drawn.iter().take(20).map(|(scene, row)| line(scene, row) + "\n").collect();
     let of_random: Vec<Row> = drawn.into_iter().map(|(_, row)| row).collect();
+    let ready = if of_ready.is_empty() {
+        String::new()
+    } else {
+        format!("## Ready scenes\n\n{}\n{HEADER}{lines}", table(&of_ready)?)
+    };
     let page = format!(
         "# What `--accuracy` answers\n\n\
          Made by `cargo run --release --example accuracy`, which writes this page. Errors are relative position errors at the end of the\n\
@@ -355,13 +367,12 @@ fn main() -> Result<(), Box<dyn Error>> {
          (`effort.run` and `effort.total` of `summary.json`). The cheapest run is that of a sweep over all methods with their stiffness options\n\
          and solvers, three steps to a power of two and three tolerances to a decade, and is cheapest with hindsight: also one that\n\
          is good enough by chance counts. Times are those of the search, with what recording asks of it, and of that run alone: of one thread, the shortest of {REPEATS}.\n\n\
-         ## {} random scenes\n\n{}\nDearest first:\n\n{HEADER}{dearest}\n## Ready scenes\n\n{}\n{HEADER}{lines}",
+         ## {} random scenes\n\n{}\nDearest first:\n\n{HEADER}{dearest}\n{ready}",
         arguments.count,
         table(&of_random)?,
-        table(&of_ready)?,
     );
     println!("{page}");
-    if is_whole {
+    if arguments.write {
         std::fs::write(root.join("verification/accuracy.md"), page)?;
     }
     Ok(())
