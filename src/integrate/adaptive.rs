@@ -273,11 +273,12 @@ fn drive(
     let mut samples = Samples::new(how.sampling, state);
     let mut before = state.clone();
     let mut steps = 0;
+    let stiffness = stiffness(system);
     stepper.restart();
     while state.time < end {
         let stop = system.prescribed().next_kink(state.time).map_or(end, |kink| kink.min(end));
         let (h, lands) = control.step_towards(stop - state.time);
-        let failure = match try_step(stepper, system, &scales, state, h) {
+        let failure = match try_step(stepper, system, &stiffness, &scales, state, h) {
             Ok(Tried { error, doubt }) if error <= 1.0 => {
                 before.copy_from(state);
                 stepper.accept(state);
@@ -338,22 +339,34 @@ struct Tried {
 fn try_step(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
+    stiffness: &[f64],
     scales: &Scales,
     state: &State,
     h: f64,
 ) -> Result<Tried, StepFailure> {
     let estimate = stepper.try_step(state, h)?;
-    let (fine, doubt) = (scales.error(&estimate, state), doubt(system, &estimate, state));
+    let (fine, doubt) = (scales.error(&estimate, state), doubt(system, stiffness, &estimate, state));
     let coarse = stepper.coarser_estimate().map(|estimate| scales.error(&estimate, state));
     let error = stepper.caution() * coarse.map_or(fine, |coarse| scales::joint(fine, coarse));
     let error = error.hypot(scales.lag(stepper.braked(), h, state));
     Ok(Tried { error, doubt })
 }
 
-/// `2 Σ m (‖v‖ + 5 ‖e_v‖) ‖e_v‖`: see `monitor/growth`.
-fn doubt(system: &System, estimate: &ErrorEstimate, state: &State) -> f64 {
-    let errors = system.masses().iter().zip(estimate.velocities).zip(&state.velocities);
-    errors.map(|((mass, error), v)| 2.0 * mass * (v.norm() + 5.0 * error.norm()) * error.norm()).sum()
+/// `Σ 2 m (‖v‖ + 5 ‖e_v‖) ‖e_v‖ + 10 κ ‖e_x‖²` over the particles, κ being the sum of k/l0 of the springs at each: see `monitor/growth`.
+fn doubt(system: &System, stiffness: &[f64], estimate: &ErrorEstimate, state: &State) -> f64 {
+    let of_velocities = system.masses().iter().zip(estimate.velocities).zip(&state.velocities);
+    let kinetic = of_velocities.map(|((mass, e), v)| 2.0 * mass * (v.norm() + 5.0 * e.norm()) * e.norm());
+    let elastic = stiffness.iter().zip(estimate.positions).map(|(stiffness, e)| 10.0 * stiffness * e.norm_squared());
+    kinetic.sum::<f64>() + elastic.sum::<f64>()
+}
+
+/// The sum of k/l0 of the springs at every particle, in N/m.
+fn stiffness(system: &System) -> Vec<f64> {
+    let mut sums = vec![0.0; system.particles()];
+    for (_, ends, spring) in system.active() {
+        ends.into_iter().for_each(|p| sums[p] += spring.stiffness / spring.rest_length);
+    }
+    sums
 }
 
 #[cfg(test)]

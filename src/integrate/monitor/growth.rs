@@ -21,8 +21,9 @@
 //!
 //! **A run with error control** may err, by as much as its tolerance says. A local error e of a step, by the method's own estimate, is
 //! worth up to `Σ m (‖v‖ + 5 ‖e_v‖) ‖e_v‖` of kinetic energy (beyond their limit explicit methods make of a vibration up to three times what
-//! they estimate), and as much of elastic energy again, as vibrations have equal parts of both. That much of growth is in doubt and counts for none: an explicit method whose steps stability bounds lets the fastest vibrations grow
-//! until its estimates see them, and so on all the time.
+//! they estimate), as much of elastic energy again, as vibrations have equal parts of both, and `10 Σ κ ‖e_x‖²` of the springs that errors of
+//! positions stretch, κ the sum of k/l0 at a particle. That much of growth is in doubt and counts for none: an explicit method whose steps
+//! stability bounds lets the fastest vibrations grow until its estimates see them, and so on all the time.
 
 use super::ledger::{Free, Ledger};
 use crate::system::{State, System};
