@@ -134,7 +134,15 @@ fn measure(
     Ok(records)
 }
 
+/// Those of a file, or of several that were put together: what was run on a scene at different times is one record.
 fn read_records(file: &Path) -> Result<Vec<Record>, Box<dyn std::error::Error>> {
-    let text = std::fs::read_to_string(file)?;
-    Ok(text.lines().map(serde_json::from_str).collect::<Result<_, _>>()?)
+    let mut records = Vec::<Record>::new();
+    for line in std::fs::read_to_string(file)?.lines() {
+        let record: Record = serde_json::from_str(line)?;
+        match records.iter_mut().find(|known| known.scene == record.scene) {
+            Some(known) => known.runs.extend(record.runs),
+            None => records.push(record),
+        }
+    }
+    Ok(records)
 }
