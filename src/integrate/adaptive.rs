@@ -67,7 +67,7 @@ use nalgebra::Vector3;
 use samples::Samples;
 pub(crate) use samples::hermite;
 use scales::Scales;
-pub(super) use scales::{joint, norm};
+pub(super) use scales::{joint, norm_of_all};
 use std::ops::ControlFlow;
 
 /// An estimate of the local error of a step, full-length; zero where coordinates are prescribed.

@@ -37,7 +37,7 @@
 mod coefficients;
 mod tables;
 
-use super::adaptive::{hermite, joint, norm};
+use super::adaptive::{hermite, joint, norm_of_all};
 use super::pieces::Piece;
 use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
@@ -222,13 +222,13 @@ impl<'s> Dop853<'s> {
     /// About the error of positions of the step just computed, in m, from its estimates.
     fn true_error(&self) -> f64 {
         // Of positions and velocities together: each alone goes through zero as it swings.
-        let both = |[x, v]: &[Vec<Vector3<f64>>; 2]| norm(x).hypot(self.h * norm(v));
+        let both = |[x, v]: &[Vec<Vector3<f64>>; 2]| norm_of_all(self.system, x).hypot(self.h * norm_of_all(self.system, v));
         let [fine, coarse] = [both(&self.estimates[0]), both(&self.estimates[1])];
         if fine == 0.0 {
             return 0.0;
         }
         let pace = (fine / (PACE * coarse)).sqrt();
-        TRUE_SHARE * pace.min(FASTEST) * joint(fine, coarse) / fine * norm(&self.estimates[0][0])
+        TRUE_SHARE * pace.min(FASTEST) * joint(fine, coarse) / fine * norm_of_all(self.system, &self.estimates[0][0])
     }
 
     /// Computes the accelerations that only the interpolant of the step accepted last, to `after`, needs.

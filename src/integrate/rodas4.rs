@@ -39,7 +39,7 @@
 
 mod coefficients;
 
-use super::adaptive::norm;
+use super::adaptive::norm_of_all;
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::pieces::Piece;
 use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, StiffnessPolicy, TimeStepper};
@@ -175,7 +175,7 @@ impl<'s> Rodas4<'s> {
                 x[dof.axis] = 0.0;
             }
         }
-        norm(x).min(TRUE_SHARE * h * norm(v))
+        norm_of_all(system, x).min(TRUE_SHARE * h * norm_of_all(system, v))
     }
 
     /// Sets `point` to `y + Σ row_j u_j`.

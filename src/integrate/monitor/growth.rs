@@ -76,10 +76,13 @@ pub(super) struct Noise {
 
 impl Noise {
     fn new(system: &System, state: &State) -> Self {
-        let reach = state.positions.iter().map(|x| x.norm()).fold(0.0, f64::max);
+        let own = system.own_particles();
+        let [reach] = system.largest([state.positions.iter().take(own).map(|x| x.norm()).fold(0.0, f64::max)]);
         let half = 0.5 * (NOISE * reach) * (NOISE * reach);
-        let stiffness: f64 = system.springs().iter().map(|spring| spring.stiffness / spring.rest_length).sum();
-        Self { elastic: half * stiffness, inertia: half * system.masses().iter().sum::<f64>() }
+        let springs = system.springs().iter().enumerate().filter(|(spring, _)| system.counts(*spring));
+        let stiffness: f64 = springs.map(|(_, spring)| spring.stiffness / spring.rest_length).sum();
+        let [stiffness, mass] = system.total([stiffness, system.masses().iter().take(own).sum::<f64>()]);
+        Self { elastic: half * stiffness, inertia: half * mass }
     }
 
     /// Over steps of dt seconds, in J.

@@ -56,10 +56,11 @@ impl Sums {
 
     /// With those of all other parts of a system.
     fn of_all(self, system: &System) -> Self {
-        let Self { elastic, dissipated, certain, turning, reach } = self;
-        let [elastic, dissipated, certain, turning] = system.total([elastic, dissipated, certain, turning]);
+        let Self { elastic, dissipated, certain, lifted, lifted_twice, reach } = self;
+        let [elastic, dissipated, certain, lifted, lifted_twice] =
+            system.total([elastic, dissipated, certain, lifted, lifted_twice]);
         let [reach] = system.largest([reach]);
-        Self { elastic, dissipated, certain, turning, reach }
+        Self { elastic, dissipated, certain, lifted, lifted_twice, reach }
     }
 }
 
