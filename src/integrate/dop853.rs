@@ -222,7 +222,8 @@ impl<'s> Dop853<'s> {
     /// About the error of positions of the step just computed, in m, from its estimates.
     fn true_error(&self) -> f64 {
         // Of positions and velocities together: each alone goes through zero as it swings.
-        let both = |[x, v]: &[Vec<Vector3<f64>>; 2]| norm_of_all(self.system, x).hypot(self.h * norm_of_all(self.system, v));
+        let both =
+            |[x, v]: &[Vec<Vector3<f64>>; 2]| norm_of_all(self.system, x).hypot(self.h * norm_of_all(self.system, v));
         let [fine, coarse] = [both(&self.estimates[0]), both(&self.estimates[1])];
         if fine == 0.0 {
             return 0.0;
