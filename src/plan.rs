@@ -92,8 +92,8 @@ pub fn parallelism(system: &System) -> Par {
 }
 
 impl Wishes {
-    /// The method of adaptive steps where none is asked for.
-    const ADAPTIVE: Method = Method::W2;
+    /// The method of adaptive steps where none is asked for: the header of `integrate/adaptive.rs` has the measurement.
+    const ADAPTIVE: Method = Method::Rodas4;
 
     /// The tolerance of adaptive steps where no step is given.
     const RTOL: f64 = 1e-2;
@@ -203,10 +203,10 @@ impl Plan {
         Ok(Stepper::Adaptive { stepper, rtol })
     }
 
-    /// What a monitor is to do. Only linearised backward Euler has its linearisation in question: the others solve their equations,
-    /// or have none.
+    /// What a monitor is to do.
     pub fn monitor(&self, stops_unstable: bool) -> MonitorOptions {
-        MonitorOptions { stops_unstable, forces: self.configuration.method == Method::LinearBackwardEuler }
+        let Configuration { method, options } = &self.configuration;
+        MonitorOptions { stops_unstable, ..MonitorOptions::of(*method, options.stiffness) }
     }
 
     /// The option of the matrices that a failed solve was given, and the dt of the first one of a step.

@@ -10,13 +10,13 @@ use sprung::accuracy::relative_position_error;
 use sprung::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
 use sprung::{Spring, SystemBuilder};
 use std::collections::BTreeMap;
+use study::cases::{Case, WRONG, cases};
 use study::force::Model;
 use study::random::{direction, scene};
 use study::record::{Record, Wanted, of_seed};
 use study::reference::Reference;
 use study::runs::Ask;
 use study::store::{Store, fingerprint};
-use study::tables::{Case, WRONG, cases};
 
 /// The same scenes for the same seeds, on every machine: a study would otherwise be compared with another one.
 #[test]
@@ -191,18 +191,16 @@ fn a_sample_keeps_the_promises() {
     let all = cases(&records);
     let fixed: Vec<&Case> = all.iter().filter(|case| matches!(case.run.ask, Ask::Dt(_))).collect();
     let describe = |case: &&&Case| format!("{} {} {:?}", case.record.scene, case.run.method, case.run.ask);
-    // Known, and not mended yet: one chain whose w2 runs at one step are wrong by 39 %, which none of their figures shows.
-    let is_known = |case: &&&Case| case.record.scene == "chain-902" && case.run.method == "w2";
-    let silent = fixed.iter().filter(|case| case.is_silent()).filter(|case| !is_known(case));
-    let silent: Vec<String> = silent.map(|case| describe(&case)).collect();
+    let silent: Vec<String> = fixed.iter().filter(|case| case.is_silent()).map(|case| describe(&case)).collect();
     assert!(silent.is_empty(), "wrong by more than {WRONG} without a word: {silent:?}");
     let share = |part: &dyn Fn(&Case) -> bool, of: &dyn Fn(&Case) -> bool| {
         let of: Vec<_> = fixed.iter().filter(|case| of(case)).collect();
         of.iter().filter(|case| part(case)).count() as f64 / of.len() as f64
     };
     let alarms = share(&|case| case.is_false_alarm(), &|case| case.is_right());
-    // The aim is 5 %; steps of one length of dop853 and rodas4, whose estimates are the crudest, make a third of the alarms.
-    assert!(alarms <= 0.1, "{alarms}");
+    // Of the thousand it is below 5 %. Of these few one scene alone, a stiff damped lattice that follows where it is led and forgets its
+    // errors on the way, makes 43 of 62 alarms.
+    assert!(alarms <= 0.08, "{alarms}");
     let near = share(&|case| case.ratio().is_some_and(|r| (0.1..=10.0).contains(&r)), &|case| case.ratio().is_some());
     assert!(near >= 0.8, "{near}");
     assert!(fixed.len() > 500, "{}", fixed.len());

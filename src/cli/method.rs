@@ -12,7 +12,7 @@ use sprung::plan::{MethodChoice, Plan, Wishes};
 /// How to simulate. Options that are not given are `None`, so that those given in vain can be told.
 #[derive(Debug, clap::Args)]
 pub struct MethodArguments {
-    /// Time integration method [default: linear-backward-euler; with adaptive steps: w2; with --accuracy: auto]
+    /// Time integration method [default: linear-backward-euler; with adaptive steps: rodas4; with --accuracy: auto]
     #[arg(long)]
     #[arg(value_parser = choice(&MethodChoice::ALL, MethodChoice::name, describe_choice))]
     method: Option<MethodChoice>,

@@ -14,6 +14,17 @@
 //! **Error estimate.** Two embedded differences E5 and E3, of fifth and third order, both of the same stages; the run takes
 //! `‖e5‖²/√(‖e5‖² + 0.01 ‖e3‖²)`, which falls as h⁸, for the error, see [`AdaptiveStepper::coarser_estimate`].
 //!
+//! **How wrong a step is.** That estimate is one of a formula of seventh order; the method's own error is a ninth power. On a vibration of
+//! frequency ω, z = ωh, the formulas give
+//!
+//! ```text
+//! ‖e5‖/‖e3‖ = 0.0033 z²,      |R(iz) − e^{iz}| = 0.148 z · ‖e5‖²/√(‖e5‖² + 0.01 ‖e3‖²)
+//! ```
+//!
+//! within 10 % up to z = 2, where the second factor goes over to a constant 0.4. So the two estimates also say at which pace what is
+//! wrong vibrates, and the local error of a step is `0.148 min(z, 3)` times their joint one, right within a third as far as the method is
+//! stable. That is what steps of any length report of themselves.
+//!
 //! **Between the ends of a step** the motion is a polynomial of degree seven, `v + h Σ w_j(s) a_j` at the share s of the step and
 //! x as above, right to O(h⁸). It takes three more evaluations, made when one is asked for.
 //!
@@ -26,7 +37,7 @@
 mod coefficients;
 mod tables;
 
-use super::adaptive::hermite;
+use super::adaptive::{hermite, joint, norm_of_all};
 use super::pieces::Piece;
 use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
@@ -75,6 +86,8 @@ pub struct Dop853<'s> {
     knows_last: bool,
     /// Of positions and velocities, by E5 and by E3.
     estimates: [[Vec<Vector3<f64>>; 2]; 2],
+    /// Of positions, in the step done last.
+    local_error: f64,
     statistics: Statistics,
 }
 
@@ -83,6 +96,11 @@ struct Stages(Vec<Vec<Vector3<f64>>>);
 
 /// The stage that is the end of the step, and the formula's row.
 const END: usize = 12;
+
+/// The quotient of the estimates over z², the method's error over z times their joint one, and the z at which that ends. See the header.
+const PACE: f64 = 0.0033;
+const TRUE_SHARE: f64 = 0.148;
+const FASTEST: f64 = 3.0;
 
 /// Particles whose sums over the stages are formed at a stretch: few enough for the fastest cache.
 const BLOCK: usize = 64;
@@ -125,6 +143,7 @@ impl<'s> Dop853<'s> {
             knows_first: false,
             knows_last: false,
             estimates: [[zeros(), zeros()], [zeros(), zeros()]],
+            local_error: 0.0,
             statistics: Statistics::default(),
         })
     }
@@ -200,6 +219,19 @@ impl<'s> Dop853<'s> {
         }
     }
 
+    /// About the error of positions of the step just computed, in m, from its estimates.
+    fn true_error(&self) -> f64 {
+        // Of positions and velocities together: each alone goes through zero as it swings.
+        let both =
+            |[x, v]: &[Vec<Vector3<f64>>; 2]| norm_of_all(self.system, x).hypot(self.h * norm_of_all(self.system, v));
+        let [fine, coarse] = [both(&self.estimates[0]), both(&self.estimates[1])];
+        if fine == 0.0 {
+            return 0.0;
+        }
+        let pace = (fine / (PACE * coarse)).sqrt();
+        TRUE_SHARE * pace.min(FASTEST) * joint(fine, coarse) / fine * norm_of_all(self.system, &self.estimates[0][0])
+    }
+
     /// Computes the accelerations that only the interpolant of the step accepted last, to `after`, needs.
     fn set_last(&mut self, after: &State) -> Result<(), StepFailure> {
         if self.knows_last {
@@ -232,22 +264,30 @@ impl TimeStepper for Dop853<'_> {
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         let (mut time, end) = (state.time, state.time + dt);
         self.next.copy_from(state);
+        let mut local_error = 0.0;
         while let Some(piece) = Piece::next(self.system.prescribed(), time, end, dt) {
             std::mem::swap(&mut self.base, &mut self.next);
             self.knows_first = false;
             self.advance(piece.length())?;
+            self.set_estimates();
+            local_error += self.true_error();
             self.next.time = piece.end;
             self.next.prescribe(self.system);
             time = piece.end;
         }
         state.copy_from(&self.next);
         self.knows_first = false;
+        self.local_error = local_error;
         Ok(())
     }
 
     fn restart(&mut self) {
         self.knows_first = false;
         self.knows_last = false;
+    }
+
+    fn local_error(&self) -> Option<f64> {
+        Some(self.local_error)
     }
 
     fn statistics(&self) -> &Statistics {
@@ -278,6 +318,7 @@ impl AdaptiveStepper for Dop853<'_> {
         self.next.prescribe(self.system);
         state.copy_from(&self.next);
         self.knows_first = false;
+        self.local_error = self.true_error();
     }
 
     fn reject(&mut self) {}

@@ -73,6 +73,12 @@ pub trait TimeStepper {
     /// steps: by hand, or by a kink of a prescribed path.
     fn restart(&mut self) {}
 
+    /// The norm of the local error of positions in the step done or accepted last, in m, by the method's own estimate; `None` where
+    /// it has none that costs nothing.
+    fn local_error(&self) -> Option<f64> {
+        None
+    }
+
     /// What has been done since the stepper was made.
     fn statistics(&self) -> &Statistics;
 }

@@ -97,7 +97,7 @@ fn drive(
         if done.is_ok() {
             steps += 1;
             state.time = start + schedule.elapsed(steps);
-            done = monitor.as_mut().map_or(Ok(()), |monitor| monitor.enter(steps, state, dt, None));
+            done = monitor.as_mut().map_or(Ok(()), |monitor| monitor.enter(steps, state, dt, stepper.local_error()));
         }
         if let Err(failure) = done {
             return Outcome::failed(number, before, failure, steps, state, monitor);

@@ -21,7 +21,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use study::record::{Record, Wanted, of_scene, of_seed};
 use study::store::Store;
-use study::{named, random, tables};
+use study::{named, random, rows, tables};
 
 /// Runs random scenes with every method and compares with the truth.
 #[derive(Parser)]
@@ -76,7 +76,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let has = |what: &str| arguments.what.iter().any(|asked| asked == what);
     let wanted = Wanted { fixed: has("fixed"), adaptive: has("rtol"), accuracy: has("accuracy") };
     if let Some(seed) = arguments.only {
-        print!("{}", tables::scene(&of_seed(seed, &store, wanted)?));
+        print!("{}", rows::scene(&of_seed(seed, &store, wanted)?));
         return Ok(());
     }
     let file = arguments.folder.join("records.jsonl");
@@ -134,7 +134,15 @@ fn measure(
     Ok(records)
 }
 
+/// Those of a file, or of several that were put together: what was run on a scene at different times is one record.
 fn read_records(file: &Path) -> Result<Vec<Record>, Box<dyn std::error::Error>> {
-    let text = std::fs::read_to_string(file)?;
-    Ok(text.lines().map(serde_json::from_str).collect::<Result<_, _>>()?)
+    let mut records = Vec::<Record>::new();
+    for line in std::fs::read_to_string(file)?.lines() {
+        let record: Record = serde_json::from_str(line)?;
+        match records.iter_mut().find(|known| known.scene == record.scene) {
+            Some(known) => known.runs.extend(record.runs),
+            None => records.push(record),
+        }
+    }
+    Ok(records)
 }

@@ -10,13 +10,17 @@
 //! | `store` | references on disk |
 //! | `runs` | the runs under study, through the library's public interface |
 //! | `record` | everything that is run on one scene |
+//! | `cases` | what makes a run right or wrong, and a scene an ordinary one |
+//! | `rows` | rows and numbers of tables |
 //! | `tables` | what is counted, and the page that is made of it |
 
+pub mod cases;
 pub mod force;
 pub mod named;
 pub mod random;
 pub mod record;
 pub mod reference;
+pub mod rows;
 pub mod runs;
 pub mod shape;
 pub mod store;

@@ -171,8 +171,7 @@ impl Subject<'_> {
 
     fn run(&self, (method, stiffness): Way, ask: Ask) -> sprung::Result<Run> {
         let options = ImplicitOptions { stiffness, ..Default::default() };
-        let forces = method == Method::LinearBackwardEuler;
-        let mut monitor = Monitor::new(self.system, self.start, MonitorOptions { forces, ..Default::default() })?;
+        let mut monitor = Monitor::new(self.system, self.start, MonitorOptions::of(method, stiffness))?;
         let mut state = self.start.clone();
         let clock = Instant::now();
         let mut left = MOST_PARTICLE_STEPS / self.system.particles().max(1) as u64;

@@ -25,7 +25,7 @@ class Stepper:
     method : str, optional
         ``"linear-backward-euler"``, ``"backward-euler"``, ``"bdf2"``, ``"w2"``, ``"rodas4"``,
         ``"implicit-midpoint"``, ``"verlet"``, ``"dop853"``, ``"forward-euler"``, ``"symplectic-euler"``, or ``"auto"``.
-        By default what the command takes: ``"linear-backward-euler"`` for steps of a given length, ``"w2"`` for
+        By default what the command takes: ``"linear-backward-euler"`` for steps of a given length, ``"rodas4"`` for
         adaptive ones, a choice of its own for a required accuracy.
     stiffness : {"on-demand", "full", "tension", "axial"}, optional
         Which part of every spring's stiffness enters the matrix; forces are never changed.

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 /// The tolerance at which every step may make an error of it.
 const COARSE: f64 = 0.5;
 
-/// How far particles may travel in a run, relative to X, before every step is to do less.
+/// The way of particles, relative to X, up to which errors at the end grow in proportion to it.
 const FAR: f64 = 10.0;
 
 /// A run in which nothing moves yet nor is pulled has at least this part of X/T for a speed.
@@ -19,6 +19,9 @@ const LEAST_SPEED: f64 = 1e-3;
 pub(super) struct Scales {
     /// r.
     tolerance: f64,
+    rtol: f64,
+    /// (p + 1)/q: errors at the end fall as the power q/(p + 1) of what steps are held to.
+    power: f64,
     duration: f64,
     /// V.
     speed: f64,
@@ -29,11 +32,12 @@ impl Scales {
     /// and says so; here they count as none.
     pub fn at_start(system: &System, state: &State, how: &Adaptivity, [q, p]: [u32; 2]) -> (Self, u64) {
         let Adaptivity { duration, rtol, .. } = *how;
-        let tolerance = rtol * (rtol / COARSE).min(1.0).powf(f64::from(p + 1) / f64::from(q) - 1.0);
+        let power = f64::from(p + 1) / f64::from(q);
+        let tolerance = rtol * (rtol / COARSE).min(1.0).powf(power - 1.0);
         let a0 = accelerations(system, state).map_or(0.0, |a| norm(&a));
         let spread = spread(&state.positions);
         let speed = norm(&state.velocities).max(0.3 * (a0 * duration).min((a0 * spread).sqrt()));
-        (Self { tolerance, duration, speed: speed.max(LEAST_SPEED * spread / duration) }, 1)
+        (Self { tolerance, rtol, power, duration, speed: speed.max(LEAST_SPEED * spread / duration) }, 1)
     }
 
     /// After an accepted step.
@@ -47,12 +51,26 @@ impl Scales {
         if error.is_nan() { f64::INFINITY } else { error }
     }
 
-    /// `√(‖e_x‖² + (X/V)² ‖e_v‖²)/(r X) · max(1, TV/(10 X))`; nothing out of nothing is nothing.
+    /// `√(‖e_x‖² + (X/V)² ‖e_v‖²)/(r X) · w^((p + 1)/q)`; nothing out of nothing is nothing.
     fn norm(&self, positions: &[Vector3<f64>], velocities: &[Vector3<f64>], state: &State) -> f64 {
         let length = self.length(state);
         let part = |error: f64, whole: f64| if error == 0.0 { 0.0 } else { error / whole };
         part(norm(positions), length).hypot(part(norm(velocities), self.speed)) / self.tolerance
-            * (self.speed * self.duration / (FAR * length)).max(1.0)
+            * far(self.speed * self.duration / length).powf(self.power)
+    }
+
+    /// The error of a step of h seconds that takes a share of the kinetic energy from the motion, see [`AdaptiveStepper::braked`]: when all
+    /// steps of the run do, velocities are lower by half of what they take together at the end and by a quarter in the mean, and
+    /// positions lag by as much of the way TV.
+    ///
+    /// [`AdaptiveStepper::braked`]: super::AdaptiveStepper::braked
+    pub fn lag(&self, share: f64, h: f64, state: &State) -> f64 {
+        if share == 0.0 {
+            return 0.0;
+        }
+        let ways = self.speed * self.duration / self.length(state);
+        let error = 0.25 * share * (self.duration / h) * ways / self.rtol;
+        if error.is_nan() { f64::INFINITY } else { error }
     }
 
     /// X.
@@ -93,8 +111,13 @@ impl Scales {
     }
 }
 
+/// w, for particles that travel so many times the extent.
+fn far(ways: f64) -> f64 {
+    ways.min(FAR).max(ways / FAR).max(1.0)
+}
+
 /// What a fine and a coarse estimate are together.
-pub(super) fn joint(fine: f64, coarse: f64) -> f64 {
+pub(in crate::integrate) fn joint(fine: f64, coarse: f64) -> f64 {
     let both = fine.hypot(0.1 * coarse);
     if fine == 0.0 || !both.is_finite() { fine } else { fine * (fine / both) }
 }
@@ -125,6 +148,13 @@ fn spread(positions: &[Vector3<f64>]) -> f64 {
         .iter()
         .fold((0.0, 0.0f64), |(sum, reach), x| (sum + (x - centroid).norm_squared(), reach.max(x.norm_squared())));
     if spread > 1e-24 * reach { spread.sqrt() } else { 0.0 }
+}
+
+/// Euclidean, over the particles of all parts of a system.
+pub(in crate::integrate) fn norm_of_all(system: &System, vectors: &[Vector3<f64>]) -> f64 {
+    let own = vectors.iter().take(system.own_particles()).map(|v| v.norm_squared()).sum::<f64>();
+    let [squared] = system.total([own]);
+    squared.sqrt()
 }
 
 /// Euclidean, over all components.

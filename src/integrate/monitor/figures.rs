@@ -30,8 +30,10 @@ pub struct Figures {
     pub defect: f64,
     /// `Σ h ‖v‖/X`: the way of the particles.
     pub way: f64,
-    /// The energy that a step of straight motion puts into springs that turn, over the kinetic energy: mean over time.
-    pub turning: f64,
+    /// `Σ U/K̄`, U the energy that a step of straight motion puts into springs that turn, K̄ the kinetic energy in the mean.
+    pub lifted: f64,
+    /// `Σ U²/(K_s K̄)`, K_s the kinetic energy across each spring.
+    pub lifted_twice: f64,
     /// The most by which the ends of a spring passed each other in a step, in lengths of the spring.
     pub reach: f64,
     /// Whether the scene has fewer springs than degrees of freedom: it can fold, turn or fall without stretching one.
@@ -59,7 +61,8 @@ pub(super) struct Trail {
     defect: f64,
     inertia: f64,
     way: f64,
-    turning: f64,
+    lifted: f64,
+    lifted_twice: f64,
     kinetic: f64,
     reach: f64,
     embedded: f64,
@@ -80,7 +83,8 @@ impl Trail {
         self.defect += particles.defect.sqrt();
         self.inertia += particles.inertia.sqrt();
         self.way += dt * particles.speed.sqrt();
-        self.turning += dt * springs.turning;
+        self.lifted += springs.lifted;
+        self.lifted_twice += springs.lifted_twice;
         self.kinetic += dt * particles.kinetic;
         self.reach = self.reach.max(springs.reach);
         self.embedded += local_error.unwrap_or(0.0);
@@ -100,7 +104,8 @@ impl Trail {
             slip: self.slip / extent,
             defect: ratio(self.defect, self.inertia),
             way: self.way / extent,
-            turning: ratio(self.turning, self.kinetic),
+            lifted: ratio(self.lifted * duration, self.kinetic),
+            lifted_twice: ratio(self.lifted_twice * duration, self.kinetic),
             reach: self.reach.sqrt(),
             embedded: self.embedded / extent,
             ..Figures::default()

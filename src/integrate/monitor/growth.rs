@@ -15,9 +15,18 @@
 //! at 1.5. So a run is called unstable when growth stays above four times S for three steps: in an instability it grows on
 //! without bound, and it is soon found. Three, because S begins at zero where a scene starts at rest: forward Euler's n-th step
 //! of a fall has gained 1/(n − 1) of what it has released.
+//!
+//! **A scene at rest** exchanges nothing, and still its energy is not zero. Positions are rounded: with δ a few thousand roundings of
+//! the largest coordinate, springs hold `½ Σ (k/l0) δ²` and velocities of steps of h seconds `½ Σ m (δ/h)²`, which is no growth.
+//!
+//! **A run with error control** may err, by as much as its tolerance says. A local error e of a step, by the method's own estimate, is
+//! worth up to `Σ m (‖v‖ + 5 ‖e_v‖) ‖e_v‖` of kinetic energy (beyond their limit explicit methods make of a vibration up to three times what
+//! they estimate), as much of elastic energy again, as vibrations have equal parts of both, and `10 Σ κ ‖e_x‖²` of the springs that errors of
+//! positions stretch, κ the sum of k/l0 at a particle. That much of growth is in doubt and counts for none: an explicit method whose steps
+//! stability bounds lets the fastest vibrations grow until its estimates see them, and so on all the time.
 
 use super::ledger::{Free, Ledger};
-use crate::system::State;
+use crate::system::{State, System};
 use serde::{Deserialize, Serialize};
 
 /// Growth beyond which a run is unstable, in units of the energy exchanged.
@@ -31,6 +40,9 @@ const PATIENCE: u32 = 3;
 
 /// What rounding may make of sums, relative to their terms; forces that a solver met to 1e-10 add less.
 const ROUNDING: f64 = 1e-10;
+
+/// δ relative to the largest coordinate: rounding, and what steps that do not resolve a vibration make of it.
+const NOISE: f64 = 1e-12;
 
 /// Steps after which the state is kept again, fewer at the start. A copy costs about a tenth of a pass over the springs.
 const EVERY: u64 = 8;
@@ -46,7 +58,37 @@ pub(super) struct Growth {
     /// The most that was gained, in J.
     pub gained: f64,
     above: u32,
+    noise: Noise,
+    /// In J.
+    doubt: f64,
     kept: Kept,
+}
+
+/// What the energy of rounded positions is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Noise {
+    /// ½ Σ (k/l0) δ², in J.
+    elastic: f64,
+    /// ½ Σ m δ², in kg·m².
+    inertia: f64,
+}
+
+impl Noise {
+    fn new(system: &System, state: &State) -> Self {
+        let own = system.own_particles();
+        let [reach] = system.largest([state.positions.iter().take(own).map(|x| x.norm()).fold(0.0, f64::max)]);
+        let half = 0.5 * (NOISE * reach) * (NOISE * reach);
+        let springs = system.springs().iter().enumerate().filter(|(spring, _)| system.counts(*spring));
+        let stiffness: f64 = springs.map(|(_, spring)| spring.stiffness / spring.rest_length).sum();
+        let [stiffness, mass] = system.total([stiffness, system.masses().iter().take(own).sum::<f64>()]);
+        Self { elastic: half * stiffness, inertia: half * mass }
+    }
+
+    /// Over steps of dt seconds, in J.
+    fn energy(&self, dt: f64) -> f64 {
+        self.elastic + self.inertia / (dt * dt)
+    }
 }
 
 /// What is known of the energy exchanged so far.
@@ -59,6 +101,8 @@ pub(super) struct Past {
     work: [f64; 2],
     gained: f64,
     above: u32,
+    noise: Noise,
+    doubt: f64,
 }
 
 /// A state from before the growth.
@@ -79,23 +123,23 @@ pub(super) struct Unstable {
 }
 
 impl Growth {
-    pub fn new(ledger: &Ledger, state: &State) -> Self {
-        let start = ledger.free();
+    pub fn new(system: &System, ledger: &Ledger, state: &State) -> Self {
+        let (start, noise) = (ledger.free(), Noise::new(system, state));
         let kept = Kept { steps: 0, state: state.clone(), ledger: *ledger };
-        Self { start, lowest: 0.0, released: 0.0, work: [0.0; 2], gained: 0.0, above: 0, kept }
+        Self { start, lowest: 0.0, released: 0.0, work: [0.0; 2], gained: 0.0, above: 0, noise, doubt: 0.0, kept }
     }
 
     /// What a later process needs to go on.
     pub fn past(&self) -> Past {
-        let Self { start, lowest, released, work, gained, above, .. } = *self;
-        Past { start, lowest, released, work, gained, above }
+        let Self { start, lowest, released, work, gained, above, noise, doubt, .. } = *self;
+        Past { start, lowest, released, work, gained, above, noise, doubt }
     }
 
     /// Goes on at a state, which is then the one that is kept.
     pub fn continued(past: &Past, ledger: &Ledger, steps: u64, state: &State) -> Self {
-        let Past { start, lowest, released, work, gained, above } = *past;
+        let Past { start, lowest, released, work, gained, above, noise, doubt } = *past;
         let kept = Kept { steps, state: state.clone(), ledger: *ledger };
-        Self { start, lowest, released, work, gained, above, kept }
+        Self { start, lowest, released, work, gained, above, noise, doubt, kept }
     }
 
     /// S, in J.
@@ -103,8 +147,13 @@ impl Growth {
         self.start.kinetic + self.released + (self.work[1] - self.work[0])
     }
 
-    /// Enters the state after a number of steps.
-    pub fn enter(&mut self, ledger: &Ledger, steps: u64, state: &State) -> Option<Unstable> {
+    /// Says that the next step may err by so much energy, in J.
+    pub fn doubt(&mut self, energy: f64) {
+        self.doubt += energy;
+    }
+
+    /// Enters the state after a number of steps, the last of dt seconds.
+    pub fn enter(&mut self, ledger: &Ledger, steps: u64, state: &State, dt: f64) -> Option<Unstable> {
         let (start, now) = (self.start, ledger.free());
         let balance = (now.kinetic - start.kinetic) + (now.potential - start.potential) - now.work + now.certain;
         self.released = self.released.max(start.potential - now.potential);
@@ -113,11 +162,12 @@ impl Growth {
         let gained = balance - self.lowest;
         self.gained = self.gained.max(gained);
         let exchanged = self.exchanged();
-        let rounding = ROUNDING * start.magnitude.max(now.magnitude.min(exchanged));
+        let rounding = ROUNDING * start.magnitude.max(now.magnitude.min(exchanged)) + self.noise.energy(dt);
         // Of sums that are not numbers nothing is known: the step itself must have been refused then.
-        let is_above = gained > MOST_GROWTH * exchanged + rounding;
+        let is_above = gained > MOST_GROWTH * exchanged + rounding + self.doubt;
         self.above = if is_above { self.above + 1 } else { 0 };
-        if gained <= CALM * exchanged + rounding && steps >= self.kept.steps + EVERY.min(1 + steps / EVERY) {
+        if gained <= CALM * exchanged + rounding + self.doubt && steps >= self.kept.steps + EVERY.min(1 + steps / EVERY)
+        {
             (self.kept.steps, self.kept.ledger) = (steps, *ledger);
             self.kept.state.copy_from(state);
         }

@@ -8,27 +8,44 @@
 //! | forward and backward Euler | `change` | `½h²ẍ` is the truncation error of both |
 //! | linearised backward Euler | `change·max(1, √defect)` | and what linearising leaves out brakes springs that turn |
 //! | symplectic Euler | `start/max(1, ωT) + third/24` | Störmer's method from a velocity that is off by `½h ẍ(0)` |
-//! | w2 | `max(slip, bend/24)` | |
+//! | w2 | `max(slip, bend/24, braking)` | braking as below |
 //! | bdf2 | `slip` | |
 //! | implicit midpoint and others of second order | `bend/24/max(1, ωh)²` | `h³x⃛/12` and `/24`; vibrations that steps do not resolve ring, but move little |
-//! | of higher order p | `embedded`, else `bend/24·(ωh)ᵖ⁻²` | the method's own estimates; without them, how smooth its motion is |
+//! | dop853 | `embedded` | the method's own estimate of its local errors |
+//! | rodas4 | `max(embedded, braking)` | |
+//!
+//! **Braking.** A spring that turns by θ in a step without being pulled back ends it longer by `L = l θ²/2`, and holds `U = ½ κ L²`. The
+//! stages of w2 and rodas4 have the directions of springs from the step's start, and see of L what their formulas make of it. On a
+//! stiff spring w2 ends every step too long by cL, `c = 1 − 1/(4γ) = 0.146` (the linear part of the extension goes, the method being L-stable, and
+//! of L one quarter is met, at the second stage); the tension of that works against L in the next step and takes `2c U` from the motion. rodas4 meets L
+//! itself, and takes `0.4 U²/K_s` of the kinetic energy K_s across the spring (measured on a rod that turns with `κ L² ≤ K_s`). With B the share
+//! of the mean kinetic energy that all steps together took, at most all of it, velocities are lower by B/2 at the end and by B/4 in the mean: so
+//! positions lag by `B/4` of the way. Nothing else shows it: the motion that is left is smooth.
 //!
 //! ω stands for the frequency at which velocities really change, `ωh = bend/(2 change)`, mean values over the run. The factors are
-//! those of the truncation errors; on a thousand random scenes nine of ten estimates are within ten times of the truth, and half
-//! within twice.
+//! those of the truncation errors; `verification/study.md` compares a thousand random scenes with the truth.
 //!
 //! **Warnings** begin where the estimate says 1 to 3 %, because it may be ten times too small: of runs that are wrong by 30 %
-//! none may go without. Energy that a method took away warns of itself where the scene is free to fold, having fewer springs
+//! none may go without; of dop853, whose error falls with the eighth power of the step, where twice the step would be that wrong.
+//! What no figure of a run knows is by how much the motion magnifies its errors: a column that buckles does, a thousandfold and more. Energy that a method took away warns of itself where the scene is free to fold, having fewer springs
 //! than degrees of freedom: it would have moved something there, and no figure of the motion that is left can tell what. A step
 //! longer than a spring is a cause, and no sign of its own: ends that fly past each other side by side are no harm.
 
 use super::Figures;
-use crate::integrate::Method;
+use crate::integrate::{Method, rodas4};
 
-/// Estimates above which a run is called doubtful: of implicit methods, of w2, of explicit ones.
+/// Estimates above which a run is called doubtful: of implicit methods, of w2, of explicit ones and rodas4, and of the midpoint rule, which
+/// keeps all vibrations for good.
 const DOUBTFUL: f64 = 0.025;
-const DOUBTFUL_W2: f64 = 0.02;
+const DOUBTFUL_W2: f64 = 0.016;
 const DOUBTFUL_EXPLICIT: f64 = 0.013;
+const DOUBTFUL_MIDPOINT: f64 = 0.01;
+
+/// The same of dop853: twice the step would be 2⁸ times as wrong, by 30 %.
+const DOUBTFUL_DOP853: f64 = 0.3 / 256.0;
+
+/// The part of U that w2 takes a step.
+const BRAKE_W2: f64 = 0.293;
 
 /// Energy gained, in units of what the motion exchanged, above which a run is called doubtful.
 const GAINED: f64 = 2.0;
@@ -39,8 +56,11 @@ const GAINING: f64 = 0.003;
 /// Energy taken away, in the same units, from which it matters where scenes can fold, and the estimate from which it does.
 const LOST: (f64, f64) = (0.6, 0.0045);
 
-/// The same of w2, whose linearised stages brake springs that turn, for all scenes.
-const BRAKED: (f64, f64) = (0.2, 0.012);
+/// Energy taken away, in the same units, that is named as a cause.
+const TAKEN: f64 = 0.2;
+
+/// The share of the kinetic energy from which braking by springs that turn is.
+const BRAKED: f64 = 0.05;
 
 /// `defect` from which linearising makes most of the error.
 const TURNING: f64 = 4.0;
@@ -54,6 +74,8 @@ pub enum Warning {
     /// Springs that turn are stretched by steps along their old direction, and brake the motion: what linearising left out over
     /// what it balances.
     Turning(f64),
+    /// Springs that turn are stretched by steps along their old direction, and brake the motion: by so much of the kinetic energy, as a share.
+    Braked(f64),
     /// The method took energy away, in J, of so much that the motion exchanged.
     Damped {
         /// Taken.
@@ -80,6 +102,11 @@ impl std::fmt::Display for Warning {
                 f,
                 "springs that turn are stretched by the steps and brake the motion: linearising leaves out forces {defect:.1} \
                  times those that move the particles"
+            ),
+            Self::Braked(share) => write!(
+                f,
+                "springs that turn are stretched by the steps and brake the motion: by about {} of its kinetic energy",
+                percent(share)
             ),
             Self::Damped { lost, exchanged } => write!(
                 f,
@@ -116,18 +143,27 @@ impl Figures {
         let Self { change, start, bend, third, slip, defect, embedded, .. } = *self;
         // ωh of velocities, in the mean over the run.
         let pace = if change > 0.0 { bend / (2.0 * change) } else { 0.0 };
+        let braking = 0.25 * self.way * self.braked(method);
         let estimate = match method {
             Method::ForwardEuler | Method::BackwardEuler => change,
             Method::LinearBackwardEuler => change * defect.sqrt().max(1.0),
             Method::SymplecticEuler => start / (self.steps as f64 * pace).max(1.0) + third / 24.0,
-            Method::W2 => slip.max(bend / 24.0),
+            Method::W2 => slip.max(bend / 24.0).max(braking),
             Method::Bdf2 => slip,
-            _ if method.order() <= 2 => bend / 24.0 / (pace * pace).max(1.0),
-            _ if embedded > 0.0 => embedded,
-            // Each further order takes a factor of ωh.
-            _ => bend / 24.0 * pace.powi(method.order() as i32 - 2),
+            Method::Dop853 | Method::Rodas4 => embedded.max(braking),
+            Method::ImplicitMidpoint | Method::Verlet => bend / 24.0 / (pace * pace).max(1.0),
         };
         estimate.is_finite().then_some(estimate)
+    }
+
+    /// B, the share of the kinetic energy that linearising took from springs that turn, in all steps together; zero for methods that do
+    /// not brake.
+    fn braked(&self, method: Method) -> f64 {
+        match method {
+            Method::W2 => (BRAKE_W2 * self.lifted).min(1.0),
+            Method::Rodas4 => (rodas4::BRAKE * self.lifted_twice).min(1.0),
+            _ => 0.0,
+        }
     }
 
     /// What makes a run with a method doubtful, the error first and then causes. A run whose steps keep to a relative tolerance
@@ -137,19 +173,29 @@ impl Figures {
         let estimate = self.estimate(method).unwrap_or(f64::INFINITY);
         let doubtful = match method {
             Method::W2 => DOUBTFUL_W2,
+            Method::Rodas4 => DOUBTFUL_EXPLICIT,
+            Method::Dop853 => DOUBTFUL_DOP853,
+            Method::ImplicitMidpoint => DOUBTFUL_MIDPOINT,
             _ if method.is_implicit() => DOUBTFUL,
             _ => DOUBTFUL_EXPLICIT,
         };
         let doubtful = rtol.map_or(doubtful, |rtol| 10.0 * rtol);
         let is_wrong = estimate > doubtful;
         let gains = gained > GAINED * exchanged && estimate > GAINING;
-        let takes = |(share, least): (f64, f64)| lost > share * exchanged && estimate > least;
-        let is_damped = rtol.is_none() && (self.can_fold && takes(LOST) || method == Method::W2 && takes(BRAKED));
+        // Of what brakes there is an estimate of its own.
+        let damps = !matches!(method, Method::W2 | Method::Rodas4) && rtol.is_none() && self.can_fold;
+        let is_damped = damps && lost > LOST.0 * exchanged && estimate > LOST.1;
         let turns = is_wrong && method == Method::LinearBackwardEuler && defect > TURNING;
+        let braked = self.braked(method);
+        let brakes = is_wrong && braked > BRAKED;
         let candidates = [
             (is_wrong, Warning::Wrong(estimate)),
             (turns, Warning::Turning(defect)),
-            (is_damped || is_wrong && !turns && lost > BRAKED.0 * exchanged, Warning::Damped { lost, exchanged }),
+            (brakes, Warning::Braked(braked)),
+            (
+                is_damped || is_wrong && !turns && !brakes && lost > TAKEN * exchanged,
+                Warning::Damped { lost, exchanged },
+            ),
             (gains, Warning::Gained { gained, exchanged }),
             (reach > 1.0 && (is_wrong || is_damped || gains), Warning::Long(reach)),
         ];

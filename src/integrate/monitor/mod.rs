@@ -17,10 +17,11 @@ pub use figures::Figures;
 pub use indicator::{Warning, percent};
 pub use ledger::Balance;
 
-use super::StepFailure;
+use super::{Method, StepFailure, StiffnessPolicy};
 use crate::force::{
     DegenerateSpring, Energy, Extensions, add_damping_force, add_elastic_force, add_external_forces, add_weight,
 };
+use crate::spring::Stiffness;
 use crate::system::{State, System};
 use driven::Drive;
 use external::External;
@@ -39,6 +40,15 @@ pub struct MonitorOptions {
     pub forces: bool,
     /// Whether energy from nowhere ends the run.
     pub stops_unstable: bool,
+}
+
+impl MonitorOptions {
+    /// What the indicators of a method need: forces, where only its linearisation is in question. The others solve their equations,
+    /// or have none; without transverse stiffness there is nothing that brakes.
+    pub fn of(method: Method, stiffness: StiffnessPolicy) -> Self {
+        let brakes = stiffness != StiffnessPolicy::Always(Stiffness::Axial);
+        Self { forces: method == Method::LinearBackwardEuler && brakes, ..Self::default() }
+    }
 }
 
 impl Default for MonitorOptions {
@@ -122,7 +132,7 @@ impl<'s> Monitor<'s> {
         let mut particles = Particles::new(system, state);
         let sums = (springs.pass(state, 0.0), particles.pass(state, 0.0, None));
         let ledger = Ledger::new(&sums.0, &sums.1, drive.energy(state));
-        let growth = Growth::new(&ledger, state);
+        let growth = Growth::new(system, &ledger, state);
         let forces = options.forces.then(|| Forces::new(system, state)).transpose()?;
         Ok(Self {
             system,
@@ -159,12 +169,17 @@ impl<'s> Monitor<'s> {
             return Err(StepFailure::NonFinite);
         }
         self.trail.enter(dt, &springs, &particles, local_error);
-        match self.growth.enter(&self.ledger, steps, state) {
+        match self.growth.enter(&self.ledger, steps, state, dt) {
             Some(Unstable { gained, exchanged }) if self.options.stops_unstable => {
                 Err(StepFailure::Unstable { gained, exchanged })
             }
             _ => Ok(()),
         }
+    }
+
+    /// Says that the step entered next may err by so much energy, in J, by the method's own estimate: that much of growth is none.
+    pub fn doubt(&mut self, energy: f64) {
+        self.growth.doubt(energy);
     }
 
     /// Whether the energy of the state entered last is no number.

@@ -34,9 +34,11 @@ pub(super) struct Sums {
     pub dissipated: f64,
     /// The least that it can have taken.
     pub certain: f64,
-    /// What a step of straight motion puts into the springs that turn, in J: with `v⊥` across a spring its ends come apart by
+    /// U, what a step of straight motion puts into the springs that turn, in J: with `v⊥` across a spring its ends come apart by
     /// `(h v⊥)²/(2l)`.
-    pub turning: f64,
+    pub lifted: f64,
+    /// The same times its quotient with the energy `½ μ v⊥²` of the turning, spring by spring.
+    pub lifted_twice: f64,
     /// The largest `(h |Δv|/l)²`: how far the ends of a spring pass each other in a step, in lengths.
     pub reach: f64,
 }
@@ -46,17 +48,19 @@ impl Sums {
         self.elastic += other.elastic;
         self.dissipated += other.dissipated;
         self.certain += other.certain;
-        self.turning += other.turning;
+        self.lifted += other.lifted;
+        self.lifted_twice += other.lifted_twice;
         self.reach = self.reach.max(other.reach);
         self
     }
 
     /// With those of all other parts of a system.
     fn of_all(self, system: &System) -> Self {
-        let Self { elastic, dissipated, certain, turning, reach } = self;
-        let [elastic, dissipated, certain, turning] = system.total([elastic, dissipated, certain, turning]);
+        let Self { elastic, dissipated, certain, lifted, lifted_twice, reach } = self;
+        let [elastic, dissipated, certain, lifted, lifted_twice] =
+            system.total([elastic, dissipated, certain, lifted, lifted_twice]);
         let [reach] = system.largest([reach]);
-        Self { elastic, dissipated, certain, turning, reach }
+        Self { elastic, dissipated, certain, lifted, lifted_twice, reach }
     }
 }
 
@@ -75,6 +79,8 @@ pub(super) struct Springs<'s> {
     spans: Vec<Span>,
     /// The longest step that resolves each spring, in s; negative for driven ones. Empty where nothing is damped.
     resolved: Vec<f64>,
+    /// 1/μ of the ends of each, in 1/kg.
+    mobilities: Vec<f64>,
     sums: Vec<Sums>,
 }
 
@@ -89,16 +95,19 @@ impl<'s> Springs<'s> {
             driven.for_each(|spring| resolved[spring] = -1.0);
         }
         let (spans, sums) = (vec![Span::default(); count], vec![Sums::default(); count.div_ceil(BLOCK)]);
-        let mut springs = Self { system, spans, resolved, sums };
+        let mobilities = (0..count).map(|spring| mobility(system, spring)).collect();
+        let mut springs = Self { system, spans, resolved, mobilities, sums };
         springs.pass(state, 0.0);
         springs
     }
 
     /// Goes on to a state that a step of dt seconds led to.
     pub fn pass(&mut self, state: &State, dt: f64) -> Sums {
-        let Self { system, spans, resolved, sums } = self;
+        let Self { system, spans, resolved, mobilities, sums } = self;
         let block = |(number, (spans, sums)): (usize, (&mut [Span], &mut Sums))| {
-            *sums = block(system, state, dt, resolved.get(number * BLOCK..).unwrap_or_default(), number * BLOCK, spans);
+            let first = number * BLOCK;
+            let own = [&*resolved, &*mobilities].map(|list| list.get(first..).unwrap_or_default());
+            *sums = block(system, state, dt, own, first, spans);
         };
         if sums.len() > 1 {
             spans.par_chunks_mut(BLOCK).zip(sums.par_iter_mut()).enumerate().for_each(block);
@@ -110,10 +119,17 @@ impl<'s> Springs<'s> {
 }
 
 /// The springs from `first` on, as many as there are spans.
-fn block(system: &System, state: &State, dt: f64, resolved: &[f64], first: usize, spans: &mut [Span]) -> Sums {
+fn block(
+    system: &System,
+    state: &State,
+    dt: f64,
+    [resolved, mobilities]: [&[f64]; 2],
+    first: usize,
+    spans: &mut [Span],
+) -> Sums {
     let mut sums = Sums::default();
     let springs = system.springs().iter().zip(system.pairs()).skip(first);
-    for (at, ((spring, &[i, j]), span)) in springs.zip(spans).enumerate() {
+    for (at, (((spring, &[i, j]), span), mobility)) in springs.zip(spans).zip(mobilities).enumerate() {
         if !system.counts(first + at) {
             continue;
         }
@@ -132,7 +148,11 @@ fn block(system: &System, state: &State, dt: f64, resolved: &[f64], first: usize
         if dt > 0.0 {
             let (squared, step) = (v.norm_squared(), dt * dt);
             let lift = 0.5 * step * (squared - rate * rate) / length;
-            sums.turning += 0.5 * stiffness * lift * lift;
+            let energy = 0.5 * stiffness * lift * lift;
+            sums.lifted += energy;
+            // The quotient with v⊥² cancelled.
+            let across = lift * step / length;
+            sums.lifted_twice += energy * 0.5 * stiffness * mobility * across;
             sums.reach = sums.reach.max(step * squared / (length * length));
             let longest = resolved.get(at).copied().unwrap_or(-1.0);
             if spring.damping > 0.0 && longest >= 0.0 {
@@ -150,10 +170,15 @@ fn block(system: &System, state: &State, dt: f64, resolved: &[f64], first: usize
     sums
 }
 
+/// 1/μ, the reciprocal of the reduced mass of the ends of a spring, in 1/kg.
+fn mobility(system: &System, spring: usize) -> f64 {
+    let inverse = |p: usize| if system.dofs().free_axes(p) == Axes::NONE { 0.0 } else { 1.0 / system.masses()[p] };
+    system.pair(spring).into_iter().map(inverse).sum()
+}
+
 /// The longest step that resolves the motion of a spring between its ends, in s.
 pub(super) fn resolved_step(system: &System, spring: usize) -> f64 {
-    let inverse = |p: usize| if system.dofs().free_axes(p) == Axes::NONE { 0.0 } else { 1.0 / system.masses()[p] };
-    let mobility: f64 = system.pair(spring).into_iter().map(inverse).sum();
+    let mobility = mobility(system, spring);
     let spring = &system.springs()[spring];
     let vibration = (spring.stiffness / spring.rest_length * mobility).sqrt();
     1.0 / vibration.max(spring.damping * mobility)

@@ -22,12 +22,12 @@ fn close(a: f64, b: f64) -> bool {
     (a - b).abs() <= 1e-12 * b.abs()
 }
 
-/// X² = 9 + 9 m², V = 5 m/s.
+/// X² = 9 + 9 m², V = 5 m/s, and a way of less than X.
 #[test]
 fn errors_of_positions_and_velocities_are_relative_to_spread_and_speed() {
     let (system, mut state) = particles(&[1.0, 7.0], 0.0);
     state.velocities[1] = Vector3::new(3.0, 0.0, 4.0);
-    let (scales, forces) = Scales::at_start(&system, &state, &how(3.0), [1, 0]);
+    let (scales, forces) = Scales::at_start(&system, &state, &how(0.8), [1, 0]);
     assert_eq!(forces, 1);
     let (positions, velocities) = ([Vector3::new(3e-4, 0.0, 0.0), Vector3::zeros()], [Vector3::repeat(1e-4); 2]);
     let error =
@@ -42,8 +42,8 @@ fn errors_of_positions_and_velocities_are_relative_to_spread_and_speed() {
     assert_eq!(error(&none, &none), 0.0);
 }
 
-/// Orders decide how much less than rtol = 1e-3 every step may do, and so does a way of more than ten times X: here 5 m/s over
-/// 3√2 m for 8.5 or 85 s.
+/// Orders q and p decide how much less than rtol = 1e-3 every step may do, and so does a way of more than X, as its power (p + 1)/q: up
+/// to ten times X, and beyond where a tenth of it is more. Here 5 m/s and X = 3√2 m.
 #[test]
 fn steps_may_do_less_where_errors_add_up() {
     let (system, mut state) = particles(&[1.0, 7.0], 0.0);
@@ -54,9 +54,13 @@ fn steps_may_do_less_where_errors_add_up() {
         scales.error(&ErrorEstimate { positions: &positions, velocities: &[] }, &state)
     };
     let plain = 3e-4 / (18f64.sqrt() * 1e-3);
-    for (orders, factor) in [([2, 2], 500f64.sqrt()), ([1, 1], 500.0), ([4, 3], 1.0), ([8, 7], 1.0)] {
-        assert!(close(error(18f64.sqrt() * 2.0, orders), factor * plain), "{orders:?}");
-        assert!(close(error(18f64.sqrt() * 20.0, orders), 10.0 * factor * plain), "{orders:?}");
+    for (orders, factor, power) in
+        [([2, 2], 500f64.sqrt(), 1.5), ([1, 1], 500.0, 2.0), ([4, 3], 1.0, 1.0), ([8, 7], 1.0, 1.0)]
+    {
+        for (ways, counts) in [(0.5, 1.0), (3.0, 3.0), (10.0, 10.0), (60.0, 10.0), (300.0, 30.0f64)] {
+            let found = error(18f64.sqrt() / 5.0 * ways, orders);
+            assert!((found / (factor * counts.powf(power) * plain) - 1.0).abs() < 1e-12, "{orders:?} {ways}: {found}");
+        }
     }
     let coarse = Adaptivity { rtol: 0.5, ..how(1.0) };
     assert!(close(Scales::at_start(&system, &state, &coarse, [2, 2]).0.tolerance, 0.5));
@@ -111,8 +115,10 @@ fn the_first_step_is_hairers() {
     let (x, a) = (1.1 / 2f64.sqrt(), 40.0);
     let v = 0.3 * (a * x).sqrt();
     assert!(close(scales.speed, v));
-    let rate = a / v / 1e-3;
-    let change = a / x / 1e-3;
+    // The way of 2 s in extents, four.
+    let ways = 2.0 * v / x;
+    let rate = ways * a / v / 1e-3;
+    let change = ways * a / x / 1e-3;
     for p in [1, 2, 8] {
         let (step, forces) = scales.first_step(&system, &state, &how, p);
         let expected = (0.01 / rate.max(change)).powf(1.0 / f64::from(p + 1)).min(100.0 * 0.01 / (1e-3 * rate));
