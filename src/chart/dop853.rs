@@ -4,6 +4,7 @@
 //! step control, no matrix. The unknowns are the free coordinates and their velocities; prescribed coordinates are functions
 //! of time.
 
+use super::Deadline;
 use crate::accuracy::extent;
 use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
 use crate::system::{Motion, State, System};
@@ -66,13 +67,13 @@ fn set_state(system: &System, t: f64, x: &[f64], v: &[f64], state: &mut State) {
 struct Clock {
     span: [f64; 2],
     begin: Instant,
-    deadline: Instant,
+    deadline: Deadline,
 }
 
 impl Clock {
     /// Whether the deadline has passed, or will by far at the present pace.
     fn is_hopeless(&self, reached: f64) -> bool {
-        let (elapsed, allowed) = (self.begin.elapsed(), self.deadline.saturating_duration_since(self.begin));
+        let (elapsed, allowed) = (self.begin.elapsed(), self.deadline.since(self.begin));
         let share = (reached - self.span[0]) / (self.span[1] - self.span[0]);
         elapsed > allowed || (10 * elapsed > allowed && elapsed.as_secs_f64() > 2.0 * share * allowed.as_secs_f64())
     }
@@ -88,7 +89,13 @@ const KEPT: usize = 4_000_000;
 /// gives up or the deadline passes. Kinks of prescribed motions are ends of integration intervals.
 ///
 /// The method of the crate `ode_solvers`.
-pub fn dop853(system: &System, start: &State, duration: f64, tolerance: f64, deadline: Instant) -> Option<State> {
+pub fn dop853(
+    system: &System,
+    start: &State,
+    duration: f64,
+    tolerance: f64,
+    deadline: impl Into<Deadline>,
+) -> Option<State> {
     let n = system.dofs().len();
     let mut state = start.clone();
     let mut reduced = vec![0.0; n];
@@ -100,7 +107,7 @@ pub fn dop853(system: &System, start: &State, duration: f64, tolerance: f64, dea
     let absolute = tolerance * extent(&start.positions, &start.positions);
     let end = start.time + duration;
     if n > 0 {
-        let clock = Clock { span: [start.time, end], begin: Instant::now(), deadline };
+        let clock = Clock { span: [start.time, end], begin: Instant::now(), deadline: deadline.into() };
         let mut from = start.time;
         for to in kinks(system, start.time, end) {
             y = interval(system, &state, y, [from, to], tolerance, absolute, &clock)?;
