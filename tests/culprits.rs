@@ -201,7 +201,7 @@ fn the_local_condition_is_enough_on_random_scenes() {
     assert!(indefinite > 50 && spared > 100);
 }
 
-/// A whole inspection costs so many factorizations, whatever the size: up to eight for each limit of turning, of which there are
+/// A whole inspection costs so many factorizations, whatever the size: up to ten for each limit of turning, of which there are
 /// two, and 40 for the spectrum, the steps that keep A definite and stable, and the springs to blame.
 #[test]
 fn an_inspection_costs_few_factorizations() {
@@ -221,7 +221,7 @@ fn an_inspection_costs_few_factorizations() {
             turning.largest_step(option, 0.05);
         }
         println!("of these for turning {}", turning.work.factorizations);
-        assert!(turning.work.factorizations <= 16, "{:?}", turning.work);
+        assert!(turning.work.factorizations <= 20, "{:?}", turning.work);
         assert!(work.factorizations - turning.work.factorizations <= 40, "{work:?}");
     }
 }
