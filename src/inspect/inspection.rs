@@ -261,6 +261,8 @@ impl<'s> Inspector<'s> {
             Part::SmallestSet => self.found.options[0].inertia.is_definite(),
             // Under `Full` the requirements coincide, see [`CriticalSteps`].
             Part::Stable(Stiffness::Full) => true,
+            // Without what makes them indefinite the springs' blocks settle it.
+            Part::Definite(Stiffness::Tension | Stiffness::Axial) => true,
             _ => false,
         };
         if !known && !self.ledger.affords(part) {
