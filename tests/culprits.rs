@@ -291,12 +291,20 @@ fn what_is_left_out_is_said() {
     let (system, state) = complete(20);
     let within = Inspection::within(&system, &state, 0.1, Stiffness::Full, Par::Seq, 1.0, &mut |_, _| ());
     let inspection = within.expect("a small system");
-    assert!(inspection.options.iter().all(|option| option.critical == LargestStep::Unknown));
+    let [full, tension, axial] = &inspection.options;
+    assert!(
+        [full.critical, full.stable, full.turning, axial.stable, tension.turning]
+            .iter()
+            .all(|limit| *limit == LargestStep::Unknown)
+    );
+    // Nothing has to be computed for these.
+    assert_eq!([tension.critical, axial.critical], [LargestStep::Every; 2]);
     let told = text("k", 0, 0.0, &inspection, None);
     for part in ["A is not looked at", "left out", "the signs of eigenvalues under axial", "--all", "not looked at"] {
         assert!(told.contains(part), "{part:?} is not in {told}");
     }
-    assert!(!told.contains("NaN") && !told.contains("singular") && !told.contains("every step"), "{told}");
+    assert!(!told.contains("NaN") && !told.contains("singular"), "{told}");
+    assert_eq!(told.matches("every step").count(), 2, "{told}");
     let json = serde_json::to_value(InspectionRecord::new("k", 0, 0.0, &inspection)).expect("JSON");
     assert_eq!(json["left_out"].as_array().map(Vec::len), Some(inspection.left_out.len()));
     assert!(json["left_out"].as_array().is_some_and(|all| all.iter().all(|part| part["why"] == "too much work")));
