@@ -3,6 +3,7 @@
 //! `cargo run --release --example charts -- 30` gives every scene 30 s.
 
 use sprung::chart::{StabilityMap, SweepOptions, WorkPrecision};
+use sprung::interrupt::Interrupt;
 use sprung::report::{plot, tiles};
 use sprung::scene::{Kind, Scene, builtin};
 use std::fmt::Write;
@@ -66,7 +67,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for (scene, story) in stories {
         let (system, start) = scene.build()?;
         let (dt, duration) = scene.time.dt.zip(scene.time.duration).ok_or("a scene without time")?;
-        let options = SweepOptions { duration, dt, budget: Duration::from_secs_f64(budget), par: faer::Par::Seq };
+        let options = SweepOptions {
+            duration,
+            dt,
+            budget: Duration::from_secs_f64(budget),
+            par: faer::Par::Seq,
+            interrupt: Interrupt::NEVER,
+        };
         eprintln!("{}", scene.name);
         let chart = WorkPrecision::measure(&scene.name, &system, &start, &options, &mut |_, _: &str| {})?
             .ok_or("no reference within the budget")?;

@@ -6,6 +6,8 @@
 //! processes hold is not looked at: the same run on the same machine shall do the same. Where the system says nothing (it is asked
 //! through `/proc`) there is no limit.
 
+mod workspace;
+
 use crate::error::{Error, Result};
 use std::fs::read_to_string;
 use std::path::Path;
@@ -31,16 +33,18 @@ pub fn ensure(bytes: u64, what: &'static str) -> Result<()> {
     if bytes <= room { Ok(()) } else { Err(Error::TooLarge { what, bytes, room }) }
 }
 
-/// As [`ensure`], for something that products of dense blocks are made with.
+/// As [`ensure`], for something that products of dense blocks are made with: the threads of the pool have their workspace
+/// when this returns.
 ///
 /// # Errors
 /// [`Error::TooLarge`].
 pub(crate) fn ensure_with_dense_products(bytes: u64, what: &'static str) -> Result<()> {
     ensure(bytes, what)?;
     let Some(limit) = address_space() else { return Ok(()) };
-    let room = limit.saturating_sub(held()[0]).saturating_sub(SMALL_THINGS);
-    let bytes = bytes.saturating_add(DENSE_PRODUCTS * rayon::current_num_threads() as u64);
-    if bytes <= room { Ok(()) } else { Err(Error::TooLarge { what, bytes, room }) }
+    let room = || limit.saturating_sub(held()[0]).saturating_sub(SMALL_THINGS);
+    let bytes = bytes.saturating_add(workspace::missing());
+    let fits = bytes <= room() && workspace::take();
+    if fits { Ok(()) } else { Err(Error::TooLarge { what, bytes, room: room() }) }
 }
 
 /// A list of zeros, or of whatever `value` is, if there is room for it.
@@ -61,10 +65,6 @@ pub(crate) fn filled<T: Clone>(value: T, length: usize, what: &'static str) -> R
 
 /// What nobody asks for: messages, buffers of files, lists of a few numbers, and what an allocator rounds up.
 const SMALL_THINGS: u64 = 8 << 20;
-
-/// What faer's products of dense blocks reserve for every thread that makes one, whatever their size. Little of it is ever touched,
-/// so it counts against the address space alone.
-const DENSE_PRODUCTS: u64 = 64 << 20;
 
 /// Bytes that are not worth a question.
 const SMALL: u64 = 1 << 20;

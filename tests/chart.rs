@@ -4,6 +4,7 @@ use sprung::accuracy::{Configuration, Pace, relative_position_error, trial};
 use sprung::chart::stability::{Tile, Varied, Verdict};
 use sprung::chart::{Reference, SweepOptions, WorkPrecision, configurations};
 use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy};
+use sprung::interrupt::Interrupt;
 use sprung::scene::Scene;
 use sprung::{Spring, State, Stiffness, System, SystemBuilder};
 use std::path::Path;
@@ -60,6 +61,7 @@ fn measure(name: &str, budget: f64) -> WorkPrecision {
         dt: scene.time.dt.unwrap(),
         budget: Duration::from_secs_f64(budget),
         par: faer::Par::Seq,
+        interrupt: Interrupt::NEVER,
     };
     WorkPrecision::measure(&scene.name, &system, &start, &options, &mut |_, _: &str| {}).unwrap().unwrap()
 }

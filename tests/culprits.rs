@@ -5,9 +5,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sprung::assembly::{SpringPattern, SystemMatrix};
 use sprung::force::Extensions;
-use sprung::inspect::{Inertia, Inspection, Minimality, smallest_set};
+use sprung::inspect::{Inertia, InertiaMethod, Inspection, LargestStep, Minimality, Part, Turning, Why, smallest_set};
 use sprung::integrate::{Softening, StepMatrices};
+use sprung::linear::Ldlt;
 use sprung::operator::{Combination, SystemOperator};
+use sprung::report::inspection::{InspectionRecord, text};
 use sprung::work::Work;
 use sprung::{Spring, State, Stiffness, System, SystemBuilder};
 use std::sync::Arc;
@@ -199,8 +201,8 @@ fn the_local_condition_is_enough_on_random_scenes() {
     assert!(indefinite > 50 && spared > 100);
 }
 
-/// A whole inspection costs so many factorizations, whatever the size: up to 50 for the spectrum and the steps that keep A definite
-/// and stable, 30 for the longest step that turns no spring too far, under three options.
+/// A whole inspection costs so many factorizations, whatever the size: up to ten for each limit of turning, of which there are
+/// two, and 40 for the spectrum, the steps that keep A definite and stable, and the springs to blame.
 #[test]
 fn an_inspection_costs_few_factorizations() {
     for n in [12, 24, 48] {
@@ -214,6 +216,98 @@ fn an_inspection_costs_few_factorizations() {
         let work = inspection.work;
         println!("{} dofs: {work:?}", system.dofs().len());
         assert!(work.symbolic_factorizations <= 6, "{work:?}");
-        assert!(work.factorizations <= 80, "{work:?}");
+        let mut turning = Turning::new(&system, &state, Par::Seq).expect("a small system");
+        for option in [Stiffness::Tension, Stiffness::Axial] {
+            turning.largest_step(option, 0.05);
+        }
+        println!("of these for turning {}", turning.work.factorizations);
+        assert!(turning.work.factorizations <= 20, "{:?}", turning.work);
+        assert!(work.factorizations - turning.work.factorizations <= 40, "{work:?}");
     }
+}
+
+/// n particles on a sphere and one in the middle, joined to all of them by springs that are compressed by up to a half.
+fn hub(n: usize) -> (System, State) {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    for _ in 0..n {
+        let x = nalgebra::Vector3::from_fn(|_, _| rng.random::<f64>() - 0.5).normalize();
+        let end = builder.particle([x.x, x.y, x.z], 1.0);
+        let rest_length = 1.0 + rng.random::<f64>();
+        builder.spring(0, end, Spring { stiffness: 100.0, rest_length, damping: 0.0 });
+    }
+    builder.build().expect("a valid scene")
+}
+
+/// n particles, each joined to every other.
+fn complete(n: usize) -> (System, State) {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let mut builder = SystemBuilder::new();
+    for _ in 0..n {
+        let mut coordinate = || rng.random::<f64>();
+        let x = [coordinate(), coordinate(), coordinate()];
+        builder.particle(x, 1.0);
+    }
+    for i in 0..n {
+        for j in 0..i {
+            let rest_length = 0.3 + rng.random::<f64>();
+            builder.spring(i, j, Spring { stiffness: 1.0, rest_length, damping: 0.0 });
+        }
+    }
+    builder.build().expect("a valid scene")
+}
+
+/// Where many springs meet, and where all are joined to all, an inspection takes the work that it is allowed, counted in
+/// factorizations of this size, and names what it leaves out for it; the signs come first.
+#[test]
+fn inspections_leave_out_what_takes_too_much_work() {
+    for (system, state) in [hub(4000), complete(120)] {
+        let a = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.1).expect("a matrix").a;
+        let flops = Ldlt::analyse(a.pattern(), Par::Seq).expect("a small matrix").size().flops;
+        let mut before = 0;
+        for most in [20.0 * flops, 1e10, 3e10] {
+            let within = Inspection::within(&system, &state, 0.1, Stiffness::Full, Par::Seq, most, &mut |_, _| ());
+            let inspection = within.expect("a small system");
+            let work = inspection.work;
+            println!("{most:e}: {work:?}, left out {:?}", inspection.left_out);
+            assert!(work.factorizations as f64 * flops <= most, "{most:e}: {work:?}");
+            assert!(inspection.left_out_for(Why::Interrupted).next().is_none());
+            assert!(!inspection.left_out.is_empty(), "{most:e} is enough for all");
+            let signs = inspection.examined().inertia;
+            let is_counted = !inspection.lacks(Part::Signs(Stiffness::Full));
+            assert!(most < 1e10 || is_counted && signs.method != InertiaMethod::None);
+            let found = 17 - inspection.left_out.len();
+            assert!(found >= before, "{most:e}: less for more work");
+            before = found;
+        }
+        assert!(before > 4, "{before}");
+    }
+}
+
+/// A part that was left out is not told as if it had been found.
+#[test]
+fn what_is_left_out_is_said() {
+    let (system, state) = complete(20);
+    let within = Inspection::within(&system, &state, 0.1, Stiffness::Full, Par::Seq, 1.0, &mut |_, _| ());
+    let inspection = within.expect("a small system");
+    let [full, tension, axial] = &inspection.options;
+    assert!(
+        [full.critical, full.stable, full.turning, axial.stable, tension.turning]
+            .iter()
+            .all(|limit| *limit == LargestStep::Unknown)
+    );
+    // Nothing has to be computed for these.
+    assert_eq!([tension.critical, axial.critical], [LargestStep::Every; 2]);
+    let told = text("k", 0, 0.0, &inspection, None);
+    for part in ["A is not looked at", "left out", "the signs of eigenvalues under axial", "--all", "not looked at"] {
+        assert!(told.contains(part), "{part:?} is not in {told}");
+    }
+    assert!(!told.contains("NaN") && !told.contains("singular"), "{told}");
+    assert_eq!(told.matches("every step").count(), 2, "{told}");
+    let json = serde_json::to_value(InspectionRecord::new("k", 0, 0.0, &inspection)).expect("JSON");
+    assert_eq!(json["left_out"].as_array().map(Vec::len), Some(inspection.left_out.len()));
+    assert!(json["left_out"].as_array().is_some_and(|all| all.iter().all(|part| part["why"] == "too much work")));
+    let whole = Inspection::at(&system, &state, 0.1, Stiffness::Full, Par::Seq).expect("a small system");
+    assert!(whole.left_out.is_empty() && whole.options.iter().all(|option| option.critical != LargestStep::Unknown));
 }

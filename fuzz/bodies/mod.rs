@@ -12,6 +12,7 @@ use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::output::{Checkpoint, write_symmetric};
 use sprung::scene::MeshGeometry;
 use sprung::{State, Stiffness, System};
+use std::path::Path;
 use std::sync::OnceLock;
 use system::Bytes;
 
@@ -20,7 +21,7 @@ type Body = fn(&[u8]);
 
 /// A body by its name.
 pub fn body(name: &str) -> Option<Body> {
-    let bodies: [(&str, Body); 7] = [
+    let bodies: [(&str, Body); 8] = [
         ("scene_toml", scene_toml),
         ("scene_json", scene_json),
         ("steps", steps),
@@ -28,6 +29,7 @@ pub fn body(name: &str) -> Option<Body> {
         ("mesh", mesh),
         ("matrix_market", matrix_market),
         ("checkpoint", checkpoint),
+        ("checkpoint_summed", checkpoint_summed),
     ];
     bodies.into_iter().find(|(other, _)| *other == name).map(|(_, body)| body)
 }
@@ -162,17 +164,14 @@ pub fn inspect(data: &[u8]) {
     }
 }
 
-fn in_file(name: &str, data: &[u8]) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join(name), data).expect("a file");
-    folder
-}
-
-/// Any bytes are a mesh or an error; edges name vertices that are there.
+/// Any bytes are a mesh or an error; edges and triangles name vertices that are there.
 pub fn mesh(data: &[u8]) {
-    let folder = in_file("m.obj", data);
-    match MeshGeometry::load(&folder.path().join("m.obj")) {
-        Ok(mesh) => assert!(mesh.edges.iter().flatten().all(|&p| (p as usize) < mesh.vertices.len())),
+    match MeshGeometry::from_obj(data, Path::new("m.obj")) {
+        Ok(mesh) => {
+            let there = |&p: &u32| (p as usize) < mesh.vertices.len();
+            assert!(mesh.edges.iter().flatten().all(there) && mesh.triangles.iter().flatten().all(there));
+            assert!(mesh.vertices.iter().flatten().all(|x| x.is_finite()));
+        }
         Err(error) => assert!(error.to_string().len() < 5000),
     }
 }
@@ -203,10 +202,22 @@ pub fn matrix_market(data: &[u8]) {
     assert_eq!(lines.next(), None);
 }
 
-/// Any bytes are a checkpoint or are refused; one that is read is written to the same bytes.
+/// Any bytes are a checkpoint or are refused; one that is read is written to the same bytes, but for how numbers are spelled.
 pub fn checkpoint(data: &[u8]) {
     let Ok(checkpoint) = Checkpoint::parse(data) else { return };
-    let folder = tempfile::tempdir().expect("a folder");
-    checkpoint.write(folder.path()).expect("written");
-    assert_eq!(Checkpoint::read(folder.path()).expect("read"), Some(checkpoint));
+    let mut bytes = Vec::new();
+    checkpoint.write_to(&mut bytes).expect("written");
+    assert_eq!(Checkpoint::parse(&bytes), Ok(checkpoint));
+}
+
+/// As [`checkpoint`], for any bytes between the first line and a checksum that is right: past it nothing else guards what is read.
+pub fn checkpoint_summed(data: &[u8]) {
+    let mut bytes = b"sprung checkpoint 1\n".to_vec();
+    bytes.extend(data.iter().map(|&byte| if byte == b'\n' { b' ' } else { byte }));
+    bytes.push(b'\n');
+    let sum = bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325_u64, |sum, &byte| (sum ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3));
+    bytes.extend(format!("{sum:016x}\n").bytes());
+    checkpoint(&bytes);
 }

@@ -5,6 +5,7 @@
 //! are functions: the library's table of nodes (0.6.2) has 0 for the twelfth stage, which is at the end of the step, so that the
 //! method would be of low order in the time that it hands over.
 
+use super::Deadline;
 use crate::accuracy::extent;
 use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
 use crate::system::{Motion, State, System};
@@ -70,13 +71,13 @@ fn set_state(system: &System, t: f64, x: &[f64], v: &[f64], state: &mut State) {
 struct Clock {
     span: [f64; 2],
     begin: Instant,
-    deadline: Instant,
+    deadline: Deadline,
 }
 
 impl Clock {
     /// Whether the deadline has passed, or will by far at the present pace.
     fn is_hopeless(&self, reached: f64) -> bool {
-        let (elapsed, allowed) = (self.begin.elapsed(), self.deadline.saturating_duration_since(self.begin));
+        let (elapsed, allowed) = (self.begin.elapsed(), self.deadline.since(self.begin));
         let share = (reached - self.span[0]) / (self.span[1] - self.span[0]);
         elapsed > allowed || (10 * elapsed > allowed && elapsed.as_secs_f64() > 2.0 * share * allowed.as_secs_f64())
     }
@@ -92,7 +93,13 @@ const KEPT: usize = 4_000_000;
 /// gives up or the deadline passes. Kinks of prescribed motions are ends of integration intervals.
 ///
 /// The method of the crate `ode_solvers`.
-pub fn dop853(system: &System, start: &State, duration: f64, tolerance: f64, deadline: Instant) -> Option<State> {
+pub fn dop853(
+    system: &System,
+    start: &State,
+    duration: f64,
+    tolerance: f64,
+    deadline: impl Into<Deadline>,
+) -> Option<State> {
     let n = system.dofs().len();
     let mut state = start.clone();
     let mut reduced = vec![0.0; n];
@@ -105,7 +112,7 @@ pub fn dop853(system: &System, start: &State, duration: f64, tolerance: f64, dea
     let absolute = tolerance * extent(&start.positions, &start.positions);
     let end = start.time + duration;
     if n > 0 {
-        let clock = Clock { span: [start.time, end], begin: Instant::now(), deadline };
+        let clock = Clock { span: [start.time, end], begin: Instant::now(), deadline: deadline.into() };
         let mut from = start.time;
         for to in kinks(system, start.time, end) {
             y = interval(system, &state, y, [from, to], tolerance, absolute, &clock)?;

@@ -5,6 +5,7 @@
 
 mod conclusion;
 mod curve;
+mod deadline;
 mod decision;
 mod dop853;
 mod figures;
@@ -18,6 +19,7 @@ mod tolerance;
 mod work_precision;
 
 pub use curve::{Curve, LARGEST_ERROR, curves};
+pub use deadline::Deadline;
 pub use decision::Decision;
 pub use dop853::dop853;
 pub use figures::{Figure, best_of_each};

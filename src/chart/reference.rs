@@ -1,12 +1,13 @@
 //! The answer that runs are measured against, with an estimate of its own error.
 
-use super::dop853;
+use super::{Deadline, dop853};
 use crate::accuracy::{Configuration, Pace, relative_position_error, trial};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, Status};
+use crate::interrupt::Interrupt;
 use crate::system::{State, System};
 use serde::Serialize;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A reference solution at the end time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -38,15 +39,26 @@ impl Reference {
     ///
     /// # Errors
     /// Coincident ends of a spring in `start`; a matrix that is too large.
-    pub fn compute(system: &System, start: &State, [dt, duration]: [f64; 2], limit: Duration) -> Result<Option<Self>> {
-        let now = Instant::now();
-        match Self::by_library(system, start, duration, now + limit / 2) {
+    pub fn compute(system: &System, start: &State, length: [f64; 2], limit: Duration) -> Result<Option<Self>> {
+        Self::within(system, start, length, limit, Interrupt::NEVER)
+    }
+
+    /// As [`compute`](Self::compute), until someone interrupts it.
+    pub(super) fn within(
+        system: &System,
+        start: &State,
+        [dt, duration]: [f64; 2],
+        limit: Duration,
+        interrupt: Interrupt,
+    ) -> Result<Option<Self>> {
+        let [half, whole] = [limit / 2, limit].map(|time| Deadline::after(time, interrupt));
+        match Self::by_library(system, start, duration, half) {
             Some(reference) => Ok(Some(reference)),
-            None => Self::by_extrapolation(system, start, [dt, duration], now + limit),
+            None => Self::by_extrapolation(system, start, [dt, duration], whole),
         }
     }
 
-    fn by_library(system: &System, start: &State, duration: f64, deadline: Instant) -> Option<Self> {
+    fn by_library(system: &System, start: &State, duration: f64, deadline: Deadline) -> Option<Self> {
         let [loose, tight] = TOLERANCES;
         let solve = |tolerance| dop853(system, start, duration, tolerance, deadline);
         let (coarse, state) = (solve(loose)?, solve(tight)?);
@@ -63,14 +75,15 @@ impl Reference {
         system: &System,
         start: &State,
         length: [f64; 2],
-        deadline: Instant,
+        deadline: impl Into<Deadline>,
     ) -> Result<Option<Self>> {
+        let deadline = deadline.into();
         let [dt, duration] = length;
         let mut ladders = [Method::ImplicitMidpoint, Method::W2].map(Ladder::new);
         let mut best: Option<Self> = None;
         let mut steps = (duration / dt).ceil().max(4.0);
         let difference = |a: &State, b: &State| relative_position_error(&a.positions, &b.positions, &start.positions);
-        while ladders.iter().any(|ladder| ladder.open) && Instant::now() < deadline {
+        while ladders.iter().any(|ladder| ladder.open) && deadline.allows(Duration::ZERO) {
             for ladder in ladders.iter_mut().filter(|ladder| ladder.open) {
                 ladder.climb(system, start, [duration / steps, duration], deadline)?;
             }
@@ -122,11 +135,11 @@ impl Ladder {
         self.extrapolated.as_ref().zip(self.before.as_ref())
     }
 
-    fn climb(&mut self, system: &System, start: &State, [dt, duration]: [f64; 2], deadline: Instant) -> Result<()> {
-        let in_time = || Instant::now() < deadline;
+    fn climb(&mut self, system: &System, start: &State, [dt, duration]: [f64; 2], deadline: Deadline) -> Result<()> {
+        let in_time = || deadline.allows(Duration::ZERO);
         let run = trial(system, start, &self.configuration, Pace::Step(dt), duration, &in_time)?;
         // The next run takes twice as long.
-        self.open = run.status != Status::Interrupted && Instant::now() + 2 * run.wall < deadline;
+        self.open = run.status != Status::Interrupted && deadline.allows(2 * run.wall);
         let state = (run.status == Status::Completed).then_some(run.state);
         self.before = self.extrapolated.take();
         self.extrapolated = self.last.as_ref().zip(state.as_ref()).map(|(coarse, fine)| {

@@ -1,5 +1,6 @@
 //! Factorization or conjugate gradients? One step on ready scenes of growing size.
 
+use super::Deadline;
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions};
@@ -36,7 +37,7 @@ const STEPS: u64 = 4;
 const DT: f64 = 0.01;
 
 /// Grows cloths and lattices as long as the next one fits into the time.
-pub(super) fn study(deadline: Instant) -> Result<Vec<SizeRun>> {
+pub(super) fn study(deadline: Deadline) -> Result<Vec<SizeRun>> {
     let mut runs = Vec::new();
     for (kind, sizes) in [(Kind::Cloth, [6, 12, 24, 48, 96]), (Kind::Lattice, [3, 5, 8, 12, 18])] {
         let mut solvers = vec![SolverChoice::Llt, SolverChoice::Cg, SolverChoice::CgAssembled];
@@ -69,7 +70,7 @@ pub(super) fn study(deadline: Instant) -> Result<Vec<SizeRun>> {
                     steps: STEPS,
                 });
                 // The next size has four to ten times the work.
-                if Instant::now() + 10 * clock.elapsed() < deadline {
+                if deadline.allows(10 * clock.elapsed()) {
                     affordable.push(solver);
                 }
             }

@@ -1,7 +1,7 @@
 //! The sweep: every configuration at every step size that fits into the time, measured against the reference.
 
 use super::tail::ABOVE_THE_FLOOR;
-use super::{Progress, Quality, Reference};
+use super::{Deadline, Progress, Quality, Reference};
 use crate::accuracy::{Configuration, Pace, Trial, trial};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, Status, StiffnessPolicy};
@@ -64,8 +64,8 @@ const LONG: Duration = Duration::from_millis(100);
 
 impl Bench<'_> {
     /// Runs and measures; `None` when the deadline came first.
-    pub fn measure(&self, configuration: &Configuration, pace: Pace, deadline: Instant) -> Result<Option<Run>> {
-        let in_time = || Instant::now() < deadline;
+    pub fn measure(&self, configuration: &Configuration, pace: Pace, deadline: Deadline) -> Result<Option<Run>> {
+        let in_time = || deadline.allows(Duration::ZERO);
         let once = || trial(self.system, self.start, configuration, pace, self.duration, &in_time);
         let first = once()?;
         if first.status == Status::Interrupted {
@@ -74,7 +74,7 @@ impl Bench<'_> {
         let (mut repeats, mut wall) = (0, first.wall);
         if wall < LONG {
             let mut best = Duration::MAX;
-            while repeats < REPEATS && Instant::now() + wall < deadline {
+            while repeats < REPEATS && deadline.allows(wall) {
                 best = best.min(once()?.wall);
                 repeats += 1;
             }
@@ -157,7 +157,7 @@ pub(super) fn sweep(
     bench: &Bench<'_>,
     dt: f64,
     par: Par,
-    deadline: Instant,
+    deadline: Deadline,
     progress: &mut dyn Progress,
 ) -> Result<Vec<Run>> {
     let begin = Instant::now();
@@ -173,9 +173,9 @@ pub(super) fn sweep(
     let mut lanes: Vec<Lane> = all.iter().map(|&configuration| lane(configuration, Pace::Step(dt))).collect();
     lanes.extend(all.iter().filter(on_demand).map(|&configuration| lane(configuration, adaptive)));
     let mut runs = Vec::new();
-    while lanes.iter().any(|lane| lane.open) && Instant::now() < deadline {
+    while lanes.iter().any(|lane| lane.open) && deadline.allows(Duration::ZERO) {
         for lane in lanes.iter_mut().filter(|lane| lane.open) {
-            let left = deadline.saturating_duration_since(Instant::now());
+            let left = deadline.left();
             // Half the step, twice the work; a quarter of what is left must do for each.
             if left.is_zero() || lane.last.is_some_and(|last| 8 * last > left) {
                 lane.open = false;

@@ -1,14 +1,14 @@
 //! How exactly should conjugate gradients solve? Tolerance against error and time.
 
+use super::Deadline;
 use super::sweep::{Bench, Run};
 use crate::accuracy::{Configuration, Pace};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions};
-use std::time::Instant;
 
 /// Runs of one method and step by conjugate gradients at tolerances from coarse to fine, the loosest first.
-pub(super) fn study(bench: &Bench<'_>, method: Method, dt: f64, deadline: Instant) -> Result<Vec<Run>> {
+pub(super) fn study(bench: &Bench<'_>, method: Method, dt: f64, deadline: Deadline) -> Result<Vec<Run>> {
     let mut runs = Vec::new();
     for exponent in 1..=6 {
         let tolerance = 10f64.powi(-2 * exponent);

@@ -2,9 +2,10 @@
 
 use super::sizes::{self, SizeRun};
 use super::sweep::{Bench, Run, sweep};
-use super::{Progress, Reference, tolerance};
+use super::{Deadline, Progress, Reference, tolerance};
 use crate::error::Result;
 use crate::integrate::Method;
+use crate::interrupt::Interrupt;
 use crate::linear::CostModel;
 use crate::system::{State, System};
 use faer::Par;
@@ -22,6 +23,8 @@ pub struct SweepOptions {
     pub budget: Duration,
     /// Parallelism of the factorizations.
     pub par: Par,
+    /// Asks for an end with what was measured until then.
+    pub interrupt: Interrupt,
 }
 
 /// Work–precision data of one scene.
@@ -68,24 +71,26 @@ impl WorkPrecision {
         options: &SweepOptions,
         progress: &mut dyn Progress,
     ) -> Result<Option<Self>> {
-        let SweepOptions { duration, dt, budget, par } = *options;
+        let SweepOptions { duration, dt, budget, par, interrupt } = *options;
+        let whole = Deadline::after(budget, interrupt);
         let begin = Instant::now();
         progress.at(begin.elapsed(), "reference");
-        let Some(reference) = Reference::compute(system, start, [dt, duration], budget / 3)? else { return Ok(None) };
+        let reference = Reference::within(system, start, [dt, duration], budget / 3, interrupt)?;
+        let Some(reference) = reference else { return Ok(None) };
         let costs = CostModel::of(system);
         let bench = Bench { system, start, duration, reference: &reference, costs };
 
         progress.at(begin.elapsed(), "tolerances of conjugate gradients");
         let share = budget / 20;
-        let study = |method| tolerance::study(&bench, method, dt, Instant::now() + share);
+        let study = |method| tolerance::study(&bench, method, dt, Deadline::after(share, interrupt));
         let mut tolerances = study(Method::LinearBackwardEuler)?;
         tolerances.extend(study(Method::W2)?);
 
         progress.at(begin.elapsed(), "solvers over sizes");
-        let sizes = sizes::study(Instant::now() + sizes::share(budget))?;
+        let sizes = sizes::study(Deadline::after(sizes::share(budget), interrupt))?;
 
         let mut shifted = |elapsed: Duration, what: &str| progress.at(begin.elapsed().max(elapsed), what);
-        let runs = sweep(&bench, dt, par, begin + budget, &mut shifted)?;
+        let runs = sweep(&bench, dt, par, whole, &mut shifted)?;
         Ok(Some(Self { scene: scene.into(), duration, reference, runs, tolerances, sizes }))
     }
 }

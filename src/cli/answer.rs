@@ -1,10 +1,10 @@
 //! `sprung run --accuracy R`: a search for an answer, recorded as it goes.
 
-use super::Stop;
 use super::common::{LoadedScene, claim};
 use super::console::{Console, error};
 use super::files::{FILES, Files, text};
 use super::recorder::{Recorder, bar};
+use super::{Stop, interrupt};
 use indicatif::ProgressBar;
 use sprung::accuracy::{Audience, Progress, Reduction, Requirement, answer};
 use sprung::force::Energy;
@@ -105,6 +105,7 @@ impl Question<'_> {
     pub fn answer(&self, console: &Console, scene: &LoadedScene) -> Result<Summary, Stop> {
         let Self { files, requirement, folder, interrupted, .. } = self;
         let LoadedScene { file, name, system, state: start, .. } = scene;
+        interrupt::keep();
         let claimed = claim(folder, &FILES, false)?;
         claimed.remove(CHECKPOINT)?;
         let clock = Instant::now();

@@ -3,7 +3,7 @@
 use super::common::{SceneFile, Threads, check_writable};
 use super::console::{Console, error};
 use super::values::positive;
-use super::{Exit, Stop};
+use super::{Exit, Stop, interrupt};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use sprung::Result;
@@ -75,9 +75,11 @@ impl Chart {
         let duration = scene.motion_length(self.duration, "a chart")?;
         Schedule::check(dt, duration).map_err(|error| scene.not_countable(error))?;
         let folder = scene.folder(&self.out);
+        interrupt::keep();
         let _claimed = check_writable(&folder, &FILES)?;
         let budget = Duration::try_from_secs_f64(self.budget).unwrap_or(Duration::MAX / 16);
-        let options = SweepOptions { duration, dt, budget, par: parallelism(&scene.system) };
+        let request = interrupt::request();
+        let options = SweepOptions { duration, dt, budget, par: parallelism(&scene.system), interrupt: request };
         let bar = progress_bar(console, budget);
         let measured = self.threads.install(|| {
             let mut progress = |elapsed: Duration, what: &str| {
@@ -92,13 +94,16 @@ impl Chart {
                 return Ok(StabilityMap { tiles: Vec::new() });
             }
             let mut progress = |_: Duration, what: &str| bar.set_message(format!("stability of {what}"));
-            Ok(StabilityMap::measure(RESOLUTION, &mut progress)?)
+            Ok(StabilityMap::until(RESOLUTION, &mut progress, request)?)
         })?;
         bar.finish_and_clear();
         let Some(chart) = measured else {
-            error(
-                "no reference solution was found within a third of the budget: give it more, or a shorter --duration",
-            );
+            error(match interrupt::is_requested() {
+                true => "interrupted before there was a reference solution",
+                false => {
+                    "no reference solution was found within a third of the budget: give it more, or a shorter --duration"
+                }
+            });
             return Ok(Exit::Failed);
         };
         let report = Report {
@@ -120,6 +125,10 @@ impl Chart {
         let text = lines.join("\n");
         console.result(&report, text)?;
         let mut outcome = Exit::Done;
+        if interrupt::is_requested() {
+            error("interrupted: the chart has the runs that were made until then");
+            outcome = Exit::Failed;
+        }
         for check in map.checks().iter().filter(|check| !check.passed()) {
             error(format_args!("{}, {}: {}", check.name, check.scene, check.why));
             outcome = Exit::Failed;

@@ -1,7 +1,7 @@
 //! Arguments that several commands share.
 
-use super::Stop;
 use super::console::Console;
+use super::{Stop, interrupt};
 use sprung::error::Invalid;
 use sprung::integrate::Schedule;
 use sprung::output::{AtomicFile, OutputFolder};
@@ -10,6 +10,8 @@ use sprung::scene::{Scene, TimeSettings};
 use sprung::{Error, Result, State, System};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::time::Duration;
 
 /// The scene that a command works on.
 #[derive(Debug, clap::Args)]
@@ -140,6 +142,15 @@ pub fn claim(folder: &Path, names: &[&str], goes_on: bool) -> Result<OutputFolde
     Ok(claimed)
 }
 
+/// What comes from a computation that is attended.
+enum Message<T, R> {
+    Told(T),
+    Done(R),
+}
+
+/// How soon an interruption is noticed.
+const PATIENCE: Duration = Duration::from_millis(20);
+
 /// How many threads compute.
 #[derive(Debug, clap::Args)]
 pub struct Threads {
@@ -151,10 +162,40 @@ pub struct Threads {
 impl Threads {
     /// Runs a computation on as many threads as asked for.
     pub fn install<T: Send>(&self, compute: impl FnOnce() -> Result<T, Stop> + Send) -> Result<T, Stop> {
-        let threads = self.threads.map_or(0, usize::from);
-        match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
-            Ok(pool) => pool.install(compute),
-            Err(error) => Err(Error::Usage(format!("--threads: {error}")).into()),
+        self.pool()?.install(compute)
+    }
+
+    /// Runs a computation as [`install`](Self::install) does, until it ends or the user interrupts it; `heard` gets what it tells on
+    /// the way. `None` where it was interrupted: it may be at work still, but nobody waits for it, and it ends with the process.
+    ///
+    /// # Errors
+    /// Threads that cannot be had.
+    pub fn attend<T: Send + 'static, R: Send + 'static>(
+        &self,
+        compute: impl FnOnce(&mut dyn FnMut(T)) -> R + Send + 'static,
+        mut heard: impl FnMut(T),
+    ) -> Result<Option<R>, Stop> {
+        interrupt::keep();
+        let (sender, receiver) = mpsc::channel();
+        self.pool()?.spawn(move || {
+            // Where nobody listens any more there is nobody to tell that.
+            let result = compute(&mut |told| _ = sender.send(Message::Told(told)));
+            let _ = sender.send(Message::Done(result));
+        });
+        while !interrupt::is_requested() {
+            match receiver.recv_timeout(PATIENCE) {
+                Ok(Message::Told(told)) => heard(told),
+                Ok(Message::Done(result)) => return Ok(Some(result)),
+                Err(mpsc::RecvTimeoutError::Timeout) => {}
+                Err(mpsc::RecvTimeoutError::Disconnected) => break,
+            }
         }
+        Ok(None)
+    }
+
+    fn pool(&self) -> Result<rayon::ThreadPool, Stop> {
+        let threads = self.threads.map_or(0, usize::from);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.map_err(|error| Error::Usage(format!("--threads: {error}")).into())
     }
 }

@@ -2,19 +2,21 @@
 
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
-use super::recorder::progress_bar;
+use super::recorder::{bar, progress_bar};
 use super::values::{choice, count, positive};
-use super::{Exit, Stop};
-use sprung::inspect::{FirstLosses, Follower, Inspection, Pictures};
+use super::{Exit, Stop, interrupt};
+use faer::Par;
+use sprung::inspect::{AFFORDABLE, FirstLosses, Follower, Inspection, Part, Pictures};
 use sprung::integrate::{ImplicitOptions, Method, RunFailure, Schedule, run};
 use sprung::linear::SolverOptions;
-use sprung::output::AtomicFile;
+use sprung::output::{AtomicFile, OutputFolder};
 use sprung::plan::parallelism;
 use sprung::report::inspection::{InspectionRecord, html, pictures, text};
 use sprung::{Result, State, Stiffness};
 use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Say whether A is positive definite, which springs spoil it, and which step is safe
 ///
@@ -40,6 +42,10 @@ pub struct Inspect {
     /// Which part of every spring's stiffness enters the matrix that is examined
     #[arg(long, value_name = "OPTION", default_value = "full", value_parser = choice(&Stiffness::ALL, Stiffness::name, describe_stiffness))]
     stiffness: Stiffness,
+
+    /// Look at everything, however long it takes, instead of leaving out what takes too much work
+    #[arg(long)]
+    all: bool,
 
     #[command(flatten)]
     threads: Threads,
@@ -69,39 +75,74 @@ struct Arrival {
 
 impl Inspect {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
-        let scene = self.scene.load()?;
+        let mut scene = self.scene.load()?;
         let dt = scene.step_or_default(console, self.dt);
-        self.threads.install(|| self.inspect(console, scene, dt))
-    }
-
-    fn inspect(&self, console: &Console, mut scene: LoadedScene, dt: f64) -> Result<Exit, Stop> {
         let folder = scene.folder(&self.out);
         let file = scene.file.clone();
         let in_file = |error: sprung::Error| error.in_file(&file);
-        let arrival = self.arrive(console, &mut scene, dt).map_err(in_file)?;
-        let LoadedScene { name, system, state, .. } = &scene;
-        let par = parallelism(system);
-        let inspection = Inspection::at(system, state, dt, self.stiffness, par).map_err(in_file)?;
-        if !inspection.examined().largest.is_finite() && !system.dofs().is_empty() {
+        let par = parallelism(&scene.system);
+        if self.steps > 0 {
+            interrupt::keep();
+        }
+        let arrival = self.threads.install(|| Ok(self.arrive(console, &mut scene, dt)))?.map_err(in_file)?;
+        let scene = Arc::new(scene);
+        let Looked { inspection, images } = self.look(console, &scene, dt, par)?.map_err(in_file)?;
+        let LoadedScene { name, system, state, .. } = &*scene;
+        let Some(inspection) = inspection else {
+            return Err(Stop::Computation("interrupted before anything was known of A".into()));
+        };
+        let is_known = !inspection.lacks(Part::Spectrum(self.stiffness)) && !system.dofs().is_empty();
+        if is_known && !inspection.examined().largest.is_finite() {
             error(format_args!("A has entries that are not finite numbers (dt = {dt:?} s)"));
             return Ok(Exit::Failed);
         }
-        let _claimed = check_writable(&folder, &FILES)?;
-        let images = Pictures::of(system, state, &inspection, par).map_err(in_file)?;
+        let claimed = check_writable(&folder, &FILES)?;
+        // Those of an interrupted inspection are few and quickly made.
+        let images = match images {
+            Some(images) => images,
+            None => Pictures::of(system, state, &inspection, par).map_err(in_file)?,
+        };
         let losses = arrival.losses.as_ref();
         let page = html(name, arrival.steps, state.time, &inspection, losses, &images);
-        write(&folder, &page, &images).map_err(Stop::Broken)?;
+        write(&folder, &claimed, &page, &images).map_err(Stop::Broken)?;
         let record = InspectionRecord::new(name, arrival.steps, state.time, &inspection).with_losses(losses);
         let text = text(name, arrival.steps, state.time, &inspection, losses);
         let page = folder.join("inspect.html");
         console.result(&record, format!("{text}\n  pictures     {}", page.display()))?;
-        match arrival.failure {
-            None => Ok(Exit::Done),
-            Some(RunFailure { step, time, failure }) => {
-                error(format_args!("{} in step {step}, at t = {time} s: {failure}", failure.status().name()));
-                Ok(Exit::Failed)
-            }
+        if let Some(RunFailure { step, time, failure }) = arrival.failure {
+            error(format_args!("{} in step {step}, at t = {time} s: {failure}", failure.status().name()));
+            return Ok(Exit::Failed);
         }
+        if interrupt::is_requested() {
+            error("interrupted: what was not looked at is left out");
+            return Ok(Exit::Failed);
+        }
+        Ok(Exit::Done)
+    }
+
+    /// Inspects the state; where the user interrupts, with what is known by then.
+    fn look(&self, console: &Console, scene: &Arc<LoadedScene>, dt: f64, par: Par) -> Result<Result<Looked>, Stop> {
+        let bar = bar(console, PARTS, "{wide_bar} {msg}, {eta} left");
+        let (option, all, inspected) = (self.stiffness, self.all, scene.clone());
+        let mut known = None;
+        let looked = self.threads.attend(
+            move |tell| {
+                let LoadedScene { system, state, .. } = &*inspected;
+                let most = if all { f64::INFINITY } else { AFFORDABLE };
+                let mut onlooker = |progress: f64, found: &Inspection| tell((progress, found.clone()));
+                let inspection = Inspection::within(system, state, dt, option, par, most, &mut onlooker)?;
+                tell((1.0, inspection.clone()));
+                let images = Pictures::of(system, state, &inspection, par)?;
+                Ok(Looked { inspection: Some(inspection), images: Some(images) })
+            },
+            |(progress, found)| {
+                bar.set_position((progress * PARTS as f64) as u64);
+                bar.set_message(if progress < 1.0 { "inspecting" } else { "drawing" });
+                known = Some(found);
+            },
+        )?;
+        bar.finish_and_clear();
+        Ok(looked.unwrap_or(Ok(Looked { inspection: known, images: None })))
     }
 
     /// Follows as many steps as asked for, looking at the state before each and after the last.
@@ -113,7 +154,7 @@ impl Inspect {
         let LoadedScene { system, state, .. } = scene;
         let par = parallelism(system);
         let mut follower = Follower::new(system, state, self.stiffness, dt, par)?;
-        let linear = SolverOptions { par, ..SolverOptions::default() };
+        let linear = SolverOptions { par, interrupt: interrupt::request(), ..SolverOptions::default() };
         let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
         let mut stepper = Method::LinearBackwardEuler.stepper(system, state, &options)?;
         let mut collapsed = None;
@@ -121,7 +162,8 @@ impl Inspect {
         let outcome = run(stepper.as_mut(), state, &Schedule::steps(dt, self.steps), |step, state: &State| {
             bar.set_position(step);
             collapsed = follower.look(step, state).err();
-            if collapsed.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            let goes_on = collapsed.is_none() && !interrupt::is_requested();
+            if goes_on { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         });
         bar.finish_and_clear();
         if let Some(spring) = collapsed {
@@ -134,10 +176,22 @@ impl Inspect {
     }
 }
 
-fn write(folder: &Path, page: &str, images: &Pictures) -> Result<()> {
+/// What was found, and its pictures.
+struct Looked {
+    inspection: Option<Inspection>,
+    images: Option<Pictures>,
+}
+
+/// Parts of the bar.
+const PARTS: u64 = 1000;
+
+fn write(folder: &Path, claimed: &OutputFolder, page: &str, images: &Pictures) -> Result<()> {
     AtomicFile::write(folder.join("inspect.html"), |file| file.write_all(page.as_bytes()))?;
-    for (name, svg) in pictures(images) {
+    let pictures = pictures(images);
+    for (name, svg) in &pictures {
         AtomicFile::write(folder.join(name), |file| file.write_all(svg.as_bytes()))?;
     }
-    Ok(())
+    // Pictures of an earlier inspection that this one has none of.
+    let drawn: Vec<&str> = pictures.iter().map(|(name, _)| *name).collect();
+    FILES[1..].iter().filter(|name| !drawn.contains(name)).try_for_each(|name| claimed.remove(name))
 }

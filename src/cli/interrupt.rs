@@ -1,16 +1,32 @@
-//! Ctrl-C: the first one asks for an orderly end, the second one does not wait for it.
+//! Ctrl-C: while there is something to keep the first one asks for an orderly end, and the second one does not wait for it. Before
+//! that, while scenes are read and matrices analysed, it ends the process as it does without us.
 
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::{register, register_conditional_shutdown};
 use sprung::interrupt::Interrupt;
-use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, OnceLock};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Once, OnceLock};
 
-/// A flag that becomes true when the user interrupts, the terminal goes away or the system asks the process to end. A hangup that
-/// is ignored is left alone, so that `nohup` works.
+/// A flag that becomes true when the user interrupts, the terminal goes away or the system asks the process to end, once
+/// [`keep`] has been called.
 pub fn flag() -> &'static AtomicBool {
+    shared()
+}
+
+/// Whether an end was asked for.
+pub fn is_requested() -> bool {
+    flag().load(Ordering::Relaxed)
+}
+
+/// From now on there is something to keep. A hangup that is ignored is left alone, so that `nohup` works.
+pub fn keep() {
+    static KEPT: Once = Once::new();
+    KEPT.call_once(|| register_all(shared()));
+}
+
+fn shared() -> &'static Arc<AtomicBool> {
     static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
-    FLAG.get_or_init(register_all)
+    FLAG.get_or_init(Arc::default)
 }
 
 /// The flag as the library takes it.
@@ -18,8 +34,7 @@ pub fn request() -> Interrupt {
     Interrupt::on(flag())
 }
 
-fn register_all() -> Arc<AtomicBool> {
-    let flag = Arc::new(AtomicBool::new(false));
+fn register_all(flag: &Arc<AtomicBool>) {
     for signal in [SIGINT, SIGTERM].into_iter().chain(hangup()) {
         // In this order: the first signal finds the flag down and raises it, the second finds it up and ends the
         // process with the status that shells give to one killed by the signal. Where nothing can be registered, the
@@ -27,7 +42,6 @@ fn register_all() -> Arc<AtomicBool> {
         let _ = register_conditional_shutdown(signal, 128 + signal, flag.clone());
         let _ = register(signal, flag.clone());
     }
-    flag
 }
 
 /// The signal of a terminal that goes away, unless it is ignored.

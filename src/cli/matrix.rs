@@ -3,7 +3,7 @@
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
 use super::values::{choice, positive};
-use super::{Exit, Stop};
+use super::{Exit, Stop, interrupt};
 use serde::Serialize;
 use sprung::assembly::SymmetricMatrix;
 use sprung::integrate::StepMatrices;
@@ -87,9 +87,14 @@ impl Matrix {
             return Ok(Exit::Failed);
         }
         let folder = scene.folder(&self.out);
+        interrupt::keep();
         let _claimed = check_writable(&folder, &FILES)?;
-        write(&folder, &scene, &matrices, &format!("dt = {dt:?} s, stiffness {}", self.stiffness.name()))
-            .map_err(Stop::Broken)?;
+        let how = format!("dt = {dt:?} s, stiffness {}", self.stiffness.name());
+        let written = write(&folder, &scene, &matrices, &how);
+        if interrupt::is_requested() {
+            return Err(Stop::Computation("interrupted: not every matrix was written".into()));
+        }
+        written.map_err(Stop::Broken)?;
         self.report(console, &scene, &matrices, dt, &folder)?;
         Ok(Exit::Done)
     }
@@ -145,7 +150,9 @@ fn nonzeros(matrix: &SymmetricMatrix) -> impl Iterator<Item = (usize, usize, f64
 fn write(folder: &Path, scene: &LoadedScene, matrices: &StepMatrices, how: &str) -> Result<()> {
     let matrix = |name: &str, meaning: &str, matrix: &SymmetricMatrix| {
         let comment = format!("{meaning}; {how}\nrows and columns as in dofs.csv");
-        write_symmetric(folder.join(name), &comment, matrix.dofs().len(), nonzeros(matrix).count(), nonzeros(matrix))
+        // One that ends too soon is no file.
+        let entries = nonzeros(matrix).take_while(|_| !interrupt::is_requested());
+        write_symmetric(folder.join(name), &comment, matrix.dofs().len(), nonzeros(matrix).count(), entries)
     };
     matrix("A.mtx", "A = M/dt^2 - G/dt - K, in N/m", &matrices.a)?;
     matrix("M.mtx", "M, the masses, in kg", &matrices.m)?;

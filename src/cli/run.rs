@@ -220,6 +220,7 @@ impl Run {
         let from = found.map(|found| parts.accept(found, &folder)).transpose()?;
         let mut state = from.as_ref().map_or_else(|| start.clone(), Checkpoint::state);
         let begun = parts.begin(from.as_ref(), &state).map_err(|error| error.in_file(&file))?;
+        interrupt::keep();
         let claimed = claim(&folder, &FILES, self.resume)?;
         if from.is_none() {
             claimed.remove(CHECKPOINT)?;

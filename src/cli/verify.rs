@@ -1,14 +1,15 @@
 //! `sprung verify`: the verification suite on scenes.
 
 use super::common::{Threads, check_writable, folder_of, read_scene};
-use super::console::Console;
+use super::console::{Console, error};
 use super::{Exit, Stop};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 use sprung::Error;
 use sprung::report;
-use sprung::verify::{FAMILIES, Results, Subject, built_in};
+use sprung::verify::{Check, FAMILIES, Results, Subject, built_in};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Check the program on scenes: derivatives, solvers, definiteness, conservation, convergence, failure
 ///
@@ -36,13 +37,20 @@ impl Verify {
         let subjects = self.subjects()?;
         let folder = self.folder(&subjects);
         let _claimed = check_writable(&folder, &FILES)?;
-        let results = self.threads.install(|| Ok(measure(&subjects, console)))?;
+        let (results, whole) = self.measure(Arc::new(subjects), console)?;
+        if results.checks.is_empty() && !whole {
+            return Err(Stop::Computation("interrupted before anything was checked".into()));
+        }
         report::write(&folder, &results).map_err(Stop::Broken)?;
         let json = report::json(&results).map_err(|source| Stop::Broken(Error::io(folder.join(FILES[1]), source)))?;
         let json: Value = serde_json::from_str(&json)
             .map_err(|error| Stop::Broken(Error::io(folder.join(FILES[1]), error.into())))?;
         let text = format!("{}report: {}", report::text(&results), folder.join(FILES[0]).display());
         console.result(&json, text)?;
+        if !whole {
+            error("interrupted: the report has the checks that were made until then");
+            return Ok(Exit::Failed);
+        }
         Ok(if results.all_passed() { Exit::Done } else { Exit::Failed })
     }
 
@@ -64,27 +72,41 @@ impl Verify {
         };
         self.out.clone().unwrap_or_else(|| folder_of(name))
     }
-}
 
-fn measure(subjects: &[Subject], console: &Console) -> Results {
-    let tasks: Vec<_> = FAMILIES
-        .iter()
-        .flat_map(|family| subjects.iter().filter(|subject| (family.applies)(subject)).map(move |s| (family, s)))
-        .collect();
-    let target = if console.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-    let bar = ProgressBar::with_draw_target(Some(tasks.len() as u64), target);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len}, about {eta} left, {msg}") {
-        bar.set_style(style);
+    /// Measures; where the user interrupts what has been measured until then, and `false`.
+    fn measure(&self, subjects: Arc<Vec<Subject>>, console: &Console) -> Result<(Results, bool), Stop> {
+        let applying = |subjects: &[Subject]| -> Vec<(usize, usize)> {
+            let applies = |&(family, subject): &(usize, usize)| (FAMILIES[family].applies)(&subjects[subject]);
+            let pairs =
+                (0..FAMILIES.len()).flat_map(|family| (0..subjects.len()).map(move |subject| (family, subject)));
+            pairs.filter(applies).collect()
+        };
+        let tasks = applying(&subjects);
+        let names: Vec<String> = tasks
+            .iter()
+            .map(|&(family, subject)| format!("{}, {}", FAMILIES[family].name, subjects[subject].name))
+            .collect();
+        let target = if console.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let bar = ProgressBar::with_draw_target(Some(tasks.len() as u64), target);
+        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len}, about {eta} left, {msg}") {
+            bar.set_style(style);
+        }
+        let name = |number: usize| names.get(number).cloned().unwrap_or_default();
+        bar.set_message(name(0));
+        let mut checks = Vec::new();
+        let ended = self.threads.attend(
+            move |tell| {
+                for (family, subject) in tasks {
+                    tell(FAMILIES[family].check(&subjects[subject]));
+                }
+            },
+            |made: Vec<Check>| {
+                checks.extend(made);
+                bar.inc(1);
+                bar.set_message(name(bar.position() as usize));
+            },
+        )?;
+        bar.finish_and_clear();
+        Ok((checks.into_iter().collect(), ended.is_some()))
     }
-    let results = tasks
-        .into_iter()
-        .flat_map(|(family, subject)| {
-            bar.set_message(format!("{}, {}", family.name, subject.name));
-            let checks = family.check(subject);
-            bar.inc(1);
-            checks
-        })
-        .collect();
-    bar.finish_and_clear();
-    results
 }

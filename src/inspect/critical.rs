@@ -59,13 +59,15 @@ pub enum LargestStep {
         /// curvature, in s; as near to `dt` as rounding allows.
         refused: f64,
     },
+    /// Not looked for.
+    Unknown,
 }
 
 impl LargestStep {
-    /// The step, in s; `None` when there is no limit.
+    /// The step, in s; `None` when there is no limit, or none is known.
     pub fn dt(&self) -> Option<f64> {
         match *self {
-            Self::Every => None,
+            Self::Every | Self::Unknown => None,
             Self::UpTo { dt, .. } => Some(dt),
         }
     }

@@ -89,6 +89,12 @@ impl Inertia {
         Ok(InertiaCounter::new(a.pattern(), Par::Seq)?.count(a, &mut Work::default()))
     }
 
+    /// Nothing is known of any of n eigenvalues.
+    pub(super) fn undecided(n: usize, band: f64) -> Self {
+        let (factorization_error, method) = (f64::INFINITY, InertiaMethod::None);
+        Self { negative: 0, zero: n, positive: 0, band, factorization_error, method }
+    }
+
     /// Whether every eigenvalue is positive beyond doubt.
     pub fn is_definite(&self) -> bool {
         self.negative == 0 && self.zero == 0
@@ -130,14 +136,7 @@ impl InertiaCounter {
     /// Counts the eigenvalues of a matrix on the analysed pattern.
     pub fn count(&mut self, a: &SymmetricMatrix, work: &mut Work) -> Inertia {
         let n = a.order();
-        let undecided = |band| Inertia {
-            negative: 0,
-            zero: n,
-            positive: 0,
-            band,
-            factorization_error: f64::INFINITY,
-            method: InertiaMethod::None,
-        };
+        let undecided = |band| Inertia::undecided(n, band);
         if n == 0 {
             return Inertia { factorization_error: 0.0, method: InertiaMethod::Sparse, ..undecided(0.0) };
         }

@@ -4,6 +4,7 @@ use super::critical::{CriticalSteps, LargestStep};
 use super::culprits::{Cluster, Direction, clusters, direction};
 use super::family::Property;
 use super::inertia::{Inertia, InertiaCounter};
+use super::left_out::{Cost, Ledger, LeftOut, Part, Why};
 use super::smallest_set::{DropSet, smallest_set};
 use super::spectrum::{Spectrum, spectrum_with};
 use super::turning::{Turn, Turning};
@@ -81,6 +82,8 @@ pub struct Inspection {
     pub turn: Option<Turn>,
     /// Where A under `Full` is not positive definite: which transverse terms must go.
     pub smallest_set: Option<DropSet>,
+    /// What was left out, with λ_min over the time step, which [`Pictures`](super::Pictures) look at.
+    pub left_out: Vec<LeftOut>,
     /// What the inspection cost.
     pub work: Work,
 }
@@ -98,87 +101,88 @@ const FEWER: usize = 6;
 const SAME: f64 = 1e-6;
 
 impl Inspection {
-    /// Inspects A at a state for a step of length dt, under an option for which the directions are examined.
+    /// Inspects A at a state for a step of length dt, in s, under an option for which the directions are examined; whole, whatever
+    /// it costs.
     ///
     /// # Errors
     /// Coincident ends of a spring; a matrix that is too large to factor.
     pub fn at(system: &System, state: &State, dt: f64, option: Stiffness, par: Par) -> Result<Self> {
-        let extensions = Extensions::at(system, &state.positions)?;
-        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
-        let assemble = |option, combination| {
-            let operator = SystemOperator::new(system, &extensions, option, combination);
-            SystemMatrix::assemble(pattern.clone(), &operator).into_matrix()
-        };
-        let mut critical = CriticalSteps::new(system, state, par)?;
-        let mut turning = Turning::new(system, state, par)?;
-        let mut work = Work { symbolic_factorizations: 2, ..Work::default() };
-        let minus_k = assemble(Stiffness::Full, Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 });
-        let mut counter = InertiaCounter::new(minus_k.pattern(), par)?;
-        let growing_modes = counter.count(&minus_k, &mut work).negative;
+        Self::within(system, state, dt, option, par, f64::INFINITY, &mut |_, _| ())
+    }
 
-        let mut factorization = Ldlt::analyse(minus_k.pattern(), par)?;
-        let mut examined = None;
-        let mut inspect = |each: Stiffness| -> Result<OptionInspection> {
-            let a: SymmetricMatrix = assemble(each, Combination::step(dt));
-            work.assemblies += 1;
-            let inertia = counter.count(&a, &mut work);
-            let wanted = match each == option {
-                true if a.dofs().len() >= LARGE => FEWER,
-                true => EIGENPAIRS.max(inertia.negative.min(DIRECTIONS)),
-                false => 1,
-            };
-            let spectrum = spectrum_with(&mut factorization, &a, &inertia, wanted, &mut work);
-            let definite = critical.largest_step(Property::Definite, each);
-            let report = OptionInspection {
-                option: each,
-                inertia,
-                smallest: spectrum.smallest(),
-                largest: spectrum.largest,
-                condition: spectrum.condition,
-                critical: definite,
-                // Under `Full` the requirements coincide, see [`CriticalSteps`].
-                stable: match each {
-                    Stiffness::Full => definite,
-                    Stiffness::Tension | Stiffness::Axial => critical.largest_step(Property::Stable, each),
-                },
-                turning: turning.largest_step(each, dt),
-            };
-            if each == option {
-                examined = Some(spectrum);
+    /// As [`at`](Self::at), leaving out what would make it cost more than `most` operations. After every part `onlooker` sees how much
+    /// of the work is done, from 0 to 1, and what is known until then.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring; a matrix that is too large to factor.
+    pub fn within(
+        system: &System,
+        state: &State,
+        dt: f64,
+        option: Stiffness,
+        par: Par,
+        most: f64,
+        onlooker: &mut dyn FnMut(f64, &Self),
+    ) -> Result<Self> {
+        let mut inspector = Inspector::new(system, state, dt, option, par, most)?;
+        let mut first = Stiffness::ALL;
+        first.sort_by_key(|&each| each != option);
+        let parts: Vec<Part> = [
+            &first.map(Part::Signs)[..],
+            &[Part::GrowingModes, Part::Spectrum(option), Part::Definite(option), Part::Stable(option)],
+            &[Part::Turning(Stiffness::Tension), Part::Turning(Stiffness::Axial), Part::SmallestSet],
+            &first.map(Part::Spectrum)[1..],
+            &first.map(Part::Definite)[1..],
+            &first.map(Part::Stable)[1..],
+            // Drawn by [`Pictures`](super::Pictures), if it is affordable.
+            &[Part::Curve],
+        ]
+        .concat();
+        for part in parts {
+            if inspector.look(part)? {
+                onlooker(inspector.ledger.share(), &inspector.found);
             }
-            Ok(report)
-        };
-        let [full, tension, axial] = Stiffness::ALL;
-        let options = [inspect(full)?, inspect(tension)?, inspect(axial)?];
+        }
+        Ok(inspector.found)
+    }
 
-        let spectrum = examined.unwrap_or(Spectrum { lowest: Vec::new(), largest: f64::NAN, condition: f64::NAN });
-        let negative = spectrum.negative().len().clamp(1, DIRECTIONS);
-        let directions: Vec<Direction> =
-            spectrum.lowest.iter().take(negative).map(|pair| direction(system, &extensions, option, pair)).collect();
-        let bad: Vec<Direction> = directions.iter().filter(|d| d.eigenvalue < 0.0).cloned().collect();
-        let smallest_set = if options[0].inertia.is_definite() {
-            None
-        } else {
-            Some(smallest_set(system, &extensions, dt, par, &mut work)?)
-        };
+    /// Of which nothing is known yet.
+    fn unknown(system: &System, extensions: &Extensions, dt: f64, option: Stiffness) -> Self {
         let compressed = extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
-        let compressed_springs = compressed.count();
-        let turn = turning.worst(option, dt);
-        work.add(&critical.work);
-        work.add(&turning.work);
-        Ok(Self {
+        let unknown = |option| OptionInspection {
+            option,
+            inertia: Inertia::undecided(system.dofs().len(), f64::INFINITY),
+            smallest: f64::NAN,
+            largest: f64::NAN,
+            condition: f64::NAN,
+            critical: LargestStep::Unknown,
+            stable: LargestStep::Unknown,
+            turning: LargestStep::Unknown,
+        };
+        Self {
             dt,
             option,
-            options,
-            growing_modes,
-            compressed_springs,
-            clusters: clusters(&bad),
-            spectrum,
-            directions,
-            turn,
-            smallest_set,
-            work,
-        })
+            options: Stiffness::ALL.map(unknown),
+            growing_modes: 0,
+            compressed_springs: compressed.count(),
+            spectrum: Spectrum { lowest: Vec::new(), largest: f64::NAN, condition: f64::NAN },
+            directions: Vec::new(),
+            clusters: Vec::new(),
+            turn: None,
+            smallest_set: None,
+            left_out: Vec::new(),
+            work: Work::default(),
+        }
+    }
+
+    /// What was left out for a reason.
+    pub fn left_out_for(&self, why: Why) -> impl Iterator<Item = Part> + '_ {
+        self.left_out.iter().filter(move |left_out| left_out.why == why).map(|left_out| left_out.part)
+    }
+
+    /// Whether a part was left out.
+    pub fn lacks(&self, part: Part) -> bool {
+        self.left_out.iter().any(|left_out| left_out.part == part)
     }
 
     /// How many of the eigenvalues that were found equal the lowest, to a millionth of it: where there are several, any mixture of
@@ -191,11 +195,156 @@ impl Inspection {
 
     /// A under the option that was asked for.
     pub fn examined(&self) -> &OptionInspection {
-        let [full, tension, axial] = &self.options;
-        match self.option {
-            Stiffness::Full => full,
-            Stiffness::Tension => tension,
-            Stiffness::Axial => axial,
+        &self.options[place(self.option)]
+    }
+}
+
+/// Where an option stands in [`Stiffness::ALL`].
+fn place(option: Stiffness) -> usize {
+    match option {
+        Stiffness::Full => 0,
+        Stiffness::Tension => 1,
+        Stiffness::Axial => 2,
+    }
+}
+
+/// What an inspection needs, analysed once, and what it has found.
+struct Inspector<'s> {
+    system: &'s System,
+    par: Par,
+    extensions: Extensions,
+    pattern: Arc<SpringPattern>,
+    critical: CriticalSteps<'s>,
+    turning: Turning<'s>,
+    counter: InertiaCounter,
+    factorization: Ldlt,
+    ledger: Ledger,
+    /// Work that is not counted by the searches for steps.
+    work: Work,
+    found: Inspection,
+}
+
+impl<'s> Inspector<'s> {
+    fn new(system: &'s System, state: &'s State, dt: f64, option: Stiffness, par: Par, most: f64) -> Result<Self> {
+        let extensions = Extensions::at(system, &state.positions)?;
+        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+        let factorization = Ldlt::analyse(pattern.pattern(), par)?;
+        let all = Stiffness::ALL;
+        let parts = [Part::GrowingModes, Part::SmallestSet, Part::Curve]
+            .into_iter()
+            .chain([Part::Turning(Stiffness::Tension), Part::Turning(Stiffness::Axial)])
+            .chain([Part::Signs, Part::Spectrum, Part::Definite, Part::Stable].into_iter().flat_map(|of| all.map(of)));
+        Ok(Self {
+            system,
+            par,
+            critical: CriticalSteps::new(system, state, par)?,
+            turning: Turning::new(system, state, par)?,
+            counter: InertiaCounter::new(pattern.pattern(), par)?,
+            ledger: Ledger::new(Cost::of(&factorization.size(), system.dofs().len()), most, parts),
+            factorization,
+            pattern,
+            work: Work { symbolic_factorizations: 2, ..Work::default() },
+            found: Inspection::unknown(system, &extensions, dt, option),
+            extensions,
+        })
+    }
+
+    fn assemble(&self, option: Stiffness, combination: Combination) -> SymmetricMatrix {
+        let operator = SystemOperator::new(self.system, &self.extensions, option, combination);
+        SystemMatrix::assemble(self.pattern.clone(), &operator).into_matrix()
+    }
+
+    /// Looks at a part, unless it costs too much; whether something new is known.
+    fn look(&mut self, part: Part) -> Result<bool> {
+        let known = match part {
+            // What it depends on.
+            Part::SmallestSet => self.found.options[0].inertia.is_definite(),
+            // Under `Full` the requirements coincide, see [`CriticalSteps`].
+            Part::Stable(Stiffness::Full) => true,
+            // Without what makes them indefinite the springs' blocks settle it.
+            Part::Definite(Stiffness::Tension | Stiffness::Axial) => true,
+            _ => false,
+        };
+        if !known && !self.ledger.affords(part) {
+            self.found.left_out.clone_from(&self.ledger.out);
+            return Ok(false);
+        }
+        match part {
+            Part::Signs(option) => {
+                let a = self.assemble(option, Combination::step(self.found.dt));
+                self.work.assemblies += 1;
+                self.found.options[place(option)].inertia = self.counter.count(&a, &mut self.work);
+            }
+            Part::GrowingModes => {
+                let minus_k = self.assemble(Stiffness::Full, Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 });
+                self.found.growing_modes = self.counter.count(&minus_k, &mut self.work).negative;
+            }
+            Part::Spectrum(option) => self.spectrum(option),
+            Part::Definite(option) => {
+                let limit = self.critical.largest_step(Property::Definite, option);
+                self.found.options[place(option)].critical = limit;
+                if option == Stiffness::Full {
+                    self.found.options[place(option)].stable = limit;
+                }
+            }
+            Part::Stable(Stiffness::Full) => {
+                if self.ledger.follows(part, Part::Definite(Stiffness::Full)) {
+                    self.found.left_out.clone_from(&self.ledger.out);
+                    return Ok(false);
+                }
+            }
+            Part::Stable(option) => {
+                self.found.options[place(option)].stable = self.critical.largest_step(Property::Stable, option);
+            }
+            Part::Turning(option) => self.turning(option),
+            Part::SmallestSet => {
+                if !known {
+                    let Self { system, extensions, par, work, found, .. } = self;
+                    found.smallest_set = Some(smallest_set(system, extensions, found.dt, *par, work)?);
+                }
+            }
+            Part::Curve => {}
+        }
+        self.ledger.done(part);
+        self.found.left_out.clone_from(&self.ledger.out);
+        self.found.work = self.work;
+        self.found.work.add(&self.critical.work);
+        self.found.work.add(&self.turning.work);
+        Ok(true)
+    }
+
+    /// A step of `Full` is estimated with `Tension`, see [`Turning::worst`].
+    fn turning(&mut self, option: Stiffness) {
+        let (limit, worst) = self.turning.limit_and_worst(option, self.found.dt);
+        for each in &mut self.found.options {
+            if (each.option == Stiffness::Axial) == (option == Stiffness::Axial) {
+                each.turning = limit;
+            }
+        }
+        if (self.found.option == Stiffness::Axial) == (option == Stiffness::Axial) {
+            self.found.turn = worst;
+        }
+    }
+
+    fn spectrum(&mut self, option: Stiffness) {
+        let a = self.assemble(option, Combination::step(self.found.dt));
+        self.work.assemblies += 1;
+        let inertia = self.found.options[place(option)].inertia;
+        let wanted = match option == self.found.option {
+            true if a.dofs().len() >= LARGE => FEWER,
+            true => EIGENPAIRS.max(inertia.negative.min(DIRECTIONS)),
+            false => 1,
+        };
+        let spectrum = spectrum_with(&mut self.factorization, &a, &inertia, wanted, &mut self.work);
+        let found = &mut self.found.options[place(option)];
+        (found.smallest, found.largest, found.condition) = (spectrum.smallest(), spectrum.largest, spectrum.condition);
+        if option == self.found.option {
+            let negative = spectrum.negative().len().clamp(1, DIRECTIONS);
+            let taken_apart = |pair| direction(self.system, &self.extensions, option, pair);
+            self.found.directions = spectrum.lowest.iter().take(negative).map(taken_apart).collect();
+            let bad: Vec<Direction> = self.found.directions.iter().filter(|d| d.eigenvalue < 0.0).cloned().collect();
+            self.found.clusters = clusters(&bad);
+            self.found.spectrum = spectrum;
         }
     }
 }

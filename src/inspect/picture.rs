@@ -2,6 +2,7 @@
 
 use super::inertia::Inertia;
 use super::inspection::Inspection;
+use super::left_out::{Part, Why};
 use super::spectrum::smallest_eigenvalue;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
@@ -21,22 +22,18 @@ use std::sync::Arc;
 pub struct Pictures {
     /// The springs by strain, the worst culprits singled out, the lowest eigenvector as arrows.
     pub scene: Drawing,
-    /// `λ_min(dt)·dt²/m_min` over dt under the three options; `None` for a system too large for so many eigenvalues.
+    /// `λ_min(dt)·dt²/m_min` over dt under the three options; `None` where the inspection leaves it out.
     pub curve: Option<Plot>,
     /// The low end of the spectrum.
     pub spectrum: Plot,
-    /// The sparsity pattern of A.
-    pub matrix: Spy,
-    /// The sparsity pattern of its factor L, in the order of elimination.
-    pub factor: Spy,
+    /// The sparsity patterns of A and of its factor L, this one in the order of elimination; `None` where the inspection was
+    /// interrupted.
+    pub patterns: Option<[Spy; 2]>,
 }
 
 /// Culprits that are singled out in the drawing: the worst, with a share that can be seen.
 const LABELLED: usize = 6;
 const LEAST_LABELLED: f64 = 0.02;
-
-/// Degrees of freedom up to which λ_min is computed for many steps.
-const LARGEST_CURVE: usize = 3000;
 
 /// Where a curve of λ_min ends, below and above: what matters lies between zero and where it began, at 1.
 const LOWEST_SHOWN: f64 = -1.0;
@@ -53,20 +50,34 @@ impl Pictures {
     pub fn of(system: &System, state: &State, inspection: &Inspection, par: Par) -> Result<Self> {
         let extensions = Extensions::at(system, &state.positions)?;
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
-        let operator = SystemOperator::new(system, &extensions, inspection.option, Combination::step(inspection.dt));
-        let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
-        let n = system.dofs().len();
-        let entries = a.iter().filter(|&(_, _, value)| value != 0.0);
-        let matrix = Spy::lower("A, rows by particle", n, entries.map(|(row, column, _)| (row, column)));
-        let factorization = Ldlt::analyse(a.pattern(), par)?;
-        let diagonal = (0..n).map(|k| (k, k));
-        let factor = Spy::lower("L of A = L D Lᵀ, rows as eliminated", n, factorization.pattern().chain(diagonal));
-        let curve = match n {
-            1..=LARGEST_CURVE => Some(curve(system, &extensions, &pattern, inspection, par)?),
-            _ => None,
+        let curve = match system.dofs().is_empty() || inspection.lacks(Part::Curve) {
+            false => Some(curve(system, &extensions, &pattern, inspection, par)?),
+            true => None,
         };
-        Ok(Self { scene: scene(system, state, inspection), curve, spectrum: low_end(inspection), matrix, factor })
+        let patterns = match inspection.left_out_for(Why::Interrupted).next() {
+            None => Some(patterns(system, &extensions, &pattern, inspection, par)?),
+            Some(_) => None,
+        };
+        Ok(Self { scene: scene(system, state, inspection), curve, spectrum: low_end(inspection), patterns })
     }
+}
+
+fn patterns(
+    system: &System,
+    extensions: &Extensions,
+    pattern: &Arc<SpringPattern>,
+    inspection: &Inspection,
+    par: Par,
+) -> Result<[Spy; 2]> {
+    let operator = SystemOperator::new(system, extensions, inspection.option, Combination::step(inspection.dt));
+    let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
+    let n = system.dofs().len();
+    let entries = a.iter().filter(|&(_, _, value)| value != 0.0);
+    let matrix = Spy::lower("A, rows by particle", n, entries.map(|(row, column, _)| (row, column)));
+    let factorization = Ldlt::analyse(a.pattern(), par)?;
+    let diagonal = (0..n).map(|k| (k, k));
+    let factor = Spy::lower("L of A = L D Lᵀ, rows as eliminated", n, factorization.pattern().chain(diagonal));
+    Ok([matrix, factor])
 }
 
 fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {

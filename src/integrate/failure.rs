@@ -32,7 +32,7 @@ pub enum StepFailure {
     #[error("the new positions or velocities are not finite")]
     NonFinite,
     /// The energy of the scene has grown by more than it can have.
-    #[error("{gained:.3e} J of energy appeared from nowhere; the motion had {exchanged:.3e} J to exchange until then")]
+    #[error("{} J of energy appeared from nowhere; the motion had {exchanged:.3e} J to exchange until then", large(*gained, 3))]
     Unstable {
         /// By how much it has grown, in J.
         gained: f64,
@@ -144,4 +144,8 @@ impl StepFailure {
             Self::Unstable { .. } => Status::Unstable,
         }
     }
+}
+/// A number for people that may have grown beyond all numbers.
+pub(super) fn large(value: f64, digits: usize) -> String {
+    if value.is_finite() { format!("{value:.digits$e}") } else { "more than 1e308".into() }
 }

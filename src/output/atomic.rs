@@ -144,15 +144,23 @@ fn read_first(path: &Path, length: u64) -> io::Result<Vec<u8>> {
 const PREFIX: &str = ".sprung-";
 const SUFFIX: &str = ".part";
 
+/// How the names of those begin that cannot be gone on with, whose rest is random.
+const TEMPORARY: &str = ".sprung-~";
+
 /// Whether a name is that of an unfinished file.
 pub(super) fn is_part(name: &str) -> bool {
     name.starts_with(PREFIX) && name.ends_with(SUFFIX)
 }
 
+/// Whether such a file is one that nobody can go on with.
+pub(super) fn is_temporary(name: &str) -> bool {
+    name.starts_with(TEMPORARY) && is_part(name)
+}
+
 /// Temporary files are made readable by their owner alone; results get the permissions of any other new file.
 fn temporary() -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(PREFIX).suffix(SUFFIX);
+    builder.prefix(TEMPORARY).suffix(SUFFIX);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;

@@ -60,14 +60,20 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Io`] when it cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        AtomicFile::write(folder.join(CHECKPOINT), |file| {
-            let mut lines = Tally::new(&mut *file);
-            writeln!(lines, "{FORMAT}")?;
-            serde_json::to_writer(&mut lines, self).map_err(io::Error::from)?;
-            lines.write_all(b"\n")?;
-            let (_, checksum) = lines.so_far();
-            writeln!(file, "{}", checksum.text())
-        })
+        AtomicFile::write(folder.join(CHECKPOINT), |file| self.write_to(file))
+    }
+
+    /// Writes the file's bytes.
+    ///
+    /// # Errors
+    /// Those of the writer.
+    pub fn write_to(&self, mut file: impl Write) -> io::Result<()> {
+        let mut lines = Tally::new(&mut file);
+        writeln!(lines, "{FORMAT}")?;
+        serde_json::to_writer(&mut lines, self).map_err(io::Error::from)?;
+        lines.write_all(b"\n")?;
+        let (_, checksum) = lines.so_far();
+        writeln!(file, "{}", checksum.text())
     }
 
     /// Reads the checkpoint of a folder; `None` where there is none.

@@ -5,7 +5,7 @@
 //! folder is locked, for then nobody is at work on it. What it left behind *finished* is removed by the owner of the names when
 //! something takes its place, not before: a run that fails early leaves the results of the last one whole.
 
-use super::atomic::is_part;
+use super::atomic::{is_part, is_temporary};
 use crate::error::{Error, Result};
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -19,8 +19,8 @@ pub struct OutputFolder {
 }
 
 impl OutputFolder {
-    /// Makes the folder where it does not exist, locks it, and removes unfinished files that a killed process left in it, unless
-    /// they are to be gone on with.
+    /// Makes the folder where it does not exist, locks it, and removes unfinished files that a killed process left in it, but those
+    /// that are to be gone on with.
     ///
     /// # Errors
     /// [`Error::Io`] when the folder cannot be made, or when another process is at work in it.
@@ -39,8 +39,8 @@ impl OutputFolder {
             Ok((Err(TryLockError::Error(_)), _)) | Err(_) => None,
         };
         let folder = Self { path: path.to_path_buf(), _lock: lock };
-        if !goes_on {
-            folder.tidy();
+        if folder._lock.is_some() {
+            folder.sweep(if goes_on { is_temporary } else { is_part });
         }
         Ok(folder)
     }
@@ -76,13 +76,13 @@ impl OutputFolder {
     /// was gone on with, nobody needs it any more.
     pub fn tidy(&self) {
         if self._lock.is_some() {
-            self.sweep();
+            self.sweep(is_part);
         }
     }
 
-    fn sweep(&self) {
+    fn sweep(&self, is_unfinished: fn(&str) -> bool) {
         for folder in ["", "frames", "failure", "chart"].map(|name| self.path.join(name)) {
-            for name in names(&folder).iter().filter(|name| is_part(name)) {
+            for name in names(&folder).iter().filter(|name| is_unfinished(name)) {
                 // One that cannot be removed does no harm.
                 let _ = std::fs::remove_file(folder.join(name));
             }
@@ -139,6 +139,13 @@ mod tests {
         folder.remove_inside("frames", |_| true).unwrap();
         assert!(!exists("frames"));
         drop(folder);
+        // A run that goes on needs the file that has the name of what it will be, and no other.
+        put(".sprung-energy.csv.part");
+        put(".sprung-~x3.part");
+        let folder = OutputFolder::claim(&path, true).unwrap();
+        assert!(exists(".sprung-energy.csv.part") && !exists(".sprung-~x3.part"));
+        drop(folder);
         OutputFolder::claim(&path, false).unwrap();
+        assert!(!exists(".sprung-energy.csv.part"));
     }
 }

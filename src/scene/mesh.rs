@@ -30,7 +30,15 @@ impl MeshGeometry {
         let bytes = std::fs::metadata(path).map_or(0, |file| file.len());
         memory::ensure(bytes.saturating_mul(BYTES), "the mesh")?;
         let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
-        let text = String::from_utf8_lossy(&bytes);
+        Self::from_obj(&bytes, path)
+    }
+
+    /// As [`load`](Self::load), from the bytes of a file; errors call it by `path`.
+    ///
+    /// # Errors
+    /// [`Error::Format`] with the line for one that is not OBJ, [`Error::Invalid`] for a vertex that is not finite.
+    pub fn from_obj(bytes: &[u8], path: &Path) -> Result<Self> {
+        let text = String::from_utf8_lossy(bytes);
         let lines: Vec<&str> = text.lines().filter(|line| is_vertex(line) || is_face(line)).collect();
         let mesh = Self::parse(&lines).map_err(|error| {
             let line = first_refused(&lines).unwrap_or_default();

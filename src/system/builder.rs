@@ -130,6 +130,7 @@ impl SystemBuilder {
         };
         let mut state = State { time: 0.0, positions: self.positions, velocities: self.velocities };
         state.prescribe(&system);
+        check_energies(&system, &state)?;
         Ok((system, state))
     }
 
@@ -215,7 +216,7 @@ impl SystemBuilder {
                 offsets.iter().enumerate().try_for_each(|(at, x)| self.check_vector(&offsets_key, Some(at), x))?;
                 for at in 1..times.len() {
                     let speed = (offsets[at] - offsets[at - 1]) / (times[at] - times[at - 1]);
-                    if speed.iter().any(|c| !c.is_finite()) {
+                    if !State::is_finite_vector(&speed) {
                         let rule = "is not reached at a finite speed from the entry before";
                         return Err(Invalid::new(times_key, times[at], rule).at(at));
                     }
@@ -225,10 +226,12 @@ impl SystemBuilder {
         }
     }
 
-    /// Finite, and zero beyond the scene's dimension.
+    /// Finite, not beyond what states may have, and zero beyond the scene's dimension.
     fn check_vector(&self, key: &str, index: Option<usize>, v: &Vector3<f64>) -> Result<(), Invalid> {
         let rule = if v.iter().any(|c| !c.is_finite()) {
             "must be finite"
+        } else if !State::is_finite_vector(v) {
+            "must be at most 1e150 in size: squares of more are beyond the largest number"
         } else if v.iter().skip(self.dimension).any(|&c| c != 0.0) {
             "must be zero along the axes that are not modelled"
         } else {
@@ -237,6 +240,26 @@ impl SystemBuilder {
         let components: Vec<f64> = v.iter().take(self.dimension).copied().collect();
         Err(Invalid { index, ..Invalid::new(key, format!("{components:?}"), rule) })
     }
+}
+
+/// What everything has at the start, or changes by in a moment, must be a number, and their sum too.
+fn check_energies(system: &System, state: &State) -> Result<(), Invalid> {
+    let rule = "makes an energy beyond the largest number";
+    let mut total = 0.0;
+    for (p, (&mass, (x, v))) in system.masses.iter().zip(state.positions.iter().zip(&state.velocities)).enumerate() {
+        total += 0.5 * mass * v.norm_squared() + (mass * system.gravity.dot(x)).abs();
+        if !f64::is_finite(total) {
+            return Err(Invalid::new("particles.masses", mass, rule).at(p));
+        }
+    }
+    for (s, (&[i, j], spring)) in system.pairs.iter().zip(&system.springs).enumerate() {
+        let ends = [i, j].map(|end| &state.positions[end as usize]);
+        total += Extension::between(ends[0], ends[1]).map_or(0.0, |at| spring.elastic_energy(&at));
+        if !total.is_finite() {
+            return Err(Invalid::new("springs.stiffness", spring.stiffness, rule).at(s));
+        }
+    }
+    Ok(())
 }
 
 pub(crate) fn check_length(key: &str, found: usize, expected: usize, of: &str) -> Result<(), Invalid> {

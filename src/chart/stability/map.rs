@@ -7,6 +7,7 @@ use crate::accuracy::Configuration;
 use crate::chart::{Progress, configurations};
 use crate::error::Result;
 use crate::integrate::{Method, StiffnessPolicy};
+use crate::interrupt::Interrupt;
 use crate::linear::SolverChoice;
 use crate::verify::{Check, Claim};
 use faer::Par;
@@ -106,6 +107,14 @@ impl StabilityMap {
     /// # Errors
     /// None is known: the model is always a valid system.
     pub fn measure(resolution: usize, progress: &mut dyn Progress) -> Result<Self> {
+        Self::until(resolution, progress, Interrupt::NEVER)
+    }
+
+    /// As [`measure`](Self::measure), with the tiles that are complete when someone interrupts it.
+    ///
+    /// # Errors
+    /// None is known: the model is always a valid system.
+    pub fn until(resolution: usize, progress: &mut dyn Progress, interrupt: Interrupt) -> Result<Self> {
         let begin = Instant::now();
         let columns = geometric(0.1, 10.0, resolution.max(4));
         // An odd number of rows has one at λ = 1.
@@ -119,6 +128,9 @@ impl StabilityMap {
         for (axis, rows) in all {
             let methods = configurations(Par::Seq).into_iter().filter(|c| c.options.linear.solver == SolverChoice::Llt);
             for configuration in methods {
+                if interrupt.is_requested() {
+                    return Ok(Self { tiles });
+                }
                 progress.at(begin.elapsed(), configuration.method.name());
                 tiles.push(Tile::measure(&configuration, axis, &columns, &rows)?);
             }

@@ -32,6 +32,7 @@
 //! longer than a spring is a cause, and no sign of its own: ends that fly past each other side by side are no harm.
 
 use super::Figures;
+use crate::integrate::failure::large;
 use crate::integrate::{Method, rodas4};
 
 /// Estimates above which a run is called doubtful: of implicit methods, of w2, of explicit ones and rodas4, and of the midpoint rule, which
@@ -100,8 +101,9 @@ impl std::fmt::Display for Warning {
             Self::Wrong(estimate) => write!(f, "wrong by about {} of the extent", percent(estimate)),
             Self::Turning(defect) => write!(
                 f,
-                "springs that turn are stretched by the steps and brake the motion: linearising leaves out forces {defect:.1} \
-                 times those that move the particles"
+                "springs that turn are stretched by the steps and brake the motion: linearising leaves out forces {} \
+                 times those that move the particles",
+                times(defect)
             ),
             Self::Braked(share) => write!(
                 f,
@@ -110,17 +112,28 @@ impl std::fmt::Display for Warning {
             ),
             Self::Damped { lost, exchanged } => write!(
                 f,
-                "fast modes were damped away by the method: it took {lost:.2e} J, where the motion exchanged {exchanged:.2e} J"
+                "fast modes were damped away by the method: it took {} J, where the motion exchanged {exchanged:.2e} J",
+                large(lost, 2)
             ),
             Self::Gained { gained, exchanged } => write!(
                 f,
-                "energy was gained: {gained:.2e} J appeared from nowhere, where the motion exchanged {exchanged:.2e} J"
+                "energy was gained: {} J appeared from nowhere, where the motion exchanged {exchanged:.2e} J",
+                large(gained, 2)
             ),
             Self::Long(reach) => {
-                write!(f, "a step was longer than a spring: its ends passed each other by {reach:.1} of its lengths")
+                write!(
+                    f,
+                    "a step was longer than a spring: its ends passed each other by {} of its lengths",
+                    times(reach)
+                )
             }
         }
     }
+}
+
+/// How often, for people: with one decimal as long as that is readable.
+fn times(value: f64) -> String {
+    if value < 1e6 { format!("{value:.1}") } else { large(value, 1) }
 }
 
 /// A relative error for people: one or two digits, in percent.

@@ -182,9 +182,10 @@ impl<'s> Monitor<'s> {
         self.growth.doubt(energy);
     }
 
-    /// Whether the energy of the state entered last is no number.
+    /// Whether the energy of the state entered last, or what has been exchanged until then, is no number.
     pub(super) fn has_overflowed(&self) -> bool {
-        !self.ledger.energy.total().is_finite()
+        let Balance { work, dissipated, imbalance } = self.balance();
+        ![self.ledger.energy.total(), work, dissipated, imbalance].into_iter().all(f64::is_finite)
     }
 
     /// What it knows of the run so far, to go on with.

@@ -38,6 +38,9 @@ fn blame(inspection: &Inspection) -> String {
 fn limit(inspection: &Inspection, step: f64) -> String {
     let dt = plain(step);
     match inspection.examined().critical {
+        LargestStep::Unknown => {
+            format!("how large a step would keep A positive definite was not looked for (it was {dt} s)")
+        }
         LargestStep::Every => format!("at this state A is positive definite for every dt (it was {dt} s)"),
         LargestStep::UpTo { dt: critical, .. } => {
             format!(

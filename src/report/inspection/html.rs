@@ -1,7 +1,7 @@
 //! An inspection as a page with pictures.
 
-use super::losses::{KEPT, limit, lost, other_methods, scope, turning};
-use crate::inspect::{Culprit, FirstLosses, Inspection, Minimality, Pictures};
+use super::losses::{KEPT, known, left_out, limit, lost, other_methods, scope, turning};
+use crate::inspect::{Culprit, FirstLosses, Inspection, LargestStep, Minimality, Part, Pictures};
 use crate::report::number::{count, pretty};
 use crate::report::{drawing, page, plot, spy};
 use maud::{Markup, html};
@@ -14,8 +14,10 @@ pub fn pictures(pictures: &Pictures) -> Vec<(&'static str, String)> {
     let mut files = vec![("scene.svg", drawing::svg(&pictures.scene))];
     files.extend(pictures.curve.as_ref().map(|curve| ("lambda-min.svg", plot::svg(curve))));
     files.push(("spectrum.svg", plot::svg(&pictures.spectrum)));
-    files.push(("pattern-A.svg", spy::svg(&pictures.matrix)));
-    files.push(("pattern-L.svg", spy::svg(&pictures.factor)));
+    if let Some([matrix, factor]) = &pictures.patterns {
+        files.push(("pattern-A.svg", spy::svg(matrix)));
+        files.push(("pattern-L.svg", spy::svg(factor)));
+    }
     files
 }
 
@@ -51,12 +53,14 @@ fn banner(inspection: &Inspection) -> Markup {
         inertia.negative,
         inertia.zero,
         inertia.positive,
-        pretty(inspection.examined().smallest),
-        pretty(inspection.examined().largest)
+        known(inspection.examined().smallest, pretty),
+        known(inspection.examined().largest, pretty)
     );
     html! {
         @if inertia.negative + inertia.zero + inertia.positive == 0 {
             div.banner { strong { "No coordinate is free" } p { "A has no rows, and there is nothing to inspect." } }
+        } @else if inspection.lacks(Part::Signs(inspection.option)) {
+            div.banner { strong { "Interrupted" } p { "Nothing is known of A." } }
         } @else if inertia.is_definite() {
             div.banner.passed { strong { "✓ A is positive definite" } p { (counts) } }
         } @else {
@@ -79,12 +83,13 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
                 tr class=[(!option.inertia.is_definite()).then_some("failed-row")] {
                     td { (option.option.name()) }
                     @for step in [option.critical, option.stable, option.turning] { td.number { (limit(step, pretty)) } }
-                    @for value in [option.smallest, option.largest, option.condition] { td.number { (pretty(value)) } }
+                    @for value in [option.smallest, option.largest, option.condition] { td.number { (known(value, pretty)) } }
                 }
             } }
         }
     };
     html! {
+        @for what in left_out(inspection) { p.warning { "Left out: " (what) "." } }
         p { "These limits hold " (scope()) ": after every step there are others." }
         (page::scrolling("Limits of the time step under each stiffness option", &table))
         @if let Some(turn) = inspection.turn.as_ref().filter(|turn| turn.excess() > 1.0) {
@@ -118,7 +123,8 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
 
 /// What the curves of λ_min show, by what was found.
 fn curves(inspection: &Inspection) -> String {
-    let told = inspection.options.iter().map(|option| match option.critical.dt() {
+    let told = inspection.options.iter().filter(|option| option.critical != LargestStep::Unknown);
+    let told = told.map(|option| match option.critical.dt() {
         Some(dt) => {
             format!("under {} it crosses zero at {} s and does not come back", option.option.name(), pretty(dt))
         }
@@ -234,8 +240,12 @@ fn matrix(inspection: &Inspection, pictures: &Pictures) -> Markup {
         }
         (page::figures(&[
             page::figure(plot::svg(&pictures.spectrum), &html! { "The lowest eigenvalues of A: those below zero are directions in which it curves downwards." }),
-            page::figure(spy::svg(&pictures.matrix), &html! { "Entries of A that are not zero." }),
-            page::figure(spy::svg(&pictures.factor), &html! { "Stored entries of its factor." }),
         ]))
+        @if let Some([matrix, factor]) = &pictures.patterns {
+            (page::figures(&[
+                page::figure(spy::svg(matrix), &html! { "Entries of A that are not zero." }),
+                page::figure(spy::svg(factor), &html! { "Stored entries of its factor." }),
+            ]))
+        }
     }
 }

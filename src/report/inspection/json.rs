@@ -1,11 +1,14 @@
 //! An inspection as JSON.
 
+use super::losses::part;
 use crate::inspect::{
-    Cluster, Culprit, Direction, DropSet, FirstLosses, Inertia, Inspection, Loss, Minimality, OptionInspection, Turn,
+    Cluster, Culprit, Direction, DropSet, FirstLosses, Inertia, Inspection, LeftOut, Loss, Minimality,
+    OptionInspection, Turn, Why,
 };
 use serde::Serialize;
 
-/// An inspection as it is written to JSON. A number that is not finite becomes `null`; so does a step without limit.
+/// An inspection as it is written to JSON. A number that is not finite becomes `null`; so does a step without
+/// limit, and what was left out.
 #[derive(Debug, Clone, Serialize)]
 pub struct InspectionRecord<'a> {
     scene: &'a str,
@@ -24,6 +27,7 @@ pub struct InspectionRecord<'a> {
     smallest_set: Option<SetRecord<'a>>,
     options: OptionRecords,
     turning: Option<TurnRecord>,
+    left_out: Vec<LeftOutRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
     first_loss: Option<LossRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -56,6 +60,7 @@ impl<'a> InspectionRecord<'a> {
                 axial: OptionRecord::of(axial),
             },
             turning: inspection.turn.as_ref().map(TurnRecord::of),
+            left_out: inspection.left_out.iter().map(LeftOutRecord::of).collect(),
             first_loss: None,
             first_lost: None,
         }
@@ -65,6 +70,23 @@ impl<'a> InspectionRecord<'a> {
     pub fn with_losses(self, losses: Option<&FirstLosses>) -> Self {
         let first_loss = losses.and_then(|losses| losses.definite.as_ref()).map(LossRecord::of);
         Self { first_loss, first_lost: losses.map(LossesRecord::of), ..self }
+    }
+}
+
+/// What was not looked at, so that nothing is told by what is `null`, zero or empty in its place.
+#[derive(Debug, Clone, Serialize)]
+struct LeftOutRecord {
+    part: String,
+    why: &'static str,
+}
+
+impl LeftOutRecord {
+    fn of(left_out: &LeftOut) -> Self {
+        let why = match left_out.why {
+            Why::Interrupted => "interrupted",
+            Why::TooMuchWork => "too much work",
+        };
+        Self { part: part(left_out.part), why }
     }
 }
 

@@ -1,15 +1,57 @@
 //! What turns and what was lost, in words that the terminal and the page share.
 
-use crate::inspect::{FirstLosses, Gain, Inspection, LargestStep, Loss, Passed, Turn};
+use crate::inspect::{FirstLosses, Gain, Inspection, LargestStep, Loss, Part, Passed, Turn, Why};
 use crate::integrate::Method;
 use crate::report::number::count;
+use crate::spring::Stiffness;
 
 /// How numbers are written: for a terminal or for a page.
 pub(super) type Form = fn(f64) -> String;
 
+/// In the place of what was not looked at.
+pub(super) const UNKNOWN: &str = "not looked at";
+
+/// What was left out, by why; empty where nothing was.
+pub(super) fn left_out(inspection: &Inspection) -> Vec<String> {
+    let told = [
+        (Why::TooMuchWork, "for the work that it takes (--all looks at everything)"),
+        (Why::Interrupted, "as the inspection was interrupted"),
+    ];
+    let sentence = |(why, because): (Why, &str)| {
+        let parts: Vec<String> = inspection.left_out_for(why).map(part).collect();
+        (!parts.is_empty()).then(|| format!("{}: {because}", parts.join(", ")))
+    };
+    told.into_iter().filter_map(sentence).collect()
+}
+
+/// A part of an inspection by name.
+pub(super) fn part(part: Part) -> String {
+    let under = |what: &str, option: Stiffness| format!("{what} under {}", option.name());
+    match part {
+        Part::Signs(option) => under("the signs of eigenvalues", option),
+        Part::GrowingModes => "the growing modes".into(),
+        Part::Turning(Stiffness::Axial) => under("the limit of turning", Stiffness::Axial),
+        Part::Turning(_) => "the limit of turning under full and tension".into(),
+        Part::Spectrum(option) => under("the ends of the spectrum", option),
+        Part::Definite(option) => under("the limit of definiteness", option),
+        Part::Stable(option) => under("the limit of stability", option),
+        Part::SmallestSet => "the springs whose terms must go".into(),
+        Part::Curve => "λ_min over the time step".into(),
+    }
+}
+
+/// A number that may not be known.
+pub(super) fn known(value: f64, form: Form) -> String {
+    if value.is_nan() { "?".into() } else { form(value) }
+}
+
 /// A limit of the step.
 pub(super) fn limit(step: LargestStep, form: Form) -> String {
-    step.dt().map_or("every step".into(), |dt| format!("{} s", form(dt)))
+    match step {
+        LargestStep::Every => "every step".into(),
+        LargestStep::UpTo { dt, .. } => format!("{} s", form(dt)),
+        LargestStep::Unknown => UNKNOWN.into(),
+    }
 }
 
 /// What the limits are limits of.

@@ -1,7 +1,7 @@
 //! An inspection for the terminal.
 
-use super::losses::{KEPT, limit, lost, other_methods, scope, turning};
-use crate::inspect::{Culprit, Direction, FirstLosses, Inspection, LargestStep, Minimality};
+use super::losses::{KEPT, UNKNOWN, known, left_out, limit, lost, other_methods, scope, turning};
+use crate::inspect::{Culprit, Direction, FirstLosses, Inspection, LargestStep, Minimality, Part};
 use crate::report::number::{count, plain};
 
 /// Culprits, directions, clusters and springs of a set that are listed.
@@ -13,6 +13,7 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
     let examined = inspection.examined();
     let inertia = &examined.inertia;
     let verdict = match (inertia.negative, inertia.zero) {
+        _ if inspection.lacks(Part::Signs(*option)) => UNKNOWN,
         (0, 0) => "positive definite",
         (0, _) => "singular to working precision",
         _ => "INDEFINITE",
@@ -31,9 +32,9 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
         inertia.negative,
         inertia.zero,
         inertia.positive,
-        plain(examined.smallest),
-        plain(examined.largest),
-        plain(examined.condition),
+        known(examined.smallest, plain),
+        known(examined.largest, plain),
+        known(examined.condition, plain),
     ));
     lines.push(format!("  limits       {}; a run leaves it, --steps N follows one", scope()));
     lines.push(format!(
@@ -41,7 +42,7 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
         "stiffness", "definite up to", "stable up to", "turning up to", "λ_min at this dt"
     ));
     for each in &inspection.options {
-        let (name, smallest) = (each.option.name(), plain(each.smallest));
+        let (name, smallest) = (each.option.name(), known(each.smallest, plain));
         let [critical, stable] = [each.critical, each.stable].map(exact);
         let turning = limit(each.turning, plain);
         lines.push(format!("  {name:<12} {critical:<20} {stable:<20} {turning:<16} {smallest} N/m"));
@@ -91,6 +92,7 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
         let terms = count(set.springs.len(), "transverse term");
         lines.push(format!("  drop         {terms} {how} (tension drops {}): {}", set.tension, list(&set.springs)));
     }
+    lines.extend(left_out(inspection).into_iter().map(|what| format!("  left out     {what}")));
     if let Some(losses) = losses {
         let lost = lost(losses, plain);
         if lost.is_empty() {
@@ -125,6 +127,7 @@ fn exact(step: LargestStep) -> String {
     match step {
         LargestStep::Every => "every step".into(),
         LargestStep::UpTo { dt, .. } => format!("{dt:.9e} s"),
+        LargestStep::Unknown => UNKNOWN.into(),
     }
 }
 

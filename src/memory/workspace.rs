@@ -1,0 +1,124 @@
+//! The workspace of faer's products of dense blocks.
+//!
+//! The first such product of a thread takes twice the size of the machine's last-level caches, whatever the size of the blocks, keeps
+//! it as long as the thread lives, and ends the process where it cannot have it. Hardly any of it is ever touched, so it counts
+//! against a limit on the address space alone. Where there is one, every thread of the pool is made to take its workspace when
+//! something is set up that will multiply, after the room has been asked for: then what cannot be had is an error like any other.
+
+use faer::{Accum, Mat, Par};
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::fs::{read_dir, read_to_string};
+use std::path::Path;
+use std::sync::OnceLock;
+
+thread_local! {
+    /// Whether this thread has its workspace.
+    static TAKEN: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Bytes that the threads of the pool, and this one, have yet to take.
+pub(super) fn missing() -> u64 {
+    let missing = || u64::from(!TAKEN.get());
+    let threads: u64 = rayon::broadcast(|_| missing()).into_iter().sum();
+    (threads + outside().map_or(0, |()| missing())) * bytes()
+}
+
+/// Makes them take it; whether all of them have it now.
+pub(super) fn take() -> bool {
+    let taken = rayon::broadcast(|_| take_here());
+    taken.into_iter().all(|taken| taken) && outside().is_none_or(|()| take_here())
+}
+
+/// This thread, where it is none of the pool's.
+fn outside() -> Option<()> {
+    rayon::current_thread_index().is_none().then_some(())
+}
+
+fn take_here() -> bool {
+    if !TAKEN.get() {
+        // Asked for and given back first: unlike the product this may fail.
+        if Vec::<u8>::new().try_reserve_exact(bytes() as usize).is_err() {
+            return false;
+        }
+        let block = Mat::<f64>::identity(ORDER, ORDER);
+        let mut product = Mat::<f64>::zeros(ORDER, ORDER);
+        faer::linalg::matmul::matmul(&mut product, Accum::Replace, &block, &block, 1.0, Par::Seq);
+        TAKEN.set(true);
+    }
+    true
+}
+
+/// Products of smaller blocks than of order 16 are made without a workspace.
+const ORDER: usize = 32;
+
+/// Bytes that a thread takes.
+fn bytes() -> u64 {
+    static BYTES: OnceLock<u64> = OnceLock::new();
+    *BYTES.get_or_init(|| {
+        let [second, third] = caches(Path::new("/sys/devices/system/cpu"));
+        2 * third.max(4 * second).max(LEAST)
+    })
+}
+
+/// What is taken for the last level where its size is not known, or less.
+const LEAST: u64 = 4 << 20;
+
+/// The largest cache of the second level, and all of the third together, in bytes.
+fn caches(cpus: &Path) -> [u64; 2] {
+    let text = |file: &Path| read_to_string(file).unwrap_or_default().trim().to_owned();
+    let mut second = 0;
+    let mut third = BTreeMap::new();
+    for cpu in read_dir(cpus).into_iter().flatten().flatten() {
+        for cache in read_dir(cpu.path().join("cache")).into_iter().flatten().flatten() {
+            let cache = cache.path();
+            let size = size(&text(&cache.join("size")));
+            match text(&cache.join("level")).as_str() {
+                "2" => second = size.max(second),
+                // One that several processors share is listed with each of them.
+                "3" => _ = third.insert(text(&cache.join("shared_cpu_list")), size),
+                _ => {}
+            }
+        }
+    }
+    [second, third.values().sum()]
+}
+
+/// `32768K` in bytes.
+fn size(text: &str) -> u64 {
+    let digits = text.trim_end_matches(char::is_alphabetic);
+    let unit = match text.chars().next_back() {
+        Some('K') => 1 << 10,
+        Some('M') => 1 << 20,
+        Some('G') => 1 << 30,
+        _ => 1,
+    };
+    digits.parse::<u64>().map_or(0, |number| number.saturating_mul(unit))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::held;
+
+    #[test]
+    fn sizes_are_read_with_their_units() {
+        let read = ["32768K", "32M", "1G", "512", "", "K", "many"].map(size);
+        assert_eq!(read, [32 << 20, 32 << 20, 1 << 30, 512, 0, 0, 0]);
+    }
+
+    /// The workspace is what it is thought to be, on the machine at hand, and products take nothing more once it is there.
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_product_takes_what_was_asked_for_and_only_once() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        pool.install(|| {
+            // Threads that are made meanwhile have stacks and heaps of their own: the least of several looks is taken.
+            assert_eq!(missing(), bytes());
+            let before = held()[0];
+            assert!(take());
+            let taken = held()[0].saturating_sub(before);
+            assert!(missing() == 0 && taken <= bytes() + (1 << 20), "{taken} of {}", bytes());
+        });
+    }
+}
