@@ -361,13 +361,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let page = format!(
         "# What `--accuracy` answers\n\n\
-         Made by `cargo run --release --example accuracy`, which writes this page. Errors are relative position errors at the end of the\n\
+         Made by `cargo run --release --example accuracy -- --first {} --count {}{} --write`. Errors are relative position errors at the end of the\n\
          motion, against the references of [the study](study.md), of scenes whose reference is ten times better than the accuracy. Work is\n\
          counted in force evaluations of the scene: that of the run handed out, and of everything done to find and confirm it\n\
          (`effort.run` and `effort.total` of `summary.json`). The cheapest run is that of a sweep over all methods with their stiffness options\n\
          and solvers, three steps to a power of two and three tolerances to a decade, and is cheapest with hindsight: also one that\n\
          is good enough by chance counts. Times are those of the search, with what recording asks of it, and of that run alone: of one thread, the shortest of {REPEATS}.\n\n\
          ## {} random scenes\n\n{}\nDearest first:\n\n{HEADER}{dearest}\n{ready}",
+        arguments.first,
+        arguments.count,
+        if arguments.ready { " --ready" } else { "" },
         arguments.count,
         table(&of_random)?,
     );
