@@ -36,7 +36,8 @@ pub struct SweepOptions {
 ///
 /// let (system, start) = sprung::scene::builtin::cloth(8)?.build()?;
 /// let budget = Duration::from_secs(30);
-/// let options = SweepOptions { duration: 0.1, dt: 1e-3, budget, par: sprung::faer::Par::Seq };
+/// let interrupt = sprung::interrupt::Interrupt::NEVER;
+/// let options = SweepOptions { duration: 0.1, dt: 1e-3, budget, par: sprung::faer::Par::Seq, interrupt };
 /// let chart = WorkPrecision::measure("cloth", &system, &start, &options, &mut |_, _: &str| {})?;
 /// for sentence in chart.iter().flat_map(|chart| chart.conclusions()) {
 ///     println!("{sentence}");
