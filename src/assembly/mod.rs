@@ -22,4 +22,4 @@ pub use matrix::SymmetricMatrix;
 pub use pattern::{BlockPattern, BlockSlot};
 pub use spring_pattern::SpringPattern;
 pub use system_matrix::{SystemMatrix, assemble_afresh};
-pub use whole::WholeColumns;
+pub use whole::{WholeColumns, WholePattern};

@@ -96,8 +96,12 @@ impl BlockPattern {
 
     /// The particles of higher number that a particle is coupled to, ascending.
     pub fn neighbours_above(&self, particle: usize) -> impl Iterator<Item = usize> + '_ {
-        let range = self.starts[particle] as usize..self.starts[particle + 1] as usize;
-        self.neighbours[range].iter().map(|&(neighbour, _)| neighbour as usize)
+        self.blocks_above(particle).iter().map(|&(neighbour, _)| neighbour as usize)
+    }
+
+    /// The same particles with the distances of their blocks behind the diagonal part of each column.
+    pub(super) fn blocks_above(&self, particle: usize) -> &[(u32, u32)] {
+        &self.neighbours[self.starts[particle] as usize..self.starts[particle + 1] as usize]
     }
 
     /// Number of values in the columns of the particles before this one.

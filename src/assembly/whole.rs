@@ -1,6 +1,11 @@
 //! Both triangles of a symmetric matrix by compressed columns: what programs take that know nothing of symmetry.
+//!
+//! In the whole matrix column c of particle p has the blocks of p with the particles below it, the diagonal block, and the blocks with
+//! those above it. The last ones, and the diagonal block from its diagonal on, are column c of the stored triangle as it is. The
+//! others are stored transposed, in the columns of the particles below: block (p, q), q < p, starts at one distance behind the diagonal
+//! part in each of q's columns, see [`BlockPattern`]. So values are read block by block and written in order, and nothing is searched.
 
-use super::SymmetricMatrix;
+use super::{BlockPattern, SymmetricMatrix};
 use crate::error::{Error, Result};
 use crate::memory;
 
@@ -15,54 +20,112 @@ pub struct WholeColumns {
     pub values: Vec<f64>,
 }
 
-impl SymmetricMatrix {
-    /// Both triangles.
-    ///
-    /// Columns are gone through in order. An entry (r, c) below the diagonal goes to column c and, mirrored, to column r, whose own
-    /// entries come later and lie below: so every column is filled from its top.
+/// Where the entries of both triangles are: the same for all matrices on a pattern.
+#[derive(Debug, Clone)]
+pub struct WholePattern {
+    /// As in [`WholeColumns`].
+    pub starts: Vec<u32>,
+    /// As in [`WholeColumns`].
+    pub rows: Vec<u32>,
+    /// Of particle p the coupled particles below it, `lower[first[p]..first[p + 1]]`, ascending, each with the distance of the block
+    /// in its columns.
+    first: Vec<u32>,
+    lower: Vec<(u32, u32)>,
+}
+
+impl WholePattern {
+    /// Of a pattern.
     ///
     /// # Errors
     /// [`Error::TooLarge`] for 2³¹ entries or more, or where the memory is too small.
-    pub fn whole_columns(&self) -> Result<WholeColumns> {
-        let (order, lower) = (self.dofs().len(), self.as_faer());
-        let (column_starts, lower_rows, values) = (lower.col_ptr(), lower.row_idx(), lower.val());
-        let mut counts = vec![0u64; order];
-        for (column, ends) in column_starts.windows(2).enumerate() {
-            let rows = &lower_rows[ends[0] as usize..ends[1] as usize];
-            counts[column] += rows.len() as u64;
-            rows.iter().filter(|&&row| row as usize != column).for_each(|&row| counts[row as usize] += 1);
-        }
-        let entries: u64 = counts.iter().sum();
+    pub fn of(pattern: &BlockPattern) -> Result<Self> {
+        let (dofs, order) = (pattern.dofs(), pattern.order());
+        let entries = 2 * pattern.entries() as u64 - order as u64;
         let what = "both triangles of a matrix";
         if entries > i32::MAX as u64 {
             return Err(Error::TooLarge { what, bytes: 12 * entries, room: 12 * i32::MAX as u64 });
         }
-        memory::ensure(12 * entries + 8 * order as u64, what)?;
+        memory::ensure(12 * entries + 8 * order as u64 + 16 * pattern.blocks_below() as u64, what)?;
+        let (first, lower) = lower_neighbours(pattern);
         let mut starts = Vec::with_capacity(order + 1);
-        let mut end = 0u32;
-        starts.push(end);
-        starts.extend(counts.iter().map(|&count| {
-            end += count as u32;
-            end
-        }));
-        let mut next: Vec<u32> = starts[..order].to_vec();
-        let mut whole = WholeColumns { starts, rows: vec![0; entries as usize], values: vec![0.0; entries as usize] };
-        let mut put = |row: usize, column: usize, value: f64| {
-            let at = next[column] as usize;
-            next[column] += 1;
-            whole.rows[at] = row as u32;
-            whole.values[at] = value;
-        };
-        for (column, ends) in column_starts.windows(2).enumerate() {
-            let range = ends[0] as usize..ends[1] as usize;
-            for (&row, &value) in lower_rows[range.clone()].iter().zip(&values[range]) {
-                put(row as usize, column, value);
-                if row as usize != column {
-                    put(column, row as usize, value);
-                }
+        let mut rows: Vec<u32> = Vec::with_capacity(entries as usize);
+        starts.push(0);
+        for particle in 0..dofs.particles() {
+            let own = dofs.rows(particle);
+            let begin = rows.len();
+            let mut extend = |particle: usize| {
+                let of = dofs.rows(particle);
+                rows.extend(of.start as u32..of.end as u32);
+            };
+            if !own.is_empty() {
+                lower[first[particle] as usize..first[particle + 1] as usize]
+                    .iter()
+                    .for_each(|&(q, _)| extend(q as usize));
+                extend(particle);
+                pattern.neighbours_above(particle).for_each(extend);
+                starts.push(rows.len() as u32);
+            }
+            let column = begin..rows.len();
+            for _ in own.skip(1) {
+                rows.extend_from_within(column.clone());
+                starts.push(rows.len() as u32);
             }
         }
-        Ok(whole)
+        Ok(Self { starts, rows, first, lower })
+    }
+
+    /// The values of a matrix on the pattern.
+    pub fn values(&self, matrix: &SymmetricMatrix) -> Vec<f64> {
+        let (pattern, stored) = (matrix.pattern(), matrix.values());
+        let dofs = pattern.dofs();
+        let mut values = Vec::with_capacity(self.rows.len());
+        for particle in 0..dofs.particles() {
+            let lower = &self.lower[self.first[particle] as usize..self.first[particle + 1] as usize];
+            for column in 0..dofs.rows(particle).len() {
+                for &(q, distance) in lower {
+                    let count = dofs.rows(q as usize).len();
+                    let of =
+                        |r: usize| stored[pattern.column(q as usize, r).start + count - r + distance as usize + column];
+                    values.extend((0..count).map(of));
+                }
+                values.extend((0..column).map(|r| stored[pattern.column(particle, r).start + column - r]));
+                values.extend_from_slice(&stored[pattern.column(particle, column)]);
+            }
+        }
+        values
+    }
+}
+
+/// For every particle the coupled particles below it, with the distances of the blocks.
+fn lower_neighbours(pattern: &BlockPattern) -> (Vec<u32>, Vec<(u32, u32)>) {
+    let particles = pattern.dofs().particles();
+    let mut first = vec![0u32; particles + 1];
+    for q in 0..particles {
+        pattern.blocks_above(q).iter().for_each(|&(p, _)| first[p as usize + 1] += 1);
+    }
+    for p in 0..particles {
+        first[p + 1] += first[p];
+    }
+    let mut next = first.clone();
+    let mut lower = vec![(0, 0); pattern.blocks_below()];
+    for q in 0..particles {
+        for &(p, distance) in pattern.blocks_above(q) {
+            lower[next[p as usize] as usize] = (q as u32, distance);
+            next[p as usize] += 1;
+        }
+    }
+    (first, lower)
+}
+
+impl SymmetricMatrix {
+    /// Both triangles.
+    ///
+    /// # Errors
+    /// As for [`WholePattern::of`].
+    pub fn whole_columns(&self) -> Result<WholeColumns> {
+        let pattern = WholePattern::of(self.pattern())?;
+        let values = pattern.values(self);
+        Ok(WholeColumns { starts: pattern.starts, rows: pattern.rows, values })
     }
 }
 
@@ -85,6 +148,7 @@ mod tests {
                 assert_eq!(wide(&whole.starts), csc.col_offsets(), "{}", kind.name());
                 assert_eq!(wide(&whole.rows), csc.row_indices(), "{}", kind.name());
                 assert_eq!(whole.values, csc.values(), "{}", kind.name());
+                assert_eq!(whole.rows.len(), whole.rows.capacity(), "{}: memory is taken once", kind.name());
             }
         }
     }
