@@ -16,15 +16,12 @@ impl NewtonOptions {
     /// What every stepper checks.
     ///
     /// # Errors
-    /// [`Invalid`] for a tolerance that is negative or not finite, and for no iterations.
+    /// [`Invalid`] for a tolerance that is negative or not finite.
     pub fn check(&self) -> Result<(), Invalid> {
-        if !(self.tolerance.is_finite() && self.tolerance >= 0.0) {
-            return Err(Invalid::new("newton.tolerance", self.tolerance, "must be finite and not negative"));
+        if self.tolerance.is_finite() && self.tolerance >= 0.0 {
+            return Ok(());
         }
-        match self.iteration_limit {
-            0 => Err(Invalid::new("newton.iteration_limit", 0, "must be at least 1")),
-            _ => Ok(()),
-        }
+        Err(Invalid::new("newton.tolerance", self.tolerance, "must be finite and not negative"))
     }
 }
 
