@@ -55,7 +55,9 @@ pub fn search(
     let start = state.clone();
     let mut onlooker = Onlooker { system: subject.system, start: &start, pacing };
     let go_on = || !flag.is_raised();
-    let Some(found) = answer(subject.system, &start, requirement, &mut onlooker, &go_on)? else { return Ok(None) };
+    // Who interrupts a search is not handed what it had so far, so the state stays where it was.
+    let found = answer(subject.system, &start, requirement, &mut onlooker, &go_on)?.filter(|_| go_on());
+    let Some(found) = found else { return Ok(None) };
     let Subject { name, system, reductions } = subject;
     let (energy, seconds) = (found.records.energy, clock.elapsed().as_secs_f64());
     let name = (*name).to_owned();

@@ -138,7 +138,7 @@ class Stepper:
             When the run does not come to its end; ``result`` has what came before, and the stepper is at the last
             good state.
         KeyboardInterrupt
-            On Ctrl-C; the stepper is then at the state of the last step.
+            On Ctrl-C; the stepper is then at the state of the last step, or with ``accuracy`` where it was.
 
         Warns
         -----
