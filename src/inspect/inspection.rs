@@ -180,6 +180,14 @@ impl Inspection {
         self.left_out.iter().filter(move |left_out| left_out.why == why).map(|left_out| left_out.part)
     }
 
+    /// Without the picture of λ_min, which nobody waited for.
+    pub fn without_curve(mut self) -> Self {
+        if !self.lacks(Part::Curve) {
+            self.left_out.push(LeftOut { part: Part::Curve, why: Why::Interrupted });
+        }
+        self
+    }
+
     /// Whether a part was left out.
     pub fn lacks(&self, part: Part) -> bool {
         self.left_out.iter().any(|left_out| left_out.part == part)
