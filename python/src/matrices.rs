@@ -5,15 +5,12 @@ use crate::compute::{Flag, compute};
 use crate::error::{invalid, raised};
 use crate::names;
 use crate::system::System;
-use numpy::PyArray1;
+use numpy::{PyArray1, PyReadwriteArray1};
 use pyo3::prelude::*;
 use sprung::assembly::{SymmetricMatrix, WholePattern};
 use sprung::error::Invalid;
 use sprung::integrate::StepMatrices;
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Starts of columns, rows and values.
-pub type Columns<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f64>>);
 
 /// The matrices as the library keeps them: one triangle each.
 #[pyclass(frozen, module = "sprung._native")]
@@ -33,6 +30,17 @@ pub fn assemble(py: Python<'_>, system: &System, given: Given<'_>, dt: f64, stif
 }
 
 impl Assembled {
+    /// A, G or K by name; nothing for M, which is a diagonal.
+    fn matrix(&self, name: &str) -> PyResult<Option<&SymmetricMatrix>> {
+        match name {
+            "A" => Ok(Some(&self.step.a)),
+            "M" => Ok(None),
+            "G" => Ok(Some(&self.step.g)),
+            "K" => Ok(Some(&self.step.k)),
+            _ => Err(invalid(Invalid::new("matrix", format!("{name:?}"), "must be one of A, M, G, K"))),
+        }
+    }
+
     /// Where both triangles of a matrix have their entries. Springs that enter G enter K, so as many entries are the same ones.
     fn pattern(&self, matrix: &SymmetricMatrix) -> sprung::Result<Arc<WholePattern>> {
         let of_a = self.step.a.pattern();
@@ -49,22 +57,51 @@ impl Assembled {
 
 #[pymethods]
 impl Assembled {
-    /// Both triangles of A, G or K, or the diagonal of M: the one copy on the way, whose memory the arrays take over.
-    fn whole<'py>(&self, py: Python<'py>, matrix: &str) -> PyResult<Columns<'py>> {
-        let StepMatrices { a, m, g, k, .. } = &self.step;
-        let matrix = match matrix {
-            "A" => a,
-            "M" => return Ok(diagonal(py, m)),
-            "G" => g,
-            "K" => k,
-            _ => return Err(invalid(Invalid::new("matrix", format!("{matrix:?}"), "must be one of A, M, G, K"))),
+    /// How many entries both triangles of A, G or K have, or the diagonal of M.
+    fn entries(&self, py: Python<'_>, matrix: &str) -> PyResult<usize> {
+        match self.matrix(matrix)? {
+            None => Ok(self.step.b.len()),
+            Some(matrix) => {
+                let pattern = compute(py, &Flag::new(), || self.pattern(matrix))?;
+                Ok(pattern.map_err(raised)?.rows.len())
+            }
+        }
+    }
+
+    /// Writes them to arrays: the one copy on the way.
+    fn fill(
+        &self,
+        py: Python<'_>,
+        matrix: &str,
+        mut starts: PyReadwriteArray1<'_, i32>,
+        mut rows: PyReadwriteArray1<'_, i32>,
+        mut values: PyReadwriteArray1<'_, f64>,
+    ) -> PyResult<()> {
+        let (starts, rows) = (starts.as_slice_mut()?, rows.as_slice_mut()?);
+        let values = values.as_slice_mut()?;
+        let Some(matrix) = self.matrix(matrix)? else {
+            // The blocks of M have nothing but zeros beside their diagonal.
+            let masses = self.step.m.iter().filter(|(row, column, _)| row == column);
+            values.iter_mut().zip(masses).for_each(|(to, (_, _, mass))| *to = mass);
+            starts.iter_mut().zip(0..).for_each(|(to, start)| *to = start);
+            rows.iter_mut().zip(0..).for_each(|(to, row)| *to = row);
+            return Ok(());
         };
-        let whole = compute(py, &Flag::new(), || -> sprung::Result<_> {
+        let filled = compute(py, &Flag::new(), || -> sprung::Result<_> {
             let pattern = self.pattern(matrix)?;
-            Ok((pattern.starts.clone(), pattern.rows.clone(), pattern.values(matrix)))
+            let fits = values.len() == pattern.rows.len();
+            if fits {
+                // All of them are below 2³¹.
+                let copy = |to: &mut [i32], from: &[u32]| to.iter_mut().zip(from).for_each(|(to, &from)| *to = from as i32);
+                copy(starts, &pattern.starts);
+                rayon::join(|| copy(rows, &pattern.rows), || pattern.fill(matrix, values));
+            }
+            Ok(fits)
         })?;
-        let (starts, rows, values) = whole.map_err(raised)?;
-        Ok((PyArray1::from_vec(py, starts), PyArray1::from_vec(py, rows), PyArray1::from_vec(py, values)))
+        if filled.map_err(raised)? {
+            return Ok(());
+        }
+        Err(invalid(Invalid::new("values", "an array", "must have one for each entry")))
     }
 
     /// The right-hand side.
@@ -77,13 +114,6 @@ impl Assembled {
     fn order(&self) -> usize {
         self.step.b.len()
     }
-}
-
-/// The diagonal of a matrix that has nothing beside it but zeros.
-fn diagonal<'py>(py: Python<'py>, matrix: &SymmetricMatrix) -> Columns<'py> {
-    let order = matrix.dofs().len() as u32;
-    let values: Vec<f64> = matrix.iter().filter(|(row, column, _)| row == column).map(|(_, _, value)| value).collect();
-    (PyArray1::from_iter(py, 0..=order), PyArray1::from_iter(py, 0..order), PyArray1::from_vec(py, values))
 }
 
 /// A number that must be finite and positive.

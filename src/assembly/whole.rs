@@ -8,6 +8,7 @@
 use super::{BlockPattern, SymmetricMatrix};
 use crate::error::{Error, Result};
 use crate::memory;
+use std::ops::Range;
 
 /// Both triangles by compressed columns, rows ascending in each. All numbers are below 2³¹, so that they serve as signed ones too.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,6 +20,9 @@ pub struct WholeColumns {
     /// The value of every entry.
     pub values: Vec<f64>,
 }
+
+/// Particles whose columns are filled by one thread: some microseconds of work and more.
+const PARTICLES: usize = 1024;
 
 /// Where the entries of both triangles are: the same for all matrices on a pattern.
 #[derive(Debug, Clone)]
@@ -76,23 +80,47 @@ impl WholePattern {
 
     /// The values of a matrix on the pattern.
     pub fn values(&self, matrix: &SymmetricMatrix) -> Vec<f64> {
+        let mut values = vec![0.0; self.rows.len()];
+        self.fill(matrix, &mut values);
+        values
+    }
+
+    /// Writes the values of a matrix on the pattern to memory of the caller's, one for each entry; in parallel.
+    pub fn fill(&self, matrix: &SymmetricMatrix, values: &mut [f64]) {
+        self.fill_particles(matrix, 0..self.first.len() - 1, values);
+    }
+
+    /// The columns of some particles, whose values begin at the first one.
+    fn fill_particles(&self, matrix: &SymmetricMatrix, particles: Range<usize>, values: &mut [f64]) {
+        let dofs = matrix.dofs();
+        if particles.len() > PARTICLES {
+            let middle = particles.start + particles.len() / 2;
+            let start = |particle: usize| self.starts[dofs.first_row(particle)] as usize;
+            let (low, high) = values.split_at_mut(start(middle) - start(particles.start));
+            let fill = |particles, values: &mut [f64]| self.fill_particles(matrix, particles, values);
+            rayon::join(|| fill(particles.start..middle, low), || fill(middle..particles.end, high));
+            return;
+        }
         let (pattern, stored) = (matrix.pattern(), matrix.values());
-        let dofs = pattern.dofs();
-        let mut values = Vec::with_capacity(self.rows.len());
-        for particle in 0..dofs.particles() {
+        let mut rest = values;
+        for particle in particles {
             let lower = &self.lower[self.first[particle] as usize..self.first[particle + 1] as usize];
             for column in 0..dofs.rows(particle).len() {
-                for &(q, distance) in lower {
+                let own = &stored[pattern.column(particle, column)];
+                let above = lower.iter().map(|&(q, _)| dofs.rows(q as usize).len()).sum::<usize>() + column;
+                let (mine, others) = rest.split_at_mut(above + own.len());
+                let (above, below) = mine.split_at_mut(above);
+                let blocks = lower.iter().flat_map(|&(q, distance)| {
                     let count = dofs.rows(q as usize).len();
-                    let of =
-                        |r: usize| stored[pattern.column(q as usize, r).start + count - r + distance as usize + column];
-                    values.extend((0..count).map(of));
-                }
-                values.extend((0..column).map(|r| stored[pattern.column(particle, r).start + column - r]));
-                values.extend_from_slice(&stored[pattern.column(particle, column)]);
+                    let behind = distance as usize + column;
+                    (0..count).map(move |r| pattern.column(q as usize, r).start + count - r + behind)
+                });
+                let diagonal = (0..column).map(|r| pattern.column(particle, r).start + column - r);
+                above.iter_mut().zip(blocks.chain(diagonal)).for_each(|(value, at)| *value = stored[at]);
+                below.copy_from_slice(own);
+                rest = others;
             }
         }
-        values
     }
 }
 

@@ -41,11 +41,11 @@ class Matrices:
         self.stiffness = stiffness
 
     def _whole(self, matrix: str) -> sparse.csc_array:
-        starts, rows, values = self._native.whole(matrix)
-        order = self._native.order
-        # Unsigned numbers below 2**31 read as signed ones are the same, and scipy takes them as they are.
-        parts = values, rows.view(np.int32), starts.view(np.int32)
-        whole = sparse.csc_array(parts, shape=(order, order), copy=False)
+        order, entries = self._native.order, self._native.entries(matrix)
+        # Memory of numpy's comes in large pages, which are there much sooner than small ones.
+        starts, rows, values = np.empty(order + 1, np.int32), np.empty(entries, np.int32), np.empty(entries)
+        self._native.fill(matrix, starts, rows, values)
+        whole = sparse.csc_array((values, rows, starts), shape=(order, order), copy=False)
         whole.has_sorted_indices = True
         whole.has_canonical_format = True
         return whole
