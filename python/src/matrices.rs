@@ -92,7 +92,8 @@ impl Assembled {
             let fits = values.len() == pattern.rows.len();
             if fits {
                 // All of them are below 2³¹.
-                let copy = |to: &mut [i32], from: &[u32]| to.iter_mut().zip(from).for_each(|(to, &from)| *to = from as i32);
+                let copy =
+                    |to: &mut [i32], from: &[u32]| to.iter_mut().zip(from).for_each(|(to, &from)| *to = from as i32);
                 copy(starts, &pattern.starts);
                 rayon::join(|| copy(rows, &pattern.rows), || pattern.fill(matrix, values));
             }
