@@ -4,7 +4,7 @@ use serde::Deserialize;
 use sprung::linear::{CostModel, FactorSize, OrderingMethod, PreconditionerKind};
 use sprung::scene::{Kind, builtin};
 
-/// Sizes of a scene and times in ns, as `cargo run --release --example costs` stores them.
+/// Sizes of a scene and times in ns, as `cargo xtask costs` stores them.
 #[derive(Deserialize)]
 struct Row {
     scene: String,

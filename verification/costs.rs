@@ -1,6 +1,6 @@
 //! Measures what the operations of a step cost, for the cost model to be held to: writes `verification/costs.json`.
 //!
-//! `cargo run --release --example costs` times every operation on ready scenes of 2 to 10⁵ particles: one thread, its own time, the
+//! `cargo xtask costs` times every operation on ready scenes of 2 to 10⁵ particles: one thread, its own time, the
 //! shortest of many repetitions. The test `costs` holds [`sprung::linear::CostModel`] to what is stored: its unit is a force evaluation, so only
 //! ratios of these times count, and they hardly depend on the machine.
 

@@ -1,6 +1,6 @@
 //! Plants faults in a copy of the program, one after the other, and records which checks of the suite catch each.
 //!
-//! `cargo run --example faults` applies every fault of `faults.toml` to a copy below the target folder, runs the
+//! `cargo xtask faults` applies every fault of `faults.toml` to a copy below the target folder, runs the
 //! verification suite on it, and writes `faults.json` (for programs) and `faults.md` (for readers) beside the list.
 //! Arguments choose faults by part of their name; then only their rows are renewed. Every fault costs a build: a quarter of an
 //! hour for all. A fault that survives, does not compile or no longer finds its place makes the exit status 1.
@@ -175,7 +175,7 @@ const NAMED: usize = 4;
 fn table(caught: &[Caught]) -> String {
     let mut text = String::from(
         "# Planted faults, and what catches them\n\n\
-         Written by `cargo run --example faults` from `faults.toml`. Every fault is put into a copy of the program, and the whole \
+         Written by `cargo xtask faults` from `faults.toml`. Every fault is put into a copy of the program, and the whole \
          suite runs on it. Numbers are tests that fail, by family; a family is a check, its tests are the scenes or cases.\n\n\
          | fault | in | tests | caught by |\n|---|---|---|---|\n",
     );

@@ -81,7 +81,7 @@ impl Checkpoint {
     pub fn read(folder: &Path) -> Result<Option<Self>, Stop> {
         let mut text = String::new();
         let file = folder.join(FILE);
-        crate::load::agreed(|| {
+        crate::agreed::agreed(|| {
             if file.exists() {
                 text = std::fs::read_to_string(&file).map_err(|error| format!("{}: {error}", file.display()))?;
             }

@@ -1,7 +1,8 @@
 //! Where a scene comes from: a file that rank 0 reads and shares out, a folder of which every rank reads its share, or a formula.
 
+use crate::agreed::agreed;
 use crate::slab::{self, Header, Slab};
-use crate::{Stop, ranks, ready, split};
+use crate::{Stop, files, ready};
 use sprung::scene::Scene;
 use std::path::PathBuf;
 
@@ -33,7 +34,7 @@ impl Source {
         }
         let path = self.path.clone().unwrap_or_default();
         if agreed(|| Ok(path.is_dir()))? {
-            return split::read(&path);
+            return files::read(&path);
         }
         let mut whole = None;
         agreed(|| {
@@ -49,21 +50,4 @@ impl Source {
     pub fn folder(&self, header: &Header) -> PathBuf {
         PathBuf::from("out").join(header.name.split_whitespace().collect::<Vec<_>>().join("-"))
     }
-}
-
-/// What rank 0 finds out, on all ranks.
-///
-/// # Errors
-/// As on rank 0.
-pub fn agreed(find: impl FnOnce() -> Result<bool, String>) -> Result<bool, Stop> {
-    let found = if ranks::rank() == 0 { find() } else { Ok(false) };
-    let (is_so, message) = match found {
-        Ok(is_so) => (is_so, String::new()),
-        Err(message) => (false, message),
-    };
-    let message = ranks::share_text(&message);
-    if !message.is_empty() {
-        return Err(Stop::Unusable(message));
-    }
-    Ok(ranks::any(is_so))
 }

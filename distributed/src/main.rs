@@ -5,24 +5,32 @@
 //! | `petsc` | the part of PETSc that is used, and all `unsafe` |
 //! | `ranks` | what ranks say to each other |
 //! | `slab` | a scene as it lies on the ranks before it is cut |
-//! | `split` | the same in files, of which every rank reads its own share |
+//! | `files` | the same in files, of which every rank reads its own share |
+//! | `agreed` | what ranks find out together |
 //! | `ready` | ready scenes, of which every rank makes its own share |
 //! | `part` | one rank's particles, springs and ghosts |
+//! | `rows` | the rows of the matrix that belong to a part |
 //! | `solver` | the linear systems of all parts |
 //! | `results`, `checkpoint` | files |
-//! | `run`, `matrix`, `count` | the commands |
+//! | `load` | which of these a command works on |
+//! | `method` | the words for methods and solvers |
+//! | `run`, `matrix`, `split`, `count` | the commands |
 //!
 //! Steps, forces, energies and indicators are those of the library, on systems that are parts (see `sprung::system::Peers`).
 
+mod agreed;
 mod checkpoint;
 mod count;
+mod files;
 mod load;
 mod matrix;
+mod method;
 mod part;
 mod petsc;
 mod ranks;
 mod ready;
 mod results;
+mod rows;
 mod run;
 mod slab;
 mod solver;

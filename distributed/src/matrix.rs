@@ -1,7 +1,8 @@
 //! `sprung-mpi matrix`: the matrix of the first step, gathered row by row.
 
-use crate::load::{Source, agreed};
-use crate::run::MethodArguments;
+use crate::agreed::agreed;
+use crate::load::Source;
+use crate::method::MethodArguments;
 use crate::solver::{Choice, PetscSolver};
 use crate::{Stop, or_end, part, ranks};
 use sprung::force::Extensions;

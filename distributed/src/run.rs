@@ -1,21 +1,22 @@
 //! `sprung-mpi run`: simulate a scene.
 
+use crate::agreed::agreed;
 use crate::checkpoint::{self, Checkpoint};
-use crate::load::{Source, agreed};
+use crate::load::Source;
+use crate::method::{MethodArguments, positive};
 use crate::part::{self, Part};
 use crate::petsc::Petsc;
 use crate::results::{Frames, clear_frames, write_final_state};
 use crate::slab::Header;
-use crate::solver::{Choice, PetscSolver, Preconditioner};
+use crate::solver::PetscSolver;
 use crate::{Stop, or_end, ranks, say};
-use clap::builder::PossibleValuesParser;
+use sprung::State;
 use sprung::integrate::{
-    Bdf2, ImplicitOptions, LinearBackwardEuler, Method, Monitor, MonitorOptions, Outcome, Schedule, Statistics, Status,
-    StiffnessPolicy, TimeStepper, Verlet, run_monitored,
+    Bdf2, LinearBackwardEuler, Method, Monitor, MonitorOptions, Outcome, Schedule, Statistics, Status, TimeStepper,
+    Verlet, run_monitored,
 };
-use sprung::linear::{CostModel, LinearSolver, SolverOptions};
+use sprung::linear::{CostModel, LinearSolver};
 use sprung::output::{Effort, EnergyChange, EnergyLog, ErrorKind, ErrorReport, FailureReport, OutputFolder, Summary};
-use sprung::{State, Stiffness};
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -70,73 +71,6 @@ pub struct Run {
     /// No progress
     #[arg(short, long)]
     quiet: bool,
-}
-
-/// Which method, stiffness and linear solver.
-#[derive(Debug, clap::Args)]
-pub struct MethodArguments {
-    /// Time stepping method
-    #[arg(long, default_value = "linear-backward-euler")]
-    #[arg(value_parser = PossibleValuesParser::new(["linear-backward-euler", "bdf2", "verlet"]))]
-    pub method: String,
-
-    /// Which part of every spring's stiffness enters the matrix A; forces are never changed
-    #[arg(long, default_value = "on-demand")]
-    #[arg(value_parser = PossibleValuesParser::new(["on-demand", "full", "tension", "axial"]))]
-    pub stiffness: String,
-
-    /// Linear solver: conjugate gradients, or a factorization by MUMPS, which knows whether A is definite
-    #[arg(long, default_value = "cg", value_parser = PossibleValuesParser::new(["cg", "mumps"]))]
-    pub solver: String,
-
-    /// Preconditioner of conjugate gradients
-    #[arg(long, value_name = "KIND", value_enum, default_value_t = Preconditioner::Gamg)]
-    pub preconditioner: Preconditioner,
-
-    /// Conjugate gradients stop at ‖b − A·δx‖ ≤ R·‖b‖
-    #[arg(long, value_name = "R", value_parser = positive, default_value = "1e-10")]
-    pub tolerance: f64,
-
-    /// Options of PETSc, which win over those that the preconditioner stands for: "-log_view", "-pc_type jacobi", …
-    #[arg(long, value_name = "OPTIONS", default_value = "", allow_hyphen_values = true)]
-    pub petsc: String,
-}
-
-impl MethodArguments {
-    /// The solver asked for.
-    pub fn choice(&self) -> Choice {
-        if self.solver == "mumps" { Choice::Mumps } else { Choice::Cg(self.preconditioner) }
-    }
-
-    /// PETSc, started with all options.
-    pub fn start(&self) -> Petsc {
-        or_end(Petsc::start(&format!("{} {} {}", self.choice().options(), Choice::SPARE, self.petsc)))
-    }
-
-    /// The stiffness policy asked for.
-    pub fn policy(&self) -> StiffnessPolicy {
-        let named = Stiffness::ALL.into_iter().find(|option| option.name() == self.stiffness);
-        named.map_or(StiffnessPolicy::OnDemand, StiffnessPolicy::Always)
-    }
-
-    /// The options of implicit methods.
-    pub fn options(&self) -> ImplicitOptions {
-        let linear = SolverOptions { tolerance: self.tolerance, ..SolverOptions::default() };
-        ImplicitOptions { stiffness: self.policy(), linear }
-    }
-
-    fn method(&self) -> Method {
-        match self.method.as_str() {
-            "bdf2" => Method::Bdf2,
-            "verlet" => Method::Verlet,
-            _ => Method::LinearBackwardEuler,
-        }
-    }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "is not a number".to_owned())?;
-    if value.is_finite() && value > 0.0 { Ok(value) } else { Err("must be finite and positive".to_owned()) }
 }
 
 /// How often progress is told.

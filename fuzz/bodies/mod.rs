@@ -1,5 +1,5 @@
 //! What the fuzz targets do with their bytes. They panic where a claim does not hold; `cargo fuzz` runs them with coverage, and
-//! `cargo run --release --example stress -- fuzz` without.
+//! `cargo xtask stress fuzz` without.
 #![allow(dead_code, reason = "every target uses its own part")]
 
 mod system;

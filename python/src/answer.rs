@@ -2,7 +2,7 @@
 
 use crate::compute::Flag;
 use crate::recorded::Recorded;
-use crate::run::{Done, Pacing, Subject};
+use crate::task::{Done, Pacing, Subject};
 use sprung::accuracy::{Audience, Requirement, answer};
 use sprung::force::Energy;
 use sprung::integrate::{Monitor, Schedule};

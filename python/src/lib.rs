@@ -18,6 +18,7 @@ mod recorded;
 mod run;
 mod stepper;
 mod system;
+mod task;
 mod verify;
 mod view;
 

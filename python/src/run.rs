@@ -3,41 +3,20 @@
 use crate::answer::search;
 use crate::arrays::{Handed, handed};
 use crate::compute::converse;
-use crate::error::{invalid, raised};
+use crate::error::raised;
 use crate::recorded::Recorded;
 use crate::stepper::{Moving, Stepper};
+use crate::task::{Done, Pacing, Subject, fraction};
 use pyo3::exceptions::{PyRuntimeError, PyStopIteration};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sprung::accuracy::reduce;
-use sprung::error::Invalid;
 use sprung::integrate::{Method, Monitor, Schedule, Status};
-use sprung::output::{ChoiceReport, ErrorKind, ErrorReport, Ran, Summary};
-use sprung::plan::{DEFAULT_STEP, Plan, Wishes, records_every};
+use sprung::output::{ChoiceReport, ErrorKind, ErrorReport, Ran};
+use sprung::plan::{Plan, Wishes};
 use sprung::{State, System};
-use std::num::NonZeroU64;
 use std::ops::ControlFlow;
 use std::time::Instant;
-
-/// How long a run is, and how its steps and records are made.
-#[derive(Debug, Clone, Copy)]
-pub struct Pacing {
-    pub duration: f64,
-    /// Length of steps, or interval of records.
-    pub interval: f64,
-    /// The tolerance of adaptive steps.
-    pub rtol: Option<f64>,
-    /// Whether steps are adaptive because nothing was given.
-    pub is_chosen: bool,
-    pub stops_unstable: bool,
-    pub every: NonZeroU64,
-}
-
-/// A run that has ended.
-pub struct Done {
-    pub summary: Summary,
-    pub recorded: Recorded,
-}
 
 /// Runs a stepper from its state for `duration` seconds; hands out a dictionary.
 #[pyfunction]
@@ -54,7 +33,7 @@ pub fn run<'py>(
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let wishes = Wishes { rtol: fraction("rtol", rtol)?, accuracy: fraction("accuracy", accuracy)?, ..stepper.wishes };
-    let pacing = pacing(&wishes, duration, dt, !allow_unstable, every)?;
+    let pacing = Pacing::new(&wishes, duration, dt, !allow_unstable, every)?;
     let mut guard = stepper.moving()?;
     let moving = &mut *guard;
     let calls_back = callback.is_some();
@@ -101,32 +80,6 @@ fn called(
     }
 }
 
-/// What the arguments mean, as for the command.
-fn pacing(wishes: &Wishes, duration: f64, dt: Option<f64>, stops_unstable: bool, every: u64) -> PyResult<Pacing> {
-    let Some(every) = NonZeroU64::new(every) else {
-        return Err(invalid(Invalid::new("every", every, "must be positive")));
-    };
-    if !(duration.is_finite() && duration > 0.0) {
-        return Err(invalid(Invalid::new("duration", duration, "must be finite and positive")));
-    }
-    let rtol = if dt.is_none() { wishes.rtol_without_step() } else { wishes.rtol };
-    let is_chosen = dt.is_none() && rtol.is_some();
-    let chosen = if rtol.is_some() || wishes.accuracy.is_some() { records_every(duration) } else { DEFAULT_STEP };
-    let interval = dt.unwrap_or(chosen);
-    Schedule::check(interval, duration).map_err(invalid)?;
-    Ok(Pacing { duration, interval, rtol, is_chosen, stops_unstable, every })
-}
-
-/// A number between zero and one.
-fn fraction(key: &str, value: Option<f64>) -> PyResult<Option<f64>> {
-    match value {
-        Some(value) if !(value > 0.0 && value < 1.0) => {
-            Err(invalid(Invalid::new(key, value, "must be between 0 and 1")))
-        }
-        value => Ok(value),
-    }
-}
-
 /// Runs on; `None` where there is no answer to an accuracy.
 fn of_stepper(
     stepper: &Stepper,
@@ -143,14 +96,6 @@ fn of_stepper(
         return search(&subject, &requirement, pacing, &stepper.flag, &mut moving.state);
     }
     simulate(&subject, wishes, pacing, &mut moving.state, observe).map(Some)
-}
-
-/// What is run.
-pub struct Subject<'s> {
-    pub name: &'s str,
-    pub system: &'s System,
-    /// What was left out of it, in words.
-    pub reductions: Vec<String>,
 }
 
 fn simulate(

@@ -15,7 +15,8 @@
 
 use super::attempt::Task;
 use super::audience::Audience;
-use super::explicit::{self, Price};
+use super::explicit;
+use super::price::Price;
 use super::rates::Rates;
 use super::samples::Grid;
 use super::search::{Answer, Search, Verdict};

@@ -6,9 +6,10 @@
 
 use super::Pace;
 use super::audience::Audience;
+use super::believed::{CHANCE, PROVEN, RETRIES, USABLE};
 use super::course::Course;
-use super::explicit::{CHANCE, PROVEN, Price, RETRIES, USABLE, of};
 use super::horizon::{Outlook, Parting};
+use super::price::{Price, of};
 use super::search::{Run, Search, Verdict, Went};
 use crate::error::Result;
 use crate::integrate::Method;

@@ -9,7 +9,7 @@
 
 use super::audience::Audience;
 use super::course::Course;
-use super::explicit::Price;
+use super::price::Price;
 use super::resolution::unresolved;
 use super::search::{Search, Verdict, Went};
 use super::stiff::{UNRESOLVED, linear_options};

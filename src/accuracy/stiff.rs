@@ -3,7 +3,7 @@
 
 use super::audience::Audience;
 use super::course::Course;
-use super::explicit::Price;
+use super::price::Price;
 use super::resolution::unresolved;
 use super::search::{Search, Verdict, Went};
 use super::{Configuration, Pace};

@@ -17,14 +17,12 @@
 
 use super::Pace;
 use super::audience::Audience;
+use super::believed::{CHANCE, PROVEN, RETRIES, USABLE};
 use super::course::Course;
-use super::explicit::{CHANCE, PROVEN, Price, RETRIES, USABLE, of};
+use super::price::{FIRST_RATIO, Price, of};
 use super::search::{Search, Verdict, Went};
 use crate::error::Result;
 use crate::integrate::Method;
-
-/// From the first run of a pair to the second.
-pub(super) const FIRST_RATIO: f64 = 1.35;
 
 /// What the difference of a first pair is multiplied with, of which nothing shows yet that it follows the law.
 const UNPROVEN: f64 = 2.0;

@@ -1,17 +1,18 @@
-//! The library's eighth-order Runge–Kutta method of Dormand and Prince on a mass–spring system.
+//! The eighth-order Runge–Kutta method of Dormand and Prince, as the crate `ivp` has it, on a mass–spring system.
 //!
 //! Everything between scene and answer is independent of this crate's methods but the force itself: other formulas, other
-//! step control, no matrix. The unknowns are the free coordinates, their velocities, and the time, of which prescribed coordinates
-//! are functions: the library's table of nodes (0.6.2) has 0 for the twelfth stage, which is at the end of the step, so that the
-//! method would be of low order in the time that it hands over.
+//! step control, no matrix. The unknowns are the free coordinates and their velocities; prescribed coordinates are functions of time.
 
 use super::Deadline;
 use crate::accuracy::extent;
 use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
 use crate::system::{Motion, State, System};
+use ivp::dense::StepInterpolant;
+use ivp::ivp::FirstOrderSystem;
+use ivp::methods::{DOP853, Tolerance};
+use ivp::solout::{ControlFlag, SolOut};
+use ivp::status::Status;
 use nalgebra::Vector3;
-use ode_solvers::dop_shared::{IntegrationError, OutputType};
-use ode_solvers::{DVector, Dop853};
 use std::cell::RefCell;
 use std::time::Instant;
 
@@ -30,18 +31,14 @@ struct Scratch {
     reduced: Vec<f64>,
 }
 
-impl ode_solvers::System<f64, DVector<f64>> for Motions<'_> {
-    fn system(&self, _: f64, y: &DVector<f64>, dy: &mut DVector<f64>) {
+impl FirstOrderSystem for Motions<'_> {
+    fn derivative(&self, t: f64, y: &[f64], dy: &mut [f64]) {
         let system = self.system;
         let n = system.dofs().len();
-        let (x, rest) = y.as_slice().split_at(n);
-        let (v, time) = rest.split_at(n);
-        let (dx, rest) = dy.as_mut_slice().split_at_mut(n);
-        let (dv, dt) = rest.split_at_mut(n);
+        let ((x, v), (dx, dv)) = (y.split_at(n), dy.split_at_mut(n));
         dx.copy_from_slice(v);
-        dt.fill(1.0);
         let Scratch { state, extensions, force, reduced } = &mut *self.scratch.borrow_mut();
-        set_state(system, time.first().copied().unwrap_or(f64::NAN), x, v, state);
+        set_state(system, t, x, v, state);
         system.prescribed().set_velocities(self.middle, &mut state.velocities);
         if extensions.update(system, &state.positions).is_err() {
             // The method rejects a step with an undefined derivative.
@@ -67,32 +64,34 @@ fn set_state(system: &System, t: f64, x: &[f64], v: &[f64], state: &mut State) {
     system.dofs().scatter(v, &mut state.velocities);
 }
 
-/// Elapsed time against simulated time.
-struct Clock {
+/// Keeps the state reached, and ends an integration that would take too long.
+struct Watch {
+    reached: Vec<f64>,
     span: [f64; 2],
     begin: Instant,
     deadline: Deadline,
 }
 
-impl Clock {
+impl Watch {
     /// Whether the deadline has passed, or will by far at the present pace.
-    fn is_hopeless(&self, reached: f64) -> bool {
+    fn is_hopeless(&self, time: f64) -> bool {
         let (elapsed, allowed) = (self.begin.elapsed(), self.deadline.since(self.begin));
-        let share = (reached - self.span[0]) / (self.span[1] - self.span[0]);
+        let share = (time - self.span[0]) / (self.span[1] - self.span[0]);
         elapsed > allowed || (10 * elapsed > allowed && elapsed.as_secs_f64() > 2.0 * share * allowed.as_secs_f64())
     }
 }
 
-/// Steps that the library keeps in memory before it is restarted from the last one.
-const CHUNK: usize = 256;
-
-/// Doubles that it may keep.
-const KEPT: usize = 4_000_000;
+impl SolOut for Watch {
+    fn solout(&mut self, _: f64, t: &mut f64, y: &mut [f64], _: Option<&StepInterpolant<'_>>) -> ControlFlag {
+        self.reached.copy_from_slice(y);
+        if self.is_hopeless(*t) { ControlFlag::Interrupt } else { ControlFlag::Continue }
+    }
+}
 
 /// The state `duration` seconds on, to a relative and (times the extent) absolute local tolerance; `None` when the method
 /// gives up or the deadline passes. Kinks of prescribed motions are ends of integration intervals.
 ///
-/// The method of the crate `ode_solvers`.
+/// The method of the crate `ivp`.
 pub fn dop853(
     system: &System,
     start: &State,
@@ -102,85 +101,48 @@ pub fn dop853(
 ) -> Option<State> {
     let n = system.dofs().len();
     let mut state = start.clone();
-    let mut reduced = vec![0.0; n];
-    let mut y = DVector::zeros(2 * n + 1);
-    y[2 * n] = start.time;
-    system.dofs().gather(&state.positions, &mut reduced);
-    y.rows_mut(0, n).copy_from_slice(&reduced);
-    system.dofs().gather(&state.velocities, &mut reduced);
-    y.rows_mut(n, n).copy_from_slice(&reduced);
-    let absolute = tolerance * extent(&start.positions, &start.positions);
     let end = start.time + duration;
+    let mut reached = vec![0.0; 2 * n];
+    let (x, v) = reached.split_at_mut(n);
+    system.dofs().gather(&state.positions, x);
+    system.dofs().gather(&state.velocities, v);
     if n > 0 {
-        let clock = Clock { span: [start.time, end], begin: Instant::now(), deadline: deadline.into() };
+        let absolute = tolerance * extent(&start.positions, &start.positions);
+        let span = [start.time, end];
+        let mut watch = Watch { reached, span, begin: Instant::now(), deadline: deadline.into() };
         let mut from = start.time;
         for to in kinks(system, start.time, end) {
-            y = interval(system, &state, y, [from, to], tolerance, absolute, &clock)?;
+            interval(system, &state, [from, to], [tolerance, absolute], &mut watch)?;
             from = to;
         }
+        reached = watch.reached;
     }
-    let (x, rest) = y.as_slice().split_at(n);
-    set_state(system, end, x, rest.get(..n)?, &mut state);
+    let (x, v) = reached.split_at(n);
+    set_state(system, end, x, v, &mut state);
     state.is_finite().then_some(state)
 }
 
+/// Integrates what the watch has reached from a time to another.
 fn interval(
     system: &System,
     state: &State,
-    mut y: DVector<f64>,
-    [start, to]: [f64; 2],
-    relative: f64,
-    absolute: f64,
-    clock: &Clock,
-) -> Option<DVector<f64>> {
-    let chunk = (KEPT / y.len().max(1)).clamp(4, CHUNK) as u32;
-    let (mut from, mut h) = (start, 0.0);
-    loop {
-        let scratch = Scratch {
-            state: state.clone(),
-            extensions: Extensions::at(system, &state.positions).ok()?,
-            force: vec![Vector3::zeros(); system.particles()],
-            reduced: vec![0.0; system.dofs().len()],
-        };
-        let motions = Motions { system, middle: 0.5 * (start + to), scratch: RefCell::new(scratch) };
-        let length = to - from;
-        // The library's defaults for safety factor, PI term and step ratios; its stiffness test never comes round,
-        // since a stiff problem only takes longer.
-        let mut method = Dop853::from_param(
-            motions,
-            from,
-            to,
-            length,
-            y,
-            relative,
-            absolute,
-            0.9,
-            0.0,
-            0.333,
-            6.0,
-            length,
-            h,
-            chunk,
-            u32::MAX,
-            OutputType::Sparse,
-        );
-        let outcome = method.integrate();
-        let (times, states) = (method.x_out(), method.y_out());
-        let last = states.last()?.clone();
-        match outcome {
-            Ok(_) => return Some(last),
-            Err(IntegrationError::MaxNumStepReached { .. }) => {
-                let reached = *times.last()?;
-                if reached <= from || clock.is_hopeless(reached) {
-                    return None;
-                }
-                let before = times.len().checked_sub(2).and_then(|i| times.get(i)).copied().unwrap_or(from);
-                h = (reached - before).min(to - reached);
-                (from, y) = (reached, last);
-            }
-            Err(_) => return None,
-        }
-    }
+    [from, to]: [f64; 2],
+    [relative, absolute]: [f64; 2],
+    watch: &mut Watch,
+) -> Option<()> {
+    let scratch = Scratch {
+        state: state.clone(),
+        extensions: Extensions::at(system, &state.positions).ok()?,
+        force: vec![Vector3::zeros(); system.particles()],
+        reduced: vec![0.0; system.dofs().len()],
+    };
+    let motions = Motions { system, middle: 0.5 * (from + to), scratch: RefCell::new(scratch) };
+    // No limit of steps, and no search for stiffness: a stiff problem only takes longer, which the deadline bounds.
+    let method = DOP853 { max_steps: usize::MAX, stiff_test: usize::MAX, dense_output: false, ..DOP853::default() };
+    let [relative, absolute] = [relative, absolute].map(Tolerance::Scalar);
+    let begin = watch.reached.clone();
+    let outcome = method.solve(&motions, from, &begin, to, relative, absolute, Some(watch)).ok()?;
+    (outcome.status == Status::Success).then_some(())
 }
 
 /// The times in (start, end) at which a prescribed velocity jumps, and the end.

@@ -31,7 +31,7 @@ const ROUNDING: f64 = 1e-15;
 impl Reference {
     /// Computes the state `duration` seconds after `start` within about `limit`; dt is a step that methods may begin with.
     ///
-    /// DOP853 of the crate `ode_solvers`, an explicit method of order 8, at two tolerances a hundredfold apart. The error of the
+    /// DOP853 of the crate `ivp`, an explicit method of order 8, at two tolerances a hundredfold apart. The error of the
     /// tighter run is estimated by the difference of both, which is the error of the looser one: an overestimate on purpose. Where
     /// it would take longer than half the limit (stiff scenes), Richardson extrapolation of the W-method over as many halvings of
     /// dt as fit. Its error is estimated by the difference from the same extrapolation of implicit midpoint, which shares no
@@ -63,7 +63,7 @@ impl Reference {
         let solve = |tolerance| dop853(system, start, duration, tolerance, deadline);
         let (coarse, state) = (solve(loose)?, solve(tight)?);
         let difference = relative_position_error(&coarse.positions, &state.positions, &start.positions);
-        let method = format!("DOP853 (ode_solvers), relative tolerance {tight:e}");
+        let method = format!("DOP853 (ivp), relative tolerance {tight:e}");
         Some(Self { method, error_estimate: difference.max(ROUNDING), state })
     }
 

@@ -3,7 +3,7 @@
 //! The unit is a force evaluation of the system at hand. What an operation costs follows from sizes that are known before it is
 //! done: springs, coordinates, entries and operations of a factor. Each of them takes so many nanoseconds on one core; only ratios of
 //! these are used, and they hardly depend on the machine. They are fitted to `verification/costs.json`, which
-//! `cargo run --release --example costs` measures, and held to it within a factor of 1.5 (the coarse levels of multigrid, which depend on more than sizes, of 1.6).
+//! `cargo xtask costs` measures, and held to it within a factor of 1.5 (the coarse levels of multigrid, which depend on more than sizes, of 1.6).
 //!
 //! Counting instead of timing makes the same choice as often as a run is repeated, and for any number of threads.
 

@@ -1,4 +1,4 @@
-//! The formulas of the notes, written out a second time as plainly as possible: what checks hold the solver to.
+//! The formulas of springs, forces and matrices, written out a second time as plainly as possible: what checks hold the solver to.
 //!
 //! Nothing here is shared with the code under test. Vectors are full-length, one 3-vector a particle, prescribed or not;
 //! K^s and the damping block are multiplied out as 3×3 matrices; the order of sums is the order of the springs.

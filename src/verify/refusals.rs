@@ -100,7 +100,7 @@ pub(super) fn indefinite(subject: &Subject) -> Measured {
             }
         };
         let why = "in exact arithmetic n iterations from a right-hand side with all modes meet every eigenvector; pᵀAp is \
-                   computed again with the formulas of the notes";
+                   computed again with formulas that were written a second time";
         let name = format!("conjugate gradients report negative curvature, {kind:?}");
         checks.push(check(&name, silent(reported), why));
     }

@@ -1,6 +1,6 @@
 //! A step solves its own equations: the new state put back into them leaves rounding.
 //!
-//! The residuals are formed from the formulas of the notes alone, for all free coordinates, with what prescribed ones
+//! The residuals are formed from formulas that were written a second time, for all free coordinates, with what prescribed ones
 //! contribute. With `δx = dt v'`:
 //!
 //! ```text

@@ -1,4 +1,4 @@
-//! A damped spring along its line: the iterates of the notes' method exactly, and the true motion in the limit.
+//! A damped spring along its line: the iterates of linearised backward Euler exactly, and the true motion in the limit.
 
 use super::compare::{U, rows};
 use super::orders::{Known, towards};

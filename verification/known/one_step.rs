@@ -1,4 +1,4 @@
-//! One step of the notes' method and its matrices against 50 digits: free, held, moving, on paths, partly held, planar and
+//! One step of linearised backward Euler and its matrices against 50 digits: free, held, moving, on paths, partly held, planar and
 //! one-dimensional, and past the critical step.
 
 use super::compare::{U, number, numbers, rows};

@@ -1,6 +1,6 @@
 //! Tries every mutant that cargo-mutants finds in the numerical modules, and records what became of each.
 //!
-//! `cargo run --release --example mutants` builds them all behind a switch in a copy below the target folder, runs the
+//! `cargo xtask mutants` builds them all behind a switch in a copy below the target folder, runs the
 //! tests with each until one fails, and writes `mutants.md` beside this folder. Only tests that enter the changed function
 //! are run, those first that have caught most mutants of its file for the time they take. Arguments choose mutants by part
 //! of their name; `--survivors` tries only those that no test has caught yet, those of a run that was ended among them, and

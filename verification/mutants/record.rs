@@ -130,7 +130,7 @@ impl<'m> Record<'m> {
     fn table(&self, unlisted: &[&Key]) -> String {
         let mut text = String::from(
             "# Mutants, and what became of them\n\n\
-             Written by `cargo run --release --example mutants`. The mutants are those that cargo-mutants makes of the \
+             Written by `cargo xtask mutants`. The mutants are those that cargo-mutants makes of the \
              numerical modules: an operator, a condition, a returned value or a term of a sum is another. The tests that \
              enter its function are run with every one until one fails, those first that caught most like it for their \
              time. So the columns say which tests were the quickest to see it, not which others would have.\n\n\

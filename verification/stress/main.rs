@@ -1,9 +1,9 @@
 //! Long searches for what breaks the program, run once and counted; the tests keep a small part of each.
 //!
 //! ```sh
-//! cargo run --release --example stress -- multigrid 10000000     # random systems, each with three preconditioners
-//! cargo run --release --example stress -- kills 1000             # runs killed at random moments, and resumed
-//! cargo run --release --example stress -- fuzz steps 1000000     # a body of fuzz/, without coverage
+//! cargo xtask stress multigrid 10000000     # random systems, each with three preconditioners
+//! cargo xtask stress kills 1000             # runs killed at random moments, and resumed
+//! cargo xtask stress fuzz steps 1000000     # a body of fuzz/, without coverage
 //! ```
 
 #[path = "../../fuzz/bodies/mod.rs"]

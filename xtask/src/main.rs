@@ -20,14 +20,8 @@ enum Command {
     Links,
     /// Draw which module uses which, and fail where an arrow runs back
     House,
-    /// Renew what is recorded; words after the tool are handed to it
-    Renew {
-        /// What to renew
-        tool: tools::Tool,
-        /// Handed to the tool
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-        words: Vec<String>,
-    },
+    #[command(flatten)]
+    Tool(tools::Tool),
 }
 
 fn main() -> Result<()> {
@@ -36,7 +30,7 @@ fn main() -> Result<()> {
         Command::Guide => guide::build(&root),
         Command::Links => links::check(&root),
         Command::House => house::draw(&root),
-        Command::Renew { tool, words } => tools::run(&root, tool, &words),
+        Command::Tool(tool) => tools::run(&root, &tool),
     }
 }
 

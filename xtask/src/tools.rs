@@ -1,59 +1,102 @@
-//! The programs that renew what is recorded: each is built where it stands, as Cargo builds it, and given the words that follow.
+//! The programs that examine the crate and renew what is recorded: each is built where it stands, as Cargo builds it, and given the words
+//! that follow.
 
 use anyhow::{Context, Result, ensure};
-use clap::ValueEnum;
+use clap::{Args, Subcommand};
 use std::path::Path;
 use std::process::Command;
 
 /// Which program.
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Clone, Subcommand)]
 pub enum Tool {
     /// Plant every fault and see which check catches it: verification/faults.json, faults.md; a quarter of an hour
-    Faults,
+    Faults(Words),
     /// Make every mutant and see what becomes of it: verification/mutants.md; half an hour
-    Mutants,
+    Mutants(Words),
     /// A thousand random scenes against an independent reference: verification/study.md; ten minutes
-    Study,
+    Study(Words),
+    /// What --accuracy answers on random scenes, and what that costs: verification/accuracy.md; an hour with ready scenes
+    Accuracy(Words),
+    /// Cloths that swing down by several methods: the table of verification/motion.md; minutes
+    Motion(Words),
     /// Speed against accuracy, and maps of stability: verification/charts; minutes
-    Charts,
+    Charts(Words),
+    /// Methods beside integrators of other libraries: benches/peers/README.md, verification/charts; minutes
+    Peers(Words),
     /// What the cost model is held to: verification/costs.json; minutes
-    Costs,
+    Costs(Words),
+    /// What accompanying a run costs; a minute
+    MonitorCost(Words),
     /// Random bytes, killed runs, odd matrices; see CONTRIBUTING
-    Stress,
+    Stress(Words),
     /// The counts of work that tests hold steps to: tests/work_locks.txt; seconds once built
-    Locks,
+    Locks(Words),
     /// Known answers from the Python programs in verification/answers/derive; minutes
-    Answers,
+    Answers(Words),
     /// Tables and pictures of speed: docs/performance; half an hour
-    Performance,
+    Performance(Words),
     /// The README's first picture: docs/lost-definiteness.svg; seconds
-    Picture,
+    Picture(Words),
+}
+
+/// What is handed to a tool.
+#[derive(Debug, Clone, Default, Args)]
+#[command(disable_help_flag = true)]
+pub struct Words {
+    /// Handed to the tool, --help too
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    words: Vec<String>,
 }
 
 impl Tool {
     /// Program, words, and a variable of the environment to set.
-    fn command(self) -> (&'static str, Vec<&'static str>, Option<&'static str>) {
+    fn command(&self) -> (&'static str, Vec<&'static str>, Option<&'static str>) {
         let example = |name| ("cargo", vec!["run", "--release", "--example", name, "--"], None);
         match self {
-            Self::Faults => ("cargo", vec!["run", "--example", "faults", "--"], None),
-            Self::Mutants => example("mutants"),
-            Self::Study => example("study"),
-            Self::Charts => example("charts"),
-            Self::Costs => example("costs"),
-            Self::Stress => example("stress"),
-            Self::Picture => example("lost_definiteness"),
-            Self::Locks => ("cargo", vec!["test", "--release", "--test", "work_locks", "--"], Some("SPRUNG_RENEW")),
-            Self::Answers => ("python3", vec!["verification/answers/derive/all.py"], None),
-            Self::Performance => ("python3", vec!["benches/compare/run.py"], None),
+            // A debug build: planting is text, and what is planted builds itself.
+            Self::Faults(_) => ("cargo", vec!["run", "--example", "faults", "--"], None),
+            Self::Mutants(_) => example("mutants"),
+            Self::Study(_) => example("study"),
+            Self::Accuracy(_) => example("accuracy"),
+            Self::Motion(_) => example("motion"),
+            Self::Charts(_) => example("charts"),
+            Self::Costs(_) => example("costs"),
+            Self::MonitorCost(_) => example("monitor_cost"),
+            Self::Stress(_) => example("stress"),
+            Self::Picture(_) => example("lost_definiteness"),
+            Self::Peers(_) => {
+                ("cargo", vec!["run", "--release", "--manifest-path", "benches/peers/Cargo.toml", "--"], None)
+            }
+            Self::Locks(_) => ("cargo", vec!["test", "--release", "--test", "work_locks", "--"], Some("SPRUNG_RENEW")),
+            Self::Answers(_) => ("python3", vec!["verification/answers/derive/all.py"], None),
+            Self::Performance(_) => ("python3", vec!["benches/compare/run.py"], None),
         }
+    }
+
+    fn words(&self) -> &[String] {
+        let (Self::Faults(given)
+        | Self::Mutants(given)
+        | Self::Study(given)
+        | Self::Accuracy(given)
+        | Self::Motion(given)
+        | Self::Charts(given)
+        | Self::Peers(given)
+        | Self::Costs(given)
+        | Self::MonitorCost(given)
+        | Self::Stress(given)
+        | Self::Locks(given)
+        | Self::Answers(given)
+        | Self::Performance(given)
+        | Self::Picture(given)) = self;
+        &given.words
     }
 }
 
 /// Runs a program to its end.
-pub fn run(root: &Path, tool: Tool, words: &[String]) -> Result<()> {
+pub fn run(root: &Path, tool: &Tool) -> Result<()> {
     let (program, arguments, variable) = tool.command();
     let mut command = Command::new(program);
-    command.current_dir(root).args(arguments).args(words);
+    command.current_dir(root).args(arguments).args(tool.words());
     if let Some(variable) = variable {
         command.env(variable, "1");
     }
@@ -65,17 +108,24 @@ pub fn run(root: &Path, tool: Tool, words: &[String]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::Tool;
-    use clap::ValueEnum;
+    use clap::{FromArgMatches, Subcommand};
 
-    /// What a tool runs is there.
+    /// What a tool runs is there, and words after its name reach it.
     #[test]
     fn every_tool_has_its_program() {
         let root = crate::root().unwrap();
         let manifest = std::fs::read_to_string(root.join("Cargo.toml")).unwrap();
-        for tool in Tool::value_variants() {
+        let tools = Tool::augment_subcommands(clap::Command::new("xtask"));
+        let names: Vec<String> = tools.get_subcommands().map(|tool| tool.get_name().to_owned()).collect();
+        assert!(names.len() >= 10, "{names:?}");
+        for name in names {
+            let matches = tools.clone().try_get_matches_from(["xtask", &name, "--help", "a"]).unwrap();
+            let tool = Tool::from_arg_matches(&matches).unwrap();
+            assert_eq!(tool.words(), ["--help", "a"]);
             let (_, words, _) = tool.command();
             let known = match words.as_slice() {
                 [script] => root.join(script).exists(),
+                [.., "--manifest-path", manifest, "--"] => root.join(manifest).exists(),
                 [.., "--test", name, "--"] => root.join(format!("tests/{name}.rs")).exists(),
                 [.., "--example", name, "--"] => {
                     manifest.contains(&format!("name = \"{name}\""))

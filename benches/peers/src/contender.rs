@@ -24,7 +24,7 @@ pub struct Task<'s> {
 pub enum Contender {
     /// Of `diffsol`.
     Diffsol(Integrator),
-    /// Of `ode_solvers`.
+    /// Of `ivp`.
     Dop853,
     /// Of this crate, with steps of one length.
     Steps(Configuration),
@@ -44,7 +44,7 @@ impl Contender {
     pub fn name(&self) -> String {
         match self {
             Self::Diffsol(integrator) => integrator.name().into(),
-            Self::Dop853 => "ode_solvers DOP853".into(),
+            Self::Dop853 => "ivp DOP853".into(),
             Self::Steps(configuration) if configuration.method.is_implicit() => {
                 format!("{} ({})", configuration.method.name(), configuration.stiffness())
             }

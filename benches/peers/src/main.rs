@@ -1,6 +1,6 @@
 //! This crate's methods beside general-purpose integrators of other libraries, on the same scenes, machine and error norm.
 //!
-//! Peers are the BDF method and the ESDIRK method of `diffsol` with the exact Jacobian, and DOP853 of `ode_solvers`. Draws time
+//! Peers are the BDF method and the ESDIRK method of `diffsol` with the exact Jacobian, and DOP853 of `ivp`. Draws time
 //! over error, one picture a scene, into `verification/charts`, and replaces the results in `README.md` beside this package.
 
 mod contender;

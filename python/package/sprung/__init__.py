@@ -20,10 +20,10 @@ negative (semidefinite) where the system is stable.
 """
 
 from ._constraint import Constraint
-from ._errors import Breakdown, DoubtWarning, NotPositiveDefinite
+from ._errors import Breakdown, DoubtWarning
 from ._inspect import Inspection, inspect
 from ._jacobian import Entry, JacobianCheck, check_jacobian
-from ._matrices import Factor, Matrices
+from ._matrices import Factor, Matrices, NotPositiveDefinite
 from ._native import __version__
 from ._result import Result
 from ._state import Energy, State

@@ -89,3 +89,8 @@ def pairs(name: str, value: ArrayLike, particles: int) -> NDArray[np.uint32]:
             f"{name}[{at}] = {array[at].tolist()}: names a particle that does not exist (there are {particles})"
         )
     return np.ascontiguousarray(array, dtype=np.uint32)
+
+
+def dofs(particles: NDArray[np.int64], axes: NDArray[np.int8]) -> NDArray[np.int64]:
+    """Particle and axis of every row of the matrices, side by side."""
+    return np.column_stack([particles, axes.astype(np.int64)])

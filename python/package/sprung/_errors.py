@@ -1,10 +1,8 @@
-"""What is raised where a computation breaks down; unusable arguments are plain ``ValueError``."""
+"""What is raised where a step or a run breaks down, or is doubtful; unusable arguments are plain ``ValueError``."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 if TYPE_CHECKING:
     from ._result import Result
@@ -26,24 +24,6 @@ class Breakdown(RuntimeError):
         super().__init__(message)
         self.status = status
         self.result = result
-
-
-class NotPositiveDefinite(np.linalg.LinAlgError):
-    """A matrix that was to be factored is not positive definite, or has a pivot of zero.
-
-    Attributes
-    ----------
-    row : int
-        The row of the matrix whose pivot stopped the factorization.
-    particle, axis : int
-        The coordinate of that row.
-    """
-
-    def __init__(self, message: str, row: int, particle: int, axis: int) -> None:
-        super().__init__(message)
-        self.row = row
-        self.particle = particle
-        self.axis = axis
 
 
 class DoubtWarning(UserWarning):

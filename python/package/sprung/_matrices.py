@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +12,24 @@ from scipy.sparse.linalg import LinearOperator
 
 from . import _arrays, _native
 from ._arrays import Floats
-from ._errors import NotPositiveDefinite
 
-if TYPE_CHECKING:
-    from ._system import System
+
+class NotPositiveDefinite(np.linalg.LinAlgError):
+    """A matrix that was to be factored is not positive definite, or has a pivot of zero.
+
+    Attributes
+    ----------
+    row : int
+        The row of the matrix whose pivot stopped the factorization.
+    particle, axis : int
+        The coordinate of that row.
+    """
+
+    def __init__(self, message: str, row: int, particle: int, axis: int) -> None:
+        super().__init__(message)
+        self.row = row
+        self.particle = particle
+        self.axis = axis
 
 
 class Matrices:
@@ -32,9 +46,9 @@ class Matrices:
         Which part of every spring's stiffness is in K and A.
     """
 
-    def __init__(self, system: System, given: Any, dt: float, stiffness: str) -> None:
+    def __init__(self, system: _native.System, given: Any, dt: float, stiffness: str) -> None:
         self._system = system
-        self._native = _native.assemble(system._native, given, dt, stiffness)
+        self._native = _native.assemble(system, given, dt, stiffness)
         positions, velocities, time = given
         self._given = positions.copy(), velocities.copy(), time
         self.dt = dt
@@ -75,10 +89,10 @@ class Matrices:
         """The right-hand side, in N, with the prescribed motion moved to it."""
         return self._native.b()
 
-    @property
+    @cached_property
     def dofs(self) -> NDArray[np.int64]:
         """Particle and axis of every row, shape (rows, 2)."""
-        return self._system.dofs
+        return _arrays.dofs(*self._system.dofs)
 
     def operator(self, matrix: str = "A") -> LinearOperator:
         """The same matrix known by its products spring by spring: ``"A"``, ``"M"``, ``"G"`` or ``"K"``."""
@@ -148,10 +162,10 @@ class Factor:
         return f"<Factor {self.kind} of {self.shape[0]} rows, {self.entries} entries>"
 
 
-def linear_operator(system: System, given: Any, dt: float, stiffness: str, matrix: str) -> LinearOperator:
+def linear_operator(system: _native.System, given: Any, dt: float, stiffness: str, matrix: str) -> LinearOperator:
     """A system's operator as scipy's."""
-    native = _native.operator(system._native, given, dt, stiffness, matrix)
-    order = system._native.order
+    native = _native.operator(system, given, dt, stiffness, matrix)
+    order = system.order
 
     def product(w: Floats) -> Floats:
         return native.apply(_arrays.real("w", w).reshape(order))

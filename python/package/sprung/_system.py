@@ -204,8 +204,7 @@ class System:
     @cached_property
     def dofs(self) -> NDArray[np.int64]:
         """Particle and axis (0, 1, 2) of every row of the matrices, shape (rows, 2): the coordinates that are free."""
-        particles, axes = self._native.dofs
-        return np.column_stack([particles, axes.astype(np.int64)])
+        return _arrays.dofs(*self._native.dofs)
 
     def initial_state(self) -> State:
         """The state that the system starts from, to be changed as one likes."""
@@ -270,7 +269,7 @@ class System:
         ``A = M/dt**2 - G/dt - K``, ``b = M v/dt + M gravity + f_elastic - A_fc dx_c``, with the prescribed motion moved
         to the right-hand side.
         """
-        return Matrices(self, self._given(state), self._step(dt), stiffness)
+        return Matrices(self._native, self._given(state), self._step(dt), stiffness)
 
     def operator(
         self, state: State | None = None, dt: float | None = None, stiffness: str = "full", matrix: str = "A"
@@ -283,7 +282,7 @@ class System:
             As for :meth:`matrices`.
         matrix : {"A", "M", "G", "K"}
         """
-        return linear_operator(self, self._given(state), self._step(dt), stiffness, matrix)
+        return linear_operator(self._native, self._given(state), self._step(dt), stiffness, matrix)
 
     def factor(
         self, state: State | None = None, dt: float | None = None, stiffness: str = "full", kind: str = "llt"

@@ -1,6 +1,6 @@
 //! Makes the charts of `verification/charts`: four scenes that tell a story and a cloth, and the stability map.
 //!
-//! `cargo run --release --example charts -- 30` gives every scene 30 s.
+//! `cargo xtask charts 30` gives every scene 30 s.
 
 use sprung::chart::{StabilityMap, SweepOptions, WorkPrecision};
 use sprung::interrupt::Interrupt;
@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         (cloth, "A stiff cloth that starts to swing down, 8 × 8 particles for 0.2 s."),
     ];
     let mut page = String::from(
-        "# Charts\n\nMade by `cargo run --release --example charts`, which writes this page too. Errors are relative position errors at the\n\
+        "# Charts\n\nMade by `cargo xtask charts`, which writes this page too. Errors are relative position errors at the\n\
          end, against an independent reference; work is counted in force evaluations of the scene. `sprung chart SCENE` gives the\n\
          whole chart of any scene, with times.\n",
     );

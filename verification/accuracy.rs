@@ -2,15 +2,15 @@
 //! against the cheapest single run that a sweep over all methods, options, solvers and steps finds.
 //!
 //! ```sh
-//! cargo run --release --example accuracy -- --ready --write         # the page; sweeps of ready scenes take an hour
-//! cargo run --release --example accuracy -- --count 20 --first 500  # other random scenes
-//! cargo run --release --example accuracy -- --named cloth-of-6      # one scene with a name, answer by answer
+//! cargo xtask accuracy --ready --write         # the page; sweeps of ready scenes take an hour
+//! cargo xtask accuracy --count 20 --first 500  # other random scenes
+//! cargo xtask accuracy --named cloth-of-6      # one scene with a name, answer by answer
 //! ```
 //!
 //! References are those of the study, kept in `target/study`.
 
 #[allow(dead_code, reason = "only scenes and references of the study are used")]
-#[path = "../verification/study/mod.rs"]
+#[path = "study/mod.rs"]
 mod study;
 
 use clap::Parser;
@@ -361,7 +361,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let page = format!(
         "# What `--accuracy` answers\n\n\
-         Made by `cargo run --release --example accuracy -- --first {} --count {}{} --write`. Errors are relative position errors at the end of the\n\
+         Made by `cargo xtask accuracy --first {} --count {}{} --write`. Errors are relative position errors at the end of the\n\
          motion, against the references of [the study](study.md), of scenes whose reference is ten times better than the accuracy. Work is\n\
          counted in force evaluations of the scene: that of the run handed out, and of everything done to find and confirm it\n\
          (`effort.run` and `effort.total` of `summary.json`). The cheapest run is that of a sweep over all methods with their stiffness options\n\

@@ -1,7 +1,7 @@
 //! What accompanying a run costs: the same steps without, with energies alone, and with a monitor, in turn in one process.
 //!
 //! ```sh
-//! cargo run --release --example monitor_cost
+//! cargo xtask monitor-cost
 //! ```
 
 use sprung::force::Energy;

@@ -1,9 +1,9 @@
 //! Where forces are linearised decides whether a cloth hangs on the right side.
 //!
-//! `cargo run --release --example linearise_where_the_step_ends -- [SIZE ...]` lets cloths swing down for half a second, by
+//! `cargo xtask motion [SIZE ...]` lets cloths swing down for half a second, by
 //! default those of 10 × 10, 20 × 20 and 32 × 32 particles, and prints for several steps how far each method ends from the truth: the
 //! distance of all positions from those of an explicit method of eighth order with local errors of 1e-9, over their distance
-//! from their centroid. The work of `bdf2` stands beside that of the notes' method, and the ratio of their times, each the
+//! from their centroid. The work of `bdf2` stands beside that of `linear-backward-euler`, and the ratio of their times, each the
 //! shortest of several runs that take turns.
 
 use nalgebra::Vector3;
@@ -31,8 +31,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let sizes = std::env::args().skip(1).map(|size| size.parse()).collect::<Result<Vec<usize>, _>>()?;
     let sizes = if sizes.is_empty() { vec![10, 20, 32] } else { sizes };
     println!(
-        "| cloth | dt, s | notes' method: default / `tension` / `axial` | `backward-euler` | `bdf2`: default / `tension` / `axial` | \
-         factorizations a step: notes / `bdf2` | time, `bdf2` over notes |"
+        "| cloth | dt, s | `linear-backward-euler`: default / `tension` / `axial` | `backward-euler` | `bdf2`: default / `tension` / `axial` | \
+         factorizations a step: the same / `bdf2` | time, `bdf2` over that |"
     );
     println!("|---|---|---|---|---|---|---|");
     for size in sizes {
@@ -78,7 +78,7 @@ impl Cloth {
         Ok(())
     }
 
-    /// The shortest time of bdf2 over that of the notes' method, which take turns.
+    /// The shortest time of bdf2 over that of `linear-backward-euler`, which take turns.
     fn time_ratio(&self, dt: f64) -> Result<f64, Box<dyn Error>> {
         let mut shortest = [Duration::MAX; 2];
         for _ in 0..TURNS {
