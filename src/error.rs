@@ -10,6 +10,18 @@ use std::path::{Path, PathBuf};
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// Why an input cannot be used.
+///
+/// # Examples
+/// ```
+/// use sprung::{Error, SystemBuilder};
+///
+/// let mut builder = SystemBuilder::new();
+/// builder.particle([0.0; 3], -1.0);
+/// match builder.build() {
+///     Err(Error::Invalid(invalid)) => assert_eq!((invalid.key.as_str(), invalid.index), ("particles.masses", Some(0))),
+///     other => panic!("{other:?}"),
+/// }
+/// ```
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -107,6 +119,14 @@ fn shortened(text: &str) -> std::borrow::Cow<'_, str> {
 /// A value that breaks a rule: file, key, index, value and the rule.
 ///
 /// Displays as `scene.toml: particles.masses[3] = -1: must be finite and positive`.
+///
+/// # Examples
+/// ```
+/// use sprung::error::Invalid;
+///
+/// let invalid = Invalid::new("particles.masses", -1, "must be finite and positive").at(3);
+/// assert_eq!(invalid.to_string(), "particles.masses[3] = -1: must be finite and positive");
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Invalid {
     /// The file, where there is one.

@@ -6,6 +6,20 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A flag that someone else may raise; by default one that nobody can.
+///
+/// # Examples
+/// ```
+/// use sprung::interrupt::Interrupt;
+/// use sprung::linear::SolverOptions;
+/// use std::sync::atomic::{AtomicBool, Ordering};
+///
+/// static STOP: AtomicBool = AtomicBool::new(false);
+/// let interrupt = Interrupt::on(&STOP);
+/// // Handed on with the options, or asked between pieces of work of one's own.
+/// let options = SolverOptions { interrupt, ..SolverOptions::default() };
+/// STOP.store(true, Ordering::Relaxed);
+/// assert!(options.interrupt.is_requested());
+/// ```
 #[derive(Clone, Copy, Default)]
 pub struct Interrupt(Option<&'static AtomicBool>);
 

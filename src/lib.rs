@@ -62,6 +62,9 @@
 //! gives blocks, `assembly` puts blocks in slots. What depends on the pattern alone is computed once, and a step
 //! allocates nothing. Constraints decide the degrees of freedom once, so what cannot move is not modelled.
 //!
+//! The derivations of all formulas stand in the headers of the files that compute them; the guide (`cargo xtask guide`) shows them, a page an
+//! idea, and has a first hour, pages on how to do things, and a glossary.
+//!
 //! An [`Error`] is an input that cannot be used. A computation that breaks down is not an error but an outcome that says
 //! how, see [`integrate::Outcome`] and [`linear::SolveFailure`]. Nothing here prints.
 

@@ -28,6 +28,14 @@ pub fn room() -> u64 {
 ///
 /// # Errors
 /// [`Error::TooLarge`] with the bytes needed and the room there is.
+///
+/// # Examples
+/// ```
+/// use sprung::memory::ensure;
+///
+/// assert!(ensure(1000, "a kilobyte").is_ok());
+/// assert!(ensure(u64::MAX, "more than there is").is_err());
+/// ```
 pub fn ensure(bytes: u64, what: &'static str) -> Result<()> {
     let room = room().saturating_sub(SMALL_THINGS);
     if bytes <= room { Ok(()) } else { Err(Error::TooLarge { what, bytes, room }) }

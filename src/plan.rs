@@ -78,6 +78,15 @@ const RECORDS_EVERY: f64 = 1.0 / 60.0;
 const RECORDS: f64 = 100.0;
 
 /// The interval at which a run of `duration` seconds is recorded that chooses its steps, in s.
+///
+/// # Examples
+/// ```
+/// use sprung::plan::records_every;
+///
+/// // A hundred records of a short motion, sixty a second of a long one.
+/// assert!((records_every(0.1) - 0.001).abs() < 1e-15);
+/// assert!((records_every(30.0) - 1.0 / 60.0).abs() < 1e-15);
+/// ```
 pub fn records_every(duration: f64) -> f64 {
     RECORDS_EVERY.min(duration / RECORDS)
 }
@@ -197,7 +206,7 @@ impl Plan {
         let without = || {
             let methods = Method::ALL.into_iter().filter(|method| method.estimates_errors());
             let others = methods.map(Method::name).collect::<Vec<_>>().join(", ");
-            Error::Usage(format!("rtol needs an error estimate, and {} has none: use {others}", method.name()))
+            Error::Unsupported(format!("rtol needs an error estimate, and {} has none: use {others}", method.name()))
         };
         let stepper = method.adaptive_stepper(system, state, options)?.ok_or_else(without)?;
         Ok(Stepper::Adaptive { stepper, rtol })

@@ -19,6 +19,8 @@
 //! a spring may be short, and its block is right to rounding, but at `l = 0` the direction does not exist and
 //! [`Extension::between`] returns `None`. The test is on the computed length, so ends nearer than about
 //! 1e-162 m, whose squared distance underflows, count as coincident too.
+//!
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `spring`.
 
 mod law;
 
@@ -53,6 +55,22 @@ pub struct Spring {
 /// Which part of the stiffness block enters the system matrix: options I, II and III of the lecture notes.
 ///
 /// Forces are never changed, only the matrix is. Under `Tension` and `Axial` every block is positive semidefinite.
+///
+/// # Examples
+/// ```
+/// use nalgebra::Vector3;
+/// use sprung::spring::Extension;
+/// use sprung::{Spring, Stiffness};
+///
+/// let spring = Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 };
+/// let d = Vector3::new(1.0, 0.0, 0.0);
+/// let extension = Extension::between(&d, &Vector3::zeros()).ok_or("coincident ends")?;
+/// let block = |option| spring.stiffness_block(&extension, option).matrix();
+/// // k/l0 along the spring; across it k (1/l0 − 1/l), negative under compression, which `tension` leaves out.
+/// assert_eq!(block(Stiffness::Full).diagonal(), Vector3::new(10.0, -10.0, -10.0));
+/// assert_eq!(block(Stiffness::Tension).diagonal(), Vector3::new(10.0, 0.0, 0.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stiffness {
     /// The exact `K^s`. Indefinite for a compressed spring (`l < l0`).

@@ -3,6 +3,15 @@
 use serde::{Deserialize, Serialize};
 
 /// How often each expensive thing was done. Tests lock these numbers; charts put them beside time.
+///
+/// # Examples
+/// ```
+/// use sprung::work::Work;
+///
+/// let mut work = Work { factorizations: 1, ..Work::default() };
+/// work.add(&Work { factorizations: 2, solves: 5, ..Work::default() });
+/// assert_eq!((work.factorizations, work.solves), (3, 5));
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Work {
     /// Evaluations of f_el (with f_d and gravity where the method needs them).

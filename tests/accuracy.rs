@@ -2,7 +2,7 @@
 //! nothing.
 
 use sprung::accuracy::{
-    Answer, Audience, Configuration, Pace, Progress, Reduction, Requirement, Verdict, answer, preset, reduce,
+    Answer, Audience, Configuration, Pace, Reduction, Requirement, SearchProgress, Verdict, answer, preset, reduce,
     relative_position_error, trial,
 };
 use sprung::integrate::{Equations, ImplicitOptions, Method, Monitor, Schedule, Status, StiffnessPolicy, run};
@@ -148,7 +148,7 @@ impl Audience for Listener {
         Ok(())
     }
 
-    fn progress(&mut self, progress: &Progress<'_>) {
+    fn progress(&mut self, progress: &SearchProgress<'_>) {
         assert!((0.0..=1.0).contains(&progress.part) && progress.spent > 0.0 && progress.left >= 0.0, "{progress:?}");
         self.progress += 1;
     }

@@ -5,7 +5,7 @@ mod common;
 use common::{systems, test_vector};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use proptest::prelude::*;
-use sprung::assembly::triplets::{BlockTriplet, Entry, assemble};
+use sprung::assembly::triplets::{BlockTriplet, MatrixEntry, assemble};
 use sprung::assembly::{BlockPattern, SpringPattern, SymmetricMatrix, SystemMatrix, assemble_afresh};
 use sprung::force::Extensions;
 use sprung::integrate::StepMatrices;
@@ -198,7 +198,7 @@ fn on_all_axes(system: &System, dofs: &DofMap, operator: &SystemOperator, entry:
         }
     }
     let mut k = DMatrix::zeros(dofs.len(), dofs.len());
-    for Entry { row, column, value } in assemble(dofs, &triplets) {
+    for MatrixEntry { row, column, value } in assemble(dofs, &triplets) {
         k[(row, column)] = value;
     }
     k
@@ -223,7 +223,7 @@ fn own_blocks_can_be_assembled() {
     matrix.add_diagonal_block(0, &diagonal);
     triplets.push(BlockTriplet { row: 0, column: 0, block: diagonal });
     let mut expected = DMatrix::zeros(6, 6);
-    for Entry { row, column, value } in assemble(&dofs, &triplets) {
+    for MatrixEntry { row, column, value } in assemble(&dofs, &triplets) {
         expected[(row, column)] = value;
     }
     assert_eq!(dense(&matrix), expected);

@@ -1,7 +1,7 @@
 //! The chart: what it measures, that failures stay on it, and that its files are whole.
 
 use sprung::accuracy::{Configuration, Pace, relative_position_error, trial};
-use sprung::chart::stability::{Tile, Varied, Verdict};
+use sprung::chart::stability::{Tile, TileVerdict, Varied};
 use sprung::chart::{Reference, SweepOptions, WorkPrecision, configurations};
 use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy};
 use sprung::interrupt::Interrupt;
@@ -121,7 +121,7 @@ fn the_map_knows_the_three_deaths() {
         let configuration = all.iter().find(|c| c.method == method && c.stiffness() == stiffness).unwrap();
         Tile::measure(configuration, Varied::Stretch, &[1.0, 4.0], &[0.5, 2.0]).unwrap().verdicts
     };
-    use Verdict::*;
+    use TileVerdict::*;
     let [full, axial] = ["full", "axial"].map(|option| tile(Method::LinearBackwardEuler, option));
     // Compressed: λ = 0.5 has its critical step at z = 1. Stretched: λ = 2 has the limit of `axial` at z = 2.83.
     assert_eq!(full, [[full[0][0], Indefinite], [Stable, Stable]]);

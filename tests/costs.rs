@@ -1,29 +1,11 @@
 //! The cost model against measured times.
 
-use serde::Deserialize;
+#[path = "../verification/costs/row.rs"]
+mod row;
+
+use row::Row;
 use sprung::linear::{CostModel, FactorSize, OrderingMethod, PreconditionerKind};
 use sprung::scene::{Kind, builtin};
-
-/// Sizes of a scene and times in ns, as `cargo xtask costs` stores them.
-#[derive(Deserialize)]
-struct Row {
-    scene: String,
-    size: usize,
-    factor_entries: usize,
-    factor_flops: f64,
-    force: f64,
-    product: f64,
-    assembly: f64,
-    analysis: f64,
-    factorization: f64,
-    solve: f64,
-    iteration_none: f64,
-    iteration_jacobi: f64,
-    iteration_block_jacobi: f64,
-    iteration_multigrid: f64,
-    multigrid_setup: f64,
-    iterative_solve: f64,
-}
 
 /// Costs that decide between solvers and methods: within this factor of the times.
 const CLOSE: f64 = 1.5;

@@ -1,9 +1,12 @@
 //! The checks of the Jacobian pass on the right matrix and fail on planted faults, and say in words what is wrong.
 
+#[path = "common/faulty.rs"]
+mod faulty;
+
+use faulty::Faulty;
 use nalgebra::{Matrix3, Vector3};
 use nalgebra_sparse::CscMatrix;
 use sprung::integrate::StepMatrices;
-use sprung::operator::LinearOperator;
 use sprung::scene::{Kind, builtin};
 use sprung::spring::Extension;
 use sprung::verify::*;
@@ -110,22 +113,6 @@ fn planted_faults_in_k_are_caught_and_named() {
         assert!(!check(&faulty(|_, _, value| value as f32 as f64)).passed());
         assert!(!check(&CscMatrix::zeros(11, 12)).passed());
         assert!(!check(&CscMatrix::zeros(3, 3)).passed());
-    }
-}
-
-/// K with a fault as an operator.
-struct Faulty(CscMatrix<f64>);
-
-impl LinearOperator for Faulty {
-    fn order(&self) -> usize {
-        self.0.nrows()
-    }
-
-    fn apply(&self, w: &[f64], y: &mut [f64]) {
-        y.fill(0.0);
-        for (row, column, value) in self.0.triplet_iter() {
-            y[row] += value * w[column];
-        }
     }
 }
 

@@ -1,11 +1,15 @@
 //! The checks of the solvers pass on right solutions, up to condition numbers of 1e12, and fail on planted faults.
 
+#[path = "common/faulty.rs"]
+mod faulty;
+
+use faulty::Faulty;
 use nalgebra_sparse::CscMatrix;
 use sprung::assembly::{SpringPattern, SystemMatrix};
 use sprung::force::Extensions;
 use sprung::integrate::StepMatrices;
 use sprung::linear::{CgSolver, Cholesky, PreconditionerKind, Prepare};
-use sprung::operator::{Combination, LinearOperator, SystemOperator};
+use sprung::operator::{Combination, SystemOperator};
 use sprung::scene::{Kind, builtin};
 use sprung::verify::*;
 use sprung::work::Work;
@@ -188,22 +192,6 @@ fn an_iteration_that_stops_early_is_caught() {
     assert!(step.agree(&early, Promise::Tolerance(1e-4)).passed());
     assert!(!step.agree(&early, Promise::Tolerance(1e-10)).passed());
     assert!(!step.agree(&late, Promise::Stable).passed(), "1e-10 is not 30 u");
-}
-
-/// A product with a fault.
-struct Faulty(CscMatrix<f64>);
-
-impl LinearOperator for Faulty {
-    fn order(&self) -> usize {
-        self.0.nrows()
-    }
-
-    fn apply(&self, w: &[f64], y: &mut [f64]) {
-        y.fill(0.0);
-        for (row, column, value) in self.0.triplet_iter() {
-            y[row] += value * w[column];
-        }
-    }
 }
 
 #[test]

@@ -4,8 +4,11 @@
 //! shortest of many repetitions. The test `costs` holds [`sprung::linear::CostModel`] to what is stored: its unit is a force evaluation, so only
 //! ratios of these times count, and they hardly depend on the machine.
 
+#[path = "costs/row.rs"]
+mod row;
+
 use cpu_time::ThreadTime;
-use serde::Serialize;
+use row::Row;
 use sprung::force::Extensions;
 use sprung::integrate::{ImplicitOptions, Method};
 use sprung::linear::{CgSolver, CholeskySolver, LinearSolver, PreconditionerKind, Prepare, ReusedMultigrid};
@@ -16,27 +19,6 @@ use sprung::{State, Stiffness, System};
 use std::hint::black_box;
 use std::path::Path;
 use std::time::Duration;
-
-/// One scene: its sizes, and the time of each operation in ns.
-#[derive(Serialize)]
-struct Row {
-    scene: String,
-    size: usize,
-    factor_entries: usize,
-    factor_flops: f64,
-    force: f64,
-    product: f64,
-    assembly: f64,
-    analysis: f64,
-    factorization: f64,
-    solve: f64,
-    iteration_none: f64,
-    iteration_jacobi: f64,
-    iteration_block_jacobi: f64,
-    iteration_multigrid: f64,
-    multigrid_setup: f64,
-    iterative_solve: f64,
-}
 
 /// Sizes of each kind: up to 10⁵ particles, as far as a factorization takes seconds at most.
 const SCENES: [(Kind, &[usize]); 6] = [

@@ -18,33 +18,13 @@ use super::audience::Audience;
 use super::explicit;
 use super::price::Price;
 use super::rates::Rates;
+use super::requirement::Requirement;
 use super::samples::Grid;
 use super::search::{Answer, Search, Verdict};
 use super::{alone, settled, stiff};
 use crate::error::Result;
-use crate::integrate::{Method, StiffnessPolicy};
-use crate::linear::{CostModel, SolverChoice};
+use crate::linear::CostModel;
 use crate::system::{State, System};
-use faer::Par;
-
-/// What is wanted.
-#[derive(Debug, Clone, Copy)]
-pub struct Requirement {
-    /// The largest [relative position error](super::relative_position_error) at the end.
-    pub accuracy: f64,
-    /// Length of the motion, in s.
-    pub duration: f64,
-    /// The interval at which the answer is recorded, in s.
-    pub interval: f64,
-    /// Parallelism of the factorizations.
-    pub par: Par,
-    /// Only this method, where one is given.
-    pub method: Option<Method>,
-    /// Only this stiffness policy, where one is given.
-    pub stiffness: Option<StiffnessPolicy>,
-    /// Only this solver, where one is given.
-    pub solver: Option<SolverChoice>,
-}
 
 /// Finds an answer, as long as `go_on` says so. `None` when no run comes to its end, or not before `go_on` said no.
 ///

@@ -22,7 +22,7 @@ pub trait Audience {
     fn record(&mut self, records: &mut Self::Records, number: u64, state: &State, monitor: &Monitor) -> Result<()>;
 
     /// How the search gets on.
-    fn progress(&mut self, _progress: &Progress<'_>) {}
+    fn progress(&mut self, _progress: &SearchProgress<'_>) {}
 }
 
 /// Nobody.
@@ -40,7 +40,7 @@ impl Audience for () {
 
 /// How a search gets on.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Progress<'a> {
+pub struct SearchProgress<'a> {
     /// What is being done.
     pub doing: &'a str,
     /// The part of it that is done.

@@ -1,4 +1,6 @@
 //! How accurate a run is, what it costs, and an answer of a required accuracy for little more than the cheapest run that has it.
+//!
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `accuracy`.
 
 mod alone;
 mod answer;
@@ -15,6 +17,7 @@ mod preset;
 mod price;
 mod rates;
 mod reduction;
+mod requirement;
 mod resolution;
 mod samples;
 mod search;
@@ -24,12 +27,13 @@ mod trial;
 mod verlet;
 mod words;
 
-pub use answer::{Requirement, answer};
+pub use answer::answer;
 pub use attempt::SolverReport;
-pub use audience::{Audience, Progress};
+pub use audience::{Audience, SearchProgress};
 pub use horizon::Horizon;
 pub use norm::{extent, relative_position_error};
 pub use preset::preset;
 pub use reduction::{Reduced, Reduction, reduce};
+pub use requirement::Requirement;
 pub use search::{Answer, Verdict};
 pub use trial::{Configuration, Pace, Trial, trial};

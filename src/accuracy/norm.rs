@@ -7,6 +7,17 @@ use nalgebra::Vector3;
 /// Both norms are Euclidean over all coordinates of all particles; c is the centroid of x̂, so that the error does not depend
 /// on where the origin lies and is never below `‖x − x̂‖/‖x̂‖`. Where all particles of x̂ are at one place (a single
 /// particle) the denominator is the distance from where the motion `start`ed, and 1 m where that is zero too.
+///
+/// # Examples
+/// ```
+/// use nalgebra::Vector3;
+/// use sprung::accuracy::relative_position_error;
+///
+/// let at = |x: f64| Vector3::new(x, 0.0, 0.0);
+/// let (truth, start) = ([at(-1.0), at(1.0)], [at(-1.0), at(1.0)]);
+/// let error = relative_position_error(&[at(-1.0), at(1.1)], &truth, &start);
+/// assert!((error - 0.1 / 2.0_f64.sqrt()).abs() < 1e-15);
+/// ```
 pub fn relative_position_error(x: &[Vector3<f64>], reference: &[Vector3<f64>], start: &[Vector3<f64>]) -> f64 {
     let error = distance(x, reference);
     if error == 0.0 { 0.0 } else { error / extent(reference, start) }

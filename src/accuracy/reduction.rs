@@ -83,6 +83,25 @@ const ROUNDINGS: f64 = 16.0;
 /// The motion is the same: bitwise where the arithmetic of the rest is (explicit methods), else to the rounding of another
 /// elimination order. With the policy `on-demand` a matrix may be definite without the degrees of freedom that are left
 /// out and not with them; then the reduced run keeps terms that the full one drops.
+///
+/// # Examples
+/// ```
+/// use sprung::accuracy::reduce;
+/// use sprung::{Spring, SystemBuilder};
+///
+/// // Everything happens on the x axis, in a scene that is written in space.
+/// let mut builder = SystemBuilder::new();
+/// builder.particle([0.0, 0.0, 0.0], 1.0);
+/// builder.particle([1.0, 0.0, 0.0], 1.0);
+/// builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// let (system, state) = builder.build()?;
+/// let reduced = reduce(&system, &state);
+/// assert!(reduced.system.dofs().len() <= system.dofs().len());
+/// for reduction in &reduced.reductions {
+///     println!("{reduction}");
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn reduce(system: &System, state: &State) -> Reduced {
     let mut reductions = Vec::new();
     if system.dimension() < 3 {

@@ -17,7 +17,7 @@
 use super::extent;
 use crate::error::Result;
 use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
-use crate::linear::{Assurance, CostModel, Equations, SolverOptions, select};
+use crate::linear::{Assurance, CostModel, MatrixAndSolver, SolverOptions, select};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -42,7 +42,7 @@ pub(super) fn unresolved(
     let operator = SystemOperator::new(system, &extensions, Stiffness::Tension, combination);
     let mut work = Work { assemblies: 1, force_evaluations: 1, ..Work::default() };
     let solver = select(system, &SolverOptions { tolerance: 1e-6, ..*options }, Assurance::Definite, &mut work)?;
-    let mut filter = Filter { system, equations: Equations::new(operator, solver), h };
+    let mut filter = Filter { system, equations: MatrixAndSolver::new(operator, solver), h };
     filter.equations.place(&state.positions);
     if filter.equations.prepare(|_| {}, &mut work).is_err() {
         return Ok((f64::INFINITY, costs.cost(&work, None)));
@@ -67,7 +67,7 @@ pub(super) fn unresolved(
 
 struct Filter<'s> {
     system: &'s System,
-    equations: Equations<'s>,
+    equations: MatrixAndSolver<'s>,
     h: f64,
 }
 

@@ -1,7 +1,7 @@
 //! What a search has tried, spent and found so far.
 
 use super::attempt::{Attempt, SolverReport, Task, Tried, attempt};
-use super::audience::{Audience, Progress};
+use super::audience::{Audience, SearchProgress};
 use super::course::{Course, Difference};
 use super::horizon::Horizon;
 use super::{Configuration, Pace, Requirement};
@@ -119,7 +119,7 @@ impl<'s, A: Audience> Search<'s, A> {
         let (before, left) = (self.spent, self.left);
         let mut progress = |audience: &mut A, part: f64, cost: f64| {
             let rest = if part > 0.0 { cost * (1.0 / part - 1.0) } else { 0.0 };
-            audience.progress(&Progress { doing: &doing, part, spent: before + cost, left: left + rest });
+            audience.progress(&SearchProgress { doing: &doing, part, spent: before + cost, left: left + rest });
         };
         let limit = limit.min(MOST_COST - self.spent);
         let tried = attempt(self.task, configuration, pace, limit, self.audience, &mut progress)?;

@@ -9,6 +9,8 @@
 //! paths add the contributions to an entry in the same order, so they agree to the bit.
 //!
 //! Matrices are symmetric and store the lower triangle by compressed columns with 32-bit indices.
+//!
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `matrices`.
 
 mod fill;
 mod matrix;

@@ -87,7 +87,7 @@ impl SystemMatrix {
 /// Assembles an operator afresh, by the simple path: all block triplets, sorted and added up.
 ///
 /// Slow and obvious; [`SystemMatrix::refill`] is held to it bit by bit.
-pub fn assemble_afresh(operator: &SystemOperator) -> Vec<super::triplets::Entry> {
+pub fn assemble_afresh(operator: &SystemOperator) -> Vec<super::triplets::MatrixEntry> {
     let system = operator.system();
     let masses = system.masses().iter().enumerate();
     let mass = |(p, m): (usize, &f64)| BlockTriplet {

@@ -16,7 +16,7 @@ pub struct BlockTriplet {
 
 /// An entry of an assembled matrix.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Entry {
+pub struct MatrixEntry {
     /// Row.
     pub row: usize,
     /// Column.
@@ -26,7 +26,19 @@ pub struct Entry {
 }
 
 /// The entries of the whole matrix (both triangles) by columns, rows ascending, one for every (row, column).
-pub fn assemble(dofs: &DofMap, triplets: &[BlockTriplet]) -> Vec<Entry> {
+///
+/// # Examples
+/// ```
+/// use nalgebra::Matrix3;
+/// use sprung::DofMap;
+/// use sprung::assembly::triplets::{BlockTriplet, assemble};
+///
+/// let block = |row, column, value| BlockTriplet { row, column, block: Matrix3::from_diagonal_element(value) };
+/// let dofs = DofMap::unconstrained(2);
+/// let entries = assemble(&dofs, &[block(0, 0, 1.0), block(1, 0, -2.0), block(0, 0, 3.0)]);
+/// assert_eq!((entries[0].row, entries[0].column, entries[0].value), (0, 0, 4.0));
+/// ```
+pub fn assemble(dofs: &DofMap, triplets: &[BlockTriplet]) -> Vec<MatrixEntry> {
     let mut entries = Vec::with_capacity(9 * triplets.len());
     for triplet in triplets {
         for c in dofs.free_axes(triplet.column).iter() {
@@ -34,19 +46,19 @@ pub fn assemble(dofs: &DofMap, triplets: &[BlockTriplet]) -> Vec<Entry> {
                 let row = dofs.row(Dof { particle: triplet.row, axis: r });
                 let column = dofs.row(Dof { particle: triplet.column, axis: c });
                 if let (Some(row), Some(column)) = (row, column) {
-                    entries.push(Entry { row, column, value: triplet.block[(r, c)] });
+                    entries.push(MatrixEntry { row, column, value: triplet.block[(r, c)] });
                 }
             }
         }
     }
     // A stable sort keeps repeats in the order given, which is the order of their sum.
     entries.sort_by_key(|entry| (entry.column, entry.row));
-    let mut sums: Vec<Entry> = Vec::new();
+    let mut sums: Vec<MatrixEntry> = Vec::new();
     for entry in entries {
         match sums.last_mut() {
             Some(last) if (last.row, last.column) == (entry.row, entry.column) => last.value += entry.value,
             // Starting from zero, as a refill does, keeps a negative zero from making a difference.
-            _ => sums.push(Entry { value: 0.0 + entry.value, ..entry }),
+            _ => sums.push(MatrixEntry { value: 0.0 + entry.value, ..entry }),
         }
     }
     sums

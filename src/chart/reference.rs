@@ -25,6 +25,9 @@ pub struct Reference {
 /// Local tolerances of the library's integrator: the second is the reference, the first tells its error.
 const TOLERANCES: [f64; 2] = [1e-10, 1e-12];
 
+/// Nearer to the reference than this many times its own error nothing is measured.
+pub(super) const ABOVE_THE_FLOOR: f64 = 3.0;
+
 /// Rounding of the positions: no estimate is smaller.
 const ROUNDING: f64 = 1e-15;
 

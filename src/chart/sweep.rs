@@ -1,6 +1,6 @@
 //! The sweep: every configuration at every step size that fits into the time, measured against the reference.
 
-use super::tail::ABOVE_THE_FLOOR;
+use super::reference::ABOVE_THE_FLOOR;
 use super::{Deadline, Progress, Quality, Reference};
 use crate::accuracy::{Configuration, Pace, Trial, trial};
 use crate::error::Result;

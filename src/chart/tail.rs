@@ -6,11 +6,9 @@
 //! other: below a *floor* they need not fall. A tail of one run is none, as nothing confirms it.
 
 use super::curve::{Curve, curves};
+use super::reference::ABOVE_THE_FLOOR;
 use super::{Run, WorkPrecision};
 use std::cmp::Ordering;
-
-/// Nearer to the reference than this many times its own error nothing is measured.
-pub(super) const ABOVE_THE_FLOOR: f64 = 3.0;
 
 /// The tail of a curve, from short steps to long ones; empty where it has none.
 pub fn tail<'a>(curve: &Curve<'a>, floor: f64) -> Vec<&'a Run> {

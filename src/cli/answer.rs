@@ -6,7 +6,7 @@ use super::files::{FILES, Files, text};
 use super::recorder::{Recorder, bar};
 use super::{Stop, interrupt};
 use indicatif::ProgressBar;
-use sprung::accuracy::{Audience, Progress, Reduction, Requirement, answer};
+use sprung::accuracy::{Audience, Reduction, Requirement, SearchProgress, answer};
 use sprung::force::Energy;
 use sprung::integrate::{Monitor, Schedule};
 use sprung::output::{CHECKPOINT, EnergyChange, Summary, clear_frames, write_final_state};
@@ -57,8 +57,8 @@ impl Audience for Onlooker<'_> {
         kept.recorder.record(&self.scene.system, state, number, monitor)
     }
 
-    fn progress(&mut self, progress: &Progress<'_>) {
-        let Progress { doing, part, spent, left } = progress;
+    fn progress(&mut self, progress: &SearchProgress<'_>) {
+        let SearchProgress { doing, part, spent, left } = progress;
         self.bar.set_position((part * PARTS as f64) as u64);
         self.bar.set_message(format!("{doing}; {spent:.0} force evaluations done, at most about {left:.0} to do"));
     }

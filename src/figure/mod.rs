@@ -3,13 +3,15 @@
 //! Checks, inspections and charts describe their pictures with these types; [`report`](crate::report) draws them.
 
 mod animation;
+mod cast;
 mod drawing;
 mod plot;
 mod spy;
 mod thinning;
 mod tiles;
 
-pub use animation::{Animation, Binding, Cast, Track};
+pub use animation::{Animation, Track};
+pub use cast::{Binding, Cast};
 pub use drawing::{Arrow, Drawing, Segment};
 pub use plot::{Axis, Guide, Look, Mark, Plot, Scale, Series};
 pub use spy::Spy;

@@ -67,6 +67,21 @@ pub fn linear_momentum(system: &System, state: &State) -> Vector3<f64> {
 }
 
 /// `Σ m x × v` about the origin, in kg·m²/s.
+///
+/// # Examples
+/// ```
+/// use nalgebra::Vector3;
+/// use sprung::SystemBuilder;
+/// use sprung::force::{angular_momentum, linear_momentum};
+///
+/// let mut builder = SystemBuilder::new();
+/// let p = builder.particle([2.0, 0.0, 0.0], 3.0);
+/// builder.velocities[p] = Vector3::new(0.0, 5.0, 0.0);
+/// let (system, state) = builder.build()?;
+/// assert_eq!(linear_momentum(&system, &state), Vector3::new(0.0, 15.0, 0.0));
+/// assert_eq!(angular_momentum(&system, &state), Vector3::new(0.0, 0.0, 30.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn angular_momentum(system: &System, state: &State) -> Vector3<f64> {
     let moving = state.positions.iter().zip(&state.velocities);
     system.masses().iter().zip(moving).map(|(m, (x, v))| x.cross(v) * *m).sum()

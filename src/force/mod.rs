@@ -18,6 +18,26 @@ use crate::system::{Moment, System};
 use nalgebra::Vector3;
 
 /// Adds the elastic force f_el: `−k (l/l0 − 1) n` on end i of every spring and the opposite on end j.
+///
+/// # Examples
+/// ```
+/// use nalgebra::Vector3;
+/// use sprung::force::{Extensions, add_elastic_force};
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let extensions = Extensions::at(&system, &state.positions)?;
+/// let mut force = vec![Vector3::zeros(); system.particles()];
+/// add_elastic_force(&system, &extensions, &mut force);
+/// // k (1 − l/l0) pushes the free end away; what acts on held particles is a reaction, and counted too.
+/// assert_eq!(force[1], Vector3::new(10.0, 0.0, 0.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn add_elastic_force(system: &System, extensions: &Extensions, force: &mut [Vector3<f64>]) {
     pairs::add(system, extensions, force, &|spring: &Spring, _: [usize; 2], at: &Extension| {
         Some(spring.elastic_force(at))

@@ -9,6 +9,25 @@ use nalgebra::Vector3;
 ///
 /// # Errors
 /// A spring whose ends coincide; `force` is then incomplete.
+///
+/// # Examples
+/// ```
+/// use nalgebra::Vector3;
+/// use sprung::force::set_total_force;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// # builder.gravity(0.0, -9.81, 0.0);
+/// let (system, state) = builder.build()?;
+/// let mut force = vec![Vector3::zeros(); system.particles()];
+/// set_total_force(&system, &state.moment(), &mut force)?;
+/// assert_eq!(force[1], Vector3::new(10.0, -9.81, 0.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn set_total_force(system: &System, at: &Moment<'_>, force: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
     let gravity = system.gravity();
     for (f, mass) in force.iter_mut().zip(system.masses()) {

@@ -30,6 +30,25 @@ pub struct Loss {
 }
 
 /// Looks at A for one step length and option, state after state: one factorization each, no symbolic analysis after the first.
+///
+/// # Examples
+/// ```
+/// use faer::Par;
+/// use sprung::Stiffness;
+/// use sprung::inspect::DefinitenessWatch;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// // A step of one second is too long for a compressed spring.
+/// let mut watch = DefinitenessWatch::new(&system, &state, Stiffness::Full, 1.0, Par::Seq)?;
+/// assert!(watch.look(0, &state)?.is_some());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct DefinitenessWatch<'s> {
     system: &'s System,
     option: Stiffness,

@@ -4,6 +4,8 @@
 //! from a factorization whose error is measured, [`CriticalSteps`] finds the largest definite and the largest stable step,
 //! [`Turning`] the largest that turns no spring too far, [`Follower`] what a run loses first, [`spectrum()`] the ends of the
 //! spectrum, [`direction`] the springs behind an eigenvector, [`smallest_set()`] the springs whose transverse terms must go.
+//!
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `definiteness`.
 
 mod along;
 mod critical;

@@ -145,6 +145,27 @@ impl Turn {
 
 /// Finds how long a step from one state may be for the springs that it turns: one factorization and one solve for every
 /// length that is tried.
+///
+/// # Examples
+/// ```
+/// use faer::Par;
+/// use sprung::Stiffness;
+/// use sprung::inspect::Turning;
+/// # use nalgebra::Vector3;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// # builder.velocities[1] = Vector3::new(0.0, 1.0, 0.0);
+/// let (system, state) = builder.build()?;
+/// // A particle that goes round at 1 m/s, 1 m from its centre: a step of 0.5 s turns its spring far.
+/// let worst = Turning::new(&system, &state, Par::Seq)?.worst(Stiffness::Axial, 0.5);
+/// assert!(worst.is_some());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Turning<'s> {
     system: &'s System,
     state: &'s State,

@@ -1,61 +1,17 @@
 //! What implicit methods share: the linear system of a step under a stiffness policy.
 
 use super::terms::{Choice, Terms};
-use super::{Softening, Statistics, StepFailure};
+use super::{Softening, Statistics, StepFailure, StiffnessPolicy};
 use crate::error::Result;
 use crate::force::Extensions;
 use crate::interrupt::Interrupt;
-use crate::linear::{Assurance, Equations, LinearSolver, Solution, SolveFailure, SolverOptions, select};
+use crate::linear::{LinearSolver, MatrixAndSolver, Solution, SolveFailure, SolverOptions, select};
 use crate::memory;
 use crate::operator::{BlockDiagonal, Combination, SystemOperator};
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{State, System};
 use crate::work::Work;
 use nalgebra::{Matrix3, Vector3};
-
-/// Which stiffness enters the matrix of each solve.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum StiffnessPolicy {
-    /// The same option in every solve.
-    Always(Stiffness),
-    /// `Full` while A is positive definite; in the solves where it is not, transverse terms are dropped, as few as a
-    /// condition without factorizations can promise to be enough, see [`Softening`]. With a factorization "is not" is proven;
-    /// with conjugate gradients it means that negative curvature was met. [`Bdf2`](super::Bdf2), whose result does not hang on the
-    /// matrix, takes the transverse terms of tensions that last.
-    OnDemand,
-}
-
-impl StiffnessPolicy {
-    /// Every policy.
-    pub const ALL: [Self; 4] = [
-        Self::OnDemand,
-        Self::Always(Stiffness::Full),
-        Self::Always(Stiffness::Tension),
-        Self::Always(Stiffness::Axial),
-    ];
-
-    /// The name used on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Always(option) => option.name(),
-            Self::OnDemand => "on-demand",
-        }
-    }
-
-    fn assurance(self) -> Assurance {
-        match self {
-            Self::Always(Stiffness::Full) => Assurance::Unknown,
-            Self::Always(Stiffness::Tension | Stiffness::Axial) => Assurance::Definite,
-            Self::OnDemand => Assurance::MadeDefinite,
-        }
-    }
-}
-
-impl From<Stiffness> for StiffnessPolicy {
-    fn from(option: Stiffness) -> Self {
-        Self::Always(option)
-    }
-}
 
 /// Options of implicit methods.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,7 +65,7 @@ pub(super) struct LinearSystem<'s> {
     /// Those of the matrix: nothing else may be written here between `prepare` and the last solve with it.
     pub extensions: Extensions,
     pub statistics: Statistics,
-    equations: Equations<'s>,
+    equations: MatrixAndSolver<'s>,
     /// Made when the policy asks for it, or Newton's method first does.
     softening: Option<Softening>,
     pub policy: StiffnessPolicy,
@@ -160,7 +116,7 @@ impl<'s> LinearSystem<'s> {
             system,
             extensions,
             statistics: Statistics::default(),
-            equations: Equations::new(matrix, solver),
+            equations: MatrixAndSolver::new(matrix, solver),
             softening,
             policy,
             tolerance,

@@ -1,4 +1,6 @@
 //! Time stepping: one method a file behind [`TimeStepper`], and the run loop that drives them.
+//!
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `methods`, `newton`, `adaptive`, `ledger`, `definiteness`.
 
 mod adaptive;
 mod backward_euler;
@@ -24,6 +26,7 @@ mod run;
 mod schedule;
 mod softening;
 mod statistics;
+mod stiffness_policy;
 mod terms;
 mod verlet;
 mod w_method;
@@ -35,7 +38,7 @@ pub use bdf2::Bdf2;
 pub use dop853::Dop853;
 pub use explicit::{ForwardEuler, SymplecticEuler};
 pub use failure::{NotSolved, Status, StepFailure};
-pub use implicit::{ImplicitOptions, StiffnessPolicy};
+pub use implicit::ImplicitOptions;
 pub use implicit_midpoint::ImplicitMidpoint;
 pub use linear_backward_euler::LinearBackwardEuler;
 pub use matrices::StepMatrices;
@@ -47,6 +50,7 @@ pub use run::{Outcome, RunFailure, run, run_monitored};
 pub use schedule::Schedule;
 pub use softening::Softening;
 pub use statistics::Statistics;
+pub use stiffness_policy::StiffnessPolicy;
 pub use verlet::Verlet;
 pub use w_method::WMethod;
 

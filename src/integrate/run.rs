@@ -55,6 +55,29 @@ impl Outcome {
 
 /// Advances `state` along the schedule. After every step `observe` sees the number of steps done and the new state, and
 /// may ask to stop.
+///
+/// # Examples
+/// ```
+/// use sprung::Method;
+/// use sprung::integrate::{ImplicitOptions, Schedule, run};
+/// use std::ops::ControlFlow;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, mut state) = builder.build()?;
+/// let mut stepper = Method::Bdf2.stepper(&system, &state, &ImplicitOptions::default())?;
+/// let outcome = run(&mut *stepper, &mut state, &Schedule::duration(0.01, 1.0), |_, state| {
+///     // Whoever sees the states may end the run.
+///     if state.positions[1].x < 2.5 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+/// });
+/// assert_eq!(outcome.status().name(), "interrupted");
+/// assert!(outcome.steps < 100 && state.positions[1].x >= 2.5);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn run(
     stepper: &mut dyn TimeStepper,
     state: &mut State,
@@ -66,6 +89,29 @@ pub fn run(
 
 /// As [`run`], with a monitor that enters every step before `observe` sees it, and ends the run when energy appears from
 /// nowhere: the state is then one from before that, as it is when a step fails while energy grows.
+///
+/// # Examples
+/// ```
+/// use sprung::Method;
+/// use sprung::integrate::{ImplicitOptions, Monitor, MonitorOptions, Schedule, run_monitored};
+/// use std::ops::ControlFlow;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, mut state) = builder.build()?;
+/// let mut stepper = Method::Verlet.stepper(&system, &state, &ImplicitOptions::default())?;
+/// let mut monitor = Monitor::new(&system, &state, MonitorOptions { forces: false, stops_unstable: true })?;
+/// let schedule = Schedule::duration(1e-3, 1.0);
+/// let outcome = run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, |_, _, _| ControlFlow::Continue(()));
+/// assert_eq!(outcome.status().name(), "completed");
+/// // Half of k (l − l0)²/l0 = 10 J was there at the start, and is there at the end.
+/// assert!((monitor.energy().total() - 5.0).abs() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn run_monitored(
     stepper: &mut dyn TimeStepper,
     state: &mut State,

@@ -3,6 +3,18 @@
 use crate::error::Invalid;
 
 /// Length of a run in steps.
+///
+/// # Examples
+/// ```
+/// use sprung::integrate::Schedule;
+///
+/// let schedule = Schedule::duration(0.1, 0.25);
+/// let lengths: Vec<f64> = (0..schedule.len()).filter_map(|index| schedule.step(index)).collect();
+/// // Runs end exactly at their duration: the last step is shorter.
+/// assert_eq!(lengths.len(), 3);
+/// assert!((lengths[2] - 0.05).abs() < 1e-15);
+/// assert!(Schedule::check(-0.1, 1.0).is_err());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Schedule {
     dt: f64,

@@ -52,6 +52,33 @@ pub struct CgReport {
 }
 
 /// The method's parameters and its four work vectors.
+///
+/// # Examples
+/// ```
+/// use sprung::linear::{ConjugateGradient, Preconditioner};
+/// use sprung::operator::LinearOperator;
+///
+/// /// A matrix known by its products: 2 on the diagonal, −1 beside it.
+/// struct Chain(usize);
+///
+/// impl LinearOperator for Chain {
+///     fn order(&self) -> usize {
+///         self.0
+///     }
+///
+///     fn apply(&self, w: &[f64], y: &mut [f64]) {
+///         for i in 0..self.0 {
+///             let beside = |j: usize| w.get(j).copied().unwrap_or(0.0);
+///             y[i] = 2.0 * w[i] - beside(i.wrapping_sub(1)) - beside(i + 1);
+///         }
+///     }
+/// }
+///
+/// let mut method = ConjugateGradient::new(3, 1e-12);
+/// let mut x = vec![0.0; 3];
+/// method.solve(&Chain(3), &mut Preconditioner::Identity, &[1.0, 0.0, 1.0], &mut x);
+/// assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-9));
+/// ```
 #[derive(Debug, Clone)]
 pub struct ConjugateGradient {
     /// Stops at `‖b − A x‖ ≤ tolerance·‖b‖`.

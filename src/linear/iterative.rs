@@ -6,7 +6,7 @@ use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailur
 use super::preconditioner::{Precondition, Preconditioner};
 use super::preconditioner_kind::PreconditionerKind;
 use super::warm_start::WarmStart;
-use super::{Held, LinearSolver};
+use super::{Held, LinearSolver, Prepared};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::interrupt::Interrupt;
@@ -157,6 +157,13 @@ impl CgSolver {
     /// The method: its parameters, and the direction of negative curvature after a failure.
     pub fn method(&mut self) -> &mut ConjugateGradient {
         &mut self.method
+    }
+}
+
+impl Prepared<'_, CgSolver> {
+    /// The method: its parameters, and the direction of negative curvature after a failure.
+    pub fn method(&mut self) -> &mut ConjugateGradient {
+        self.solver().method()
     }
 }
 

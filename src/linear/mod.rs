@@ -3,6 +3,8 @@
 //! [`Cholesky`], [`Ldlt`] and [`ConjugateGradient`] work on any [`SymmetricMatrix`](crate::assembly::SymmetricMatrix) or
 //! [`LinearOperator`](crate::operator::LinearOperator). [`LinearSolver`] is what a time step uses: it takes a
 //! [`SystemOperator`], does once a matrix what can be done once, and solves as often as asked.
+//!
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `solvers`.
 
 mod analysis;
 mod automatic;
@@ -40,7 +42,7 @@ pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
 pub use pivoted::{Lbl, PivotSigns, PivotedLdlt, Pivoting};
 pub use preconditioner::{Precondition, Preconditioner};
 pub use preconditioner_kind::PreconditionerKind;
-pub use prepared::{Equations, Held, Prepare, Prepared};
+pub use prepared::{Held, MatrixAndSolver, Prepare, Prepared};
 pub use reuse::ReusedMultigrid;
 pub use select::{Assurance, SolverChoice, SolverOptions, select};
 pub use warm_start::WarmStart;

@@ -33,6 +33,15 @@ pub(super) fn scaling(b: &[f64]) -> f64 {
 
 /// The normwise backward error `‖r‖/(‖A‖‖x‖ + ‖b‖)` in the maximum norm (Rigal and Gaches 1967): the smallest relative
 /// change of A and b that makes x exact. Zero when everything is zero.
+///
+/// # Examples
+/// ```
+/// use sprung::linear::backward_error;
+///
+/// // 2 x = 1, solved as x = 0.5 + 1e-17: as good as a solution can be.
+/// let x = 0.5 + 1e-17;
+/// assert!(backward_error(&[1.0 - 2.0 * x], 2.0, &[x], &[1.0]) <= f64::EPSILON);
+/// ```
 pub fn backward_error(residual: &[f64], matrix_norm: f64, x: &[f64], b: &[f64]) -> f64 {
     let residual = max_norm(residual);
     if residual == 0.0 { 0.0 } else { residual / (matrix_norm * max_norm(x) + max_norm(b)) }

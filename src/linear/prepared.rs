@@ -2,11 +2,11 @@
 //!
 //! A solver is given a matrix once and solves with it many times. Most need it again in every solve, for products and residuals, and
 //! it must be the same one. So a solve takes a [`Held`] matrix, which only a [`Prepared`] solver has: nothing can change the matrix
-//! as long as that lives. Who prepares here and solves there owns both in [`Equations`], where the only way to the matrix is to
+//! as long as that lives. Who prepares here and solves there owns both in [`MatrixAndSolver`], where the only way to the matrix is to
 //! prepare again.
 
 use super::outcome::{Definiteness, Solution, SolveFailure};
-use super::{CgSolver, ConjugateGradient, FactorReport, LinearSolver};
+use super::{FactorReport, LinearSolver};
 use crate::operator::SystemOperator;
 use crate::work::Work;
 use nalgebra::Vector3;
@@ -88,24 +88,22 @@ impl<S: LinearSolver + ?Sized> Prepared<'_, S> {
     pub fn solve(&mut self, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
         self.solver.solve(self.matrix, b, x, work)
     }
-}
 
-impl Prepared<'_, CgSolver> {
-    /// The method: its parameters, and the direction of negative curvature after a failure.
-    pub fn method(&mut self) -> &mut ConjugateGradient {
-        self.solver.method()
+    /// The solver, for those who give it no other matrix.
+    pub(super) fn solver(&mut self) -> &mut S {
+        self.solver
     }
 }
 
 /// A matrix and the solver that it is given to.
-pub struct Equations<'s> {
+pub struct MatrixAndSolver<'s> {
     matrix: SystemOperator<'s>,
     solver: Box<dyn LinearSolver + 's>,
     /// What is known of the matrix that the solver holds; `None` when it holds none, or has refused it.
     held: Option<Definiteness>,
 }
 
-impl<'s> Equations<'s> {
+impl<'s> MatrixAndSolver<'s> {
     /// Of a matrix that nobody has been given yet.
     pub fn new(matrix: SystemOperator<'s>, solver: Box<dyn LinearSolver + 's>) -> Self {
         Self { matrix, solver, held: None }

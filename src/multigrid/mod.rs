@@ -56,6 +56,8 @@
 //!
 //! Under `axial` A has soft motions that are not rigid: all those that stretch no spring. The stiffer, the more iterations
 //! they cost.
+//!
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `multigrid`.
 
 mod aggregate;
 mod block;

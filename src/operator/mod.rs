@@ -1,4 +1,6 @@
 //! Matrices known by their products: the linear operator that conjugate gradients needs, and the system's own.
+//!
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `matrices`.
 
 mod prefetch;
 mod stream;

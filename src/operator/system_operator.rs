@@ -20,6 +20,32 @@ use crate::system::{Axes, System};
 use nalgebra::{Matrix3, Vector3};
 
 /// Coefficients of `mass·M + damping·G + stiffness·K`.
+///
+/// # Examples
+/// ```
+/// use sprung::Stiffness;
+/// use sprung::force::Extensions;
+/// use sprung::operator::{Combination, LinearOperator, SystemOperator};
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let extensions = Extensions::at(&system, &state.positions)?;
+/// let product = |combination| {
+///     let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, combination);
+///     let mut y = vec![0.0; operator.order()];
+///     operator.apply(&[1.0, 0.0, 0.0], &mut y);
+///     y[0]
+/// };
+/// // A = M/dt² − G/dt − K, and K alone, which is negative along a spring.
+/// assert_eq!(product(Combination::step(0.5)), 4.0 + 10.0);
+/// assert_eq!(product(Combination { mass: 0.0, damping: 0.0, stiffness: 1.0 }), -10.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Combination {
     /// Factor of M.

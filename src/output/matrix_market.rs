@@ -15,6 +15,27 @@ use std::path::PathBuf;
 /// # Errors
 /// [`Error::Io`] when the file cannot be written, or when the iterator does not yield `entries` entries of the lower
 /// triangle.
+///
+/// # Examples
+/// ```
+/// use sprung::Stiffness;
+/// use sprung::integrate::StepMatrices;
+/// use sprung::output::write_symmetric;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let k = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.01)?.k;
+/// let file = std::env::temp_dir().join(format!("sprung-example-{}.mtx", std::process::id()));
+/// write_symmetric(&file, "K, in N/m", system.dofs().len(), k.values().len(), k.iter())?;
+/// assert!(std::fs::read_to_string(&file)?.starts_with("%%MatrixMarket matrix coordinate real symmetric"));
+/// std::fs::remove_file(file)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn write_symmetric(
     target: impl Into<PathBuf>,
     comment: &str,

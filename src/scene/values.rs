@@ -5,6 +5,14 @@ use serde::{Serialize, Serializer};
 use std::fmt;
 
 /// One number for all particles or springs, or one for each.
+///
+/// # Examples
+/// ```
+/// use sprung::scene::Values;
+///
+/// // One number for all, or one for each; equal ones are kept as one.
+/// assert_eq!(Values::collect([2.0, 2.0, 2.0]), Values::Uniform(2.0));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum Values {
     /// The same for all.

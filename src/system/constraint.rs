@@ -1,53 +1,7 @@
 //! Kinematic particles: which coordinates are prescribed, and how they move.
 
-use super::Dof;
+use super::{Axes, Dof};
 use nalgebra::Vector3;
-
-/// A set of axes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Axes(u8);
-
-impl Axes {
-    /// No axis.
-    pub const NONE: Self = Self(0);
-    /// x, y and z.
-    pub const ALL: Self = Self(0b111);
-
-    /// The first `dimension` axes.
-    pub fn first(dimension: usize) -> Self {
-        Self(Self::ALL.0 >> (3 - dimension.min(3)))
-    }
-
-    /// The axes with the given indices (0, 1, 2).
-    pub fn of(axes: &[usize]) -> Self {
-        Self(axes.iter().fold(0, |bits, &axis| bits | 1 << axis) & Self::ALL.0)
-    }
-
-    /// Whether the axis is in the set.
-    pub fn contains(self, axis: usize) -> bool {
-        self.0 >> axis & 1 == 1
-    }
-
-    /// Number of axes.
-    pub fn count(self) -> usize {
-        self.0.count_ones() as usize
-    }
-
-    /// Number of axes of the set below `axis`.
-    pub fn rank(self, axis: usize) -> usize {
-        (self.0 & ((1 << axis) - 1)).count_ones() as usize
-    }
-
-    /// The axes in ascending order.
-    pub fn iter(self) -> impl Iterator<Item = usize> {
-        (0..3).filter(move |&axis| self.contains(axis))
-    }
-
-    /// This set without the axes of the other.
-    pub fn without(self, other: Self) -> Self {
-        Self(self.0 & !other.0)
-    }
-}
 
 /// Times that differ by less than this, relatively, are the same but for rounding: ten thousand steps added up.
 pub(crate) const SAME_TIME: f64 = 1e-12;
@@ -101,6 +55,24 @@ impl Motion {
 }
 
 /// Particles whose coordinates along some axes are prescribed. Later constraints override earlier ones.
+///
+/// # Examples
+/// ```
+/// use nalgebra::Vector3;
+/// use sprung::SystemBuilder;
+/// use sprung::system::{Axes, Constraint, Motion};
+///
+/// let mut builder = SystemBuilder::new();
+/// builder.particle([0.0, 0.0, 0.0], 1.0);
+/// builder.particle([1.0, 0.0, 0.0], 1.0);
+/// // Held; and on rollers: moved along x at 2 m/s, free along y and z.
+/// builder.constrain(Constraint::hold([0]));
+/// let motion = Motion::Velocity(Vector3::new(2.0, 0.0, 0.0));
+/// builder.constrain(Constraint { particles: vec![1], axes: Axes::of(&[0]), motion });
+/// let (system, _) = builder.build()?;
+/// assert_eq!(system.dofs().len(), 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Constraint {
     /// The particles.
@@ -148,7 +120,7 @@ impl Prescribed {
         let mut axes = vec![Axes::NONE; positions.len()];
         let mut coordinates = Vec::with_capacity(deciding.len());
         for ((particle, axis), motion) in deciding {
-            axes[particle].0 |= 1 << axis;
+            axes[particle] = axes[particle].with(axis);
             let start = positions[particle][axis];
             coordinates.push(Coordinate { particle: particle as u32, axis: axis as u8, motion: motion as u32, start });
         }

@@ -30,6 +30,24 @@ impl std::fmt::Display for Dof {
 ///
 /// A *full-length* vector has a 3-vector for every particle; a *reduced* vector has one number for every free
 /// coordinate. [`gather`](Self::gather) and [`scatter`](Self::scatter) go between them; gathering is *Project* in the lecture notes. A clone shares the map.
+///
+/// # Examples
+/// ```
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let dofs = system.dofs();
+/// // Particle 0 is held: the rows of all matrices are the three coordinates of particle 1.
+/// assert_eq!((dofs.len(), dofs.rows(0).len(), dofs.rows(1)), (3, 0, 0..3));
+/// let mut reduced = vec![0.0; dofs.len()];
+/// dofs.gather(&state.positions, &mut reduced);
+/// assert_eq!(reduced, [1.0, 0.0, 0.0]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DofMap {
     /// first[p] is the row of particle p's first free axis; first[particles] is the number of rows.

@@ -1,5 +1,6 @@
 //! The data of a scene: particles, springs and constraints, and the free degrees of freedom that follow from them.
 
+mod axes;
 mod builder;
 mod constraint;
 mod dofs;
@@ -8,11 +9,12 @@ mod part;
 mod shares;
 mod state;
 
+pub use axes::Axes;
 pub use builder::SystemBuilder;
 #[cfg(feature = "scene")]
 pub(crate) use builder::check_length;
 pub(crate) use constraint::SAME_TIME;
-pub use constraint::{Axes, Constraint, Motion, Prescribed};
+pub use constraint::{Constraint, Motion, Prescribed};
 pub use dofs::{Dof, DofMap};
 pub use external::ExternalForce;
 pub use part::Peers;

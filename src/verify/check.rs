@@ -171,6 +171,15 @@ fn in_words(analytic: f64, numeric: f64, tolerance: f64) -> String {
 /// The largest of some errors, NaN if any of them is NaN and NaN if there are none.
 ///
 /// `fold(0.0, f64::max)` swallows NaN, and a check over nothing would pass: both must fail.
+///
+/// # Examples
+/// ```
+/// use sprung::verify::worst;
+///
+/// assert_eq!(worst([1.0, 3.0, 2.0]), 3.0);
+/// // What is no number is worse than any.
+/// assert!(worst([1.0, f64::NAN]).is_nan());
+/// ```
 pub fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().reduce(|a, b| if a.is_nan() || a > b { a } else { b }).unwrap_or(f64::NAN)
 }

@@ -12,6 +12,15 @@ pub(super) const ESTIMATE_FACTOR: f64 = 3.0;
 ///
 /// A climb over the corners `± e_j` of the unit ball: where ‖B x‖₁ is largest its gradient `Bᵀ sign(B x)` points to the
 /// next one. A last vector of alternating signs catches matrices that are built to fool the climb.
+///
+/// # Examples
+/// ```
+/// use sprung::verify::one_norm_estimate;
+///
+/// // Of a diagonal matrix, known by its products: the largest entry.
+/// let product = |x: &mut [f64]| x.iter_mut().zip([1.0, -7.0, 3.0]).for_each(|(x, a)| *x *= a);
+/// assert_eq!(one_norm_estimate(3, product, product), 7.0);
+/// ```
 pub fn one_norm_estimate(
     order: usize,
     mut product: impl FnMut(&mut [f64]),

@@ -29,6 +29,21 @@ fn energy<D: DualNum<Primitive = f64> + Copy>(spring: &Spring, [x, y, z]: [D; 3]
 }
 
 /// `−∂f_i/∂x_i` by dual numbers: what `K^s` must be, in N/m.
+///
+/// # Examples
+/// ```
+/// use nalgebra::Vector3;
+/// use sprung::spring::Extension;
+/// use sprung::verify::dual_stiffness_block;
+/// use sprung::{Spring, Stiffness};
+///
+/// let spring = Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 };
+/// let d = Vector3::new(1.0, 2.0, -0.5);
+/// let extension = Extension::between(&d, &Vector3::zeros()).ok_or("coincident ends")?;
+/// let formula = spring.stiffness_block(&extension, Stiffness::Full).matrix();
+/// assert!((dual_stiffness_block(&spring, &d) - formula).norm() < 1e-13);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn dual_stiffness_block(spring: &Spring, d: &Vector3<f64>) -> Matrix3<f64> {
     let column = |axis: usize| {
         let seeded = [0, 1, 2].map(|a| Dual64::new(d[a], if a == axis { 1.0 } else { 0.0 }));

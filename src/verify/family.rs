@@ -69,6 +69,17 @@ const fn family(
 }
 
 /// Runs every family that applies.
+///
+/// # Examples
+/// ```
+/// use sprung::scene::{Kind, builtin};
+/// use sprung::verify::{Subject, verify};
+///
+/// let subject = Subject::of_scene(&builtin(Kind::Pendulum, 1)?)?;
+/// let results = verify(&subject);
+/// assert!(results.all_passed(), "{:?}", results.failures().map(|check| &check.name).collect::<Vec<_>>());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn verify(subject: &Subject) -> Results {
     let applying = FAMILIES.iter().filter(|family| (family.applies)(subject));
     applying.flat_map(|family| family.check(subject)).collect()

@@ -3,6 +3,8 @@
 //! A [`Check`] is plain data: what was measured, what is allowed and why. Checks know nothing of
 //! [reports](crate::report). A [`Family`] of checks runs on any [`Subject`], a scene with its step; [`verify`] runs all
 //! that apply.
+//!
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `checks`.
 
 mod assembled;
 mod check;

@@ -2,7 +2,8 @@
 //!
 //! The order is that of the table in `src/lib.rs`. A module may use those above it, and those that serve all.
 
-use anyhow::{Context, Result, bail, ensure};
+use crate::circles;
+use anyhow::{Context, Result, ensure};
 use regex::Regex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -31,11 +32,16 @@ pub fn draw(root: &Path) -> Result<()> {
     }
     print!("{}", picture(&order, &house));
     let wrong = back_up(&order, &house);
-    if wrong.is_empty() {
-        println!("{} modules; every arrow leads up this list: no circle", order.len());
-        return Ok(());
+    ensure!(wrong.is_empty(), "arrows that run back: {}", wrong.join(", "));
+    println!("{} modules; every arrow leads up this list: no circle", order.len());
+    let sources = ["src", "xtask/src", "python/src", "distributed/src", "benches/peers/src"];
+    for source in sources {
+        let circles = circles::find(&root.join(source))?;
+        let shown: Vec<String> = circles.iter().map(|circle| circle.join(", ")).collect();
+        ensure!(shown.is_empty(), "files of {source} that use each other in a circle: {}", shown.join("; "));
     }
-    bail!("arrows that run back: {}", wrong.join(", "))
+    println!("no circle between the files of {}", sources.join(", "));
+    Ok(())
 }
 
 /// The modules in the order of their use: those that serve, and those of the table.

@@ -1,5 +1,6 @@
 //! Tools for those who work on `sprung`: `cargo xtask --help`.
 
+mod circles;
 mod guide;
 mod house;
 mod links;
@@ -18,7 +19,7 @@ enum Command {
     Guide,
     /// Check that every relative link in every page leads to a file, and every anchor to a heading
     Links,
-    /// Draw which module uses which, and fail where an arrow runs back
+    /// Draw which module uses which, and fail where an arrow runs back or files use each other in a circle
     House,
     #[command(flatten)]
     Tool(tools::Tool),

@@ -87,7 +87,59 @@ fn header(code: &str) -> Result<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::header;
+    use super::{contents, header};
+    use std::collections::BTreeSet;
+    use std::fs;
+    use std::path::{Path, PathBuf};
+
+    fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                collect(&path, files);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                files.push(path);
+            }
+        }
+    }
+
+    /// A header with a formula is on a page, once, and so reaches its reader.
+    #[test]
+    fn every_derivation_is_on_a_page() {
+        let root = crate::root().unwrap();
+        let contents = contents(&root).unwrap();
+        let listed: Vec<PathBuf> = contents.page.iter().flat_map(|page| &page.sources).map(PathBuf::from).collect();
+        let known: BTreeSet<&Path> = listed.iter().map(PathBuf::as_path).collect();
+        assert_eq!(known.len(), listed.len(), "a header stands twice in theory.toml");
+        let mut files = Vec::new();
+        collect(&root.join("src"), &mut files);
+        for file in files {
+            let code = fs::read_to_string(&file).unwrap();
+            let file = file.strip_prefix(&root).unwrap();
+            if code.lines().take_while(|line| line.starts_with("//!")).any(|line| line.contains("```text")) {
+                assert!(
+                    known.contains(file),
+                    "{} has a formula and is on no page: docs/guide/theory.toml",
+                    file.display()
+                );
+            }
+        }
+    }
+
+    /// Who reads the documentation of a module is told which pages have its theory.
+    #[test]
+    fn modules_name_their_pages() {
+        let root = crate::root().unwrap();
+        for page in contents(&root).unwrap().page {
+            let module = Path::new(&page.sources[0]).iter().nth(1).unwrap();
+            let folder = root.join("src").join(module);
+            let file = if folder.is_dir() { folder.join("mod.rs") } else { folder };
+            let name = format!("`{}`", page.file.trim_end_matches(".md"));
+            let code = fs::read_to_string(&file).unwrap();
+            let header: Vec<&str> = code.lines().take_while(|line| line.starts_with("//!")).collect();
+            assert!(header.iter().any(|line| line.contains(&name)), "{} does not name {name}", file.display());
+        }
+    }
 
     #[test]
     fn headers_lose_their_marks_and_links_to_items() {

@@ -11,7 +11,7 @@ use serde::Serialize;
 /// What failed first in a run; where several things fail in one step, the first in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Verdict {
+pub enum TileVerdict {
     /// Nothing failed.
     Stable,
     /// The state overflowed or became undefined.
@@ -32,7 +32,7 @@ pub enum Verdict {
     Stretched,
 }
 
-impl Verdict {
+impl TileVerdict {
     /// Every verdict, in the order in which they are looked for.
     pub const ALL: [Self; 9] = [
         Self::Stable,
@@ -96,7 +96,12 @@ fn model(stretch: f64, damping_ratio: f64) -> Result<(System, State)> {
 }
 
 /// Runs the model with steps `dt = z/ω` and says what fails first.
-pub(super) fn experiment(configuration: &Configuration, z: f64, stretch: f64, damping_ratio: f64) -> Result<Verdict> {
+pub(super) fn experiment(
+    configuration: &Configuration,
+    z: f64,
+    stretch: f64,
+    damping_ratio: f64,
+) -> Result<TileVerdict> {
     let (system, mut state) = model(stretch, damping_ratio)?;
     let mut stepper = configuration.method.stepper(&system, &state, &configuration.options)?;
     // Compressed springs have their minimum of energy off the line, where both are at rest.
@@ -112,26 +117,26 @@ pub(super) fn experiment(configuration: &Configuration, z: f64, stretch: f64, da
         let before = state.positions[0];
         if let Err(failure) = stepper.step(&mut state, z) {
             return Ok(match failure.status() {
-                Status::Indefinite => Verdict::Indefinite,
-                Status::NotConverged => Verdict::NotConverged,
-                _ => Verdict::NonFinite,
+                Status::Indefinite => TileVerdict::Indefinite,
+                Status::NotConverged => TileVerdict::NotConverged,
+                _ => TileVerdict::NonFinite,
             });
         }
         let energy = excess(&state);
         let verdict = if !energy.is_finite() {
-            Verdict::NonFinite
+            TileVerdict::NonFinite
         } else if energy > allowed {
-            Verdict::EnergyGrowth
+            TileVerdict::EnergyGrowth
         } else if (state.positions[0] - before).norm() > stretch {
-            Verdict::LongStep
+            TileVerdict::LongStep
         } else if state.positions[0].norm() > reach + 1.0 {
-            Verdict::LargeError
+            TileVerdict::LargeError
         } else if energy < DAMPED * initial {
-            Verdict::Stable
+            TileVerdict::Stable
         } else {
             continue;
         };
         return Ok(verdict);
     }
-    Ok(Verdict::Stable)
+    Ok(TileVerdict::Stable)
 }

@@ -1,6 +1,6 @@
 //! The map as pictures.
 
-use super::{StabilityMap, Tile, Varied, Verdict};
+use super::{StabilityMap, Tile, TileVerdict, Varied};
 use crate::figure::{self, Series, Tiles};
 
 impl Tile {
@@ -12,7 +12,7 @@ impl Tile {
             Varied::Turning => ("over turning", figure::Axis::logarithmic("turn per step θ, rad")),
         };
         let option = if self.stiffness == "none" { String::new() } else { format!(" ({})", self.stiffness) };
-        let class = |verdict: &Verdict| Verdict::ALL.iter().position(|other| other == verdict).unwrap_or(0);
+        let class = |verdict: &TileVerdict| TileVerdict::ALL.iter().position(|other| other == verdict).unwrap_or(0);
         let mut curves: Vec<Series> = Vec::new();
         for (&row, limits) in self.rows.iter().zip(&self.limits) {
             for limit in limits {
@@ -35,7 +35,7 @@ impl Tile {
             columns: self.columns.clone(),
             rows: self.rows.clone(),
             cells: self.verdicts.iter().map(|row| row.iter().map(class).collect()).collect(),
-            classes: Verdict::ALL.iter().map(|verdict| verdict.name().into()).collect(),
+            classes: TileVerdict::ALL.iter().map(|verdict| verdict.name().into()).collect(),
             curves,
         }
     }
@@ -43,7 +43,7 @@ impl Tile {
     /// Up to which step nothing goes wrong in any row, and what does first beyond.
     fn conclusion(&self) -> String {
         let column = |at: usize| self.verdicts.iter().filter_map(move |row| row.get(at));
-        let wrong = |at: usize| column(at).find(|verdict| **verdict != Verdict::ALL[0]);
+        let wrong = |at: usize| column(at).find(|verdict| **verdict != TileVerdict::ALL[0]);
         let rows = match self.axis {
             Varied::Stretch => "at any stretch",
             Varied::Damping => "at any damping",

@@ -1,6 +1,6 @@
 //! The map: an experiment in every cell, compared with what theory predicts there.
 
-use super::experiment::{Verdict, experiment};
+use super::experiment::{TileVerdict, experiment};
 use super::limits::{Limit, Prediction, limits, prediction};
 use super::turning;
 use crate::accuracy::Configuration;
@@ -40,7 +40,7 @@ impl Varied {
         }
     }
 
-    fn experiment(self, configuration: &Configuration, z: f64, row: f64) -> Result<Verdict> {
+    fn experiment(self, configuration: &Configuration, z: f64, row: f64) -> Result<TileVerdict> {
         match self {
             Self::Stretch => experiment(configuration, z, row, 0.0),
             Self::Damping => experiment(configuration, z, STRETCHED, row),
@@ -79,7 +79,7 @@ pub struct Tile {
     /// λ, ζ or θ of every row.
     pub rows: Vec<f64>,
     /// Row by row, what failed first.
-    pub verdicts: Vec<Vec<Verdict>>,
+    pub verdicts: Vec<Vec<TileVerdict>>,
     /// Row by row, the limits in closed form.
     pub limits: Vec<Vec<Limit>>,
     /// Cells about which theory says something.
@@ -164,10 +164,10 @@ impl Tile {
             for (&z, &verdict) in columns.iter().zip(verdicts) {
                 let agrees = match axis.prediction(method, policy, z, row, margin) {
                     Prediction::Silent => continue,
-                    Prediction::Stable => verdict == Verdict::Stable,
-                    Prediction::Unstable => verdict != Verdict::Stable,
-                    Prediction::Refused => verdict == Verdict::Indefinite,
-                    Prediction::Definite => verdict != Verdict::Indefinite,
+                    Prediction::Stable => verdict == TileVerdict::Stable,
+                    Prediction::Unstable => verdict != TileVerdict::Stable,
+                    Prediction::Refused => verdict == TileVerdict::Indefinite,
+                    Prediction::Definite => verdict != TileVerdict::Indefinite,
                 };
                 predicted += 1;
                 if !agrees {
@@ -218,7 +218,8 @@ mod tests {
         for check in map.checks() {
             assert!(check.passed(), "{} {}: {}", check.name, check.scene, check.why);
         }
-        let refused = map.tiles.iter().flat_map(|tile| tile.verdicts.concat()).filter(|v| *v == Verdict::Indefinite);
+        let refused =
+            map.tiles.iter().flat_map(|tile| tile.verdicts.concat()).filter(|v| *v == TileVerdict::Indefinite);
         assert!(refused.count() > 10);
         let linear = map.tiles.iter().filter(|tile| tile.axis != Varied::Turning);
         let silent = [Method::ForwardEuler, Method::Bdf2].map(Method::name);
@@ -226,7 +227,7 @@ mod tests {
         let braked = map
             .tiles
             .iter()
-            .filter(|tile| tile.axis == Varied::Turning && tile.verdicts.concat().contains(&Verdict::Braked));
+            .filter(|tile| tile.axis == Varied::Turning && tile.verdicts.concat().contains(&TileVerdict::Braked));
         assert!(braked.clone().any(|tile| tile.stiffness == "full" && tile.predicted > 30));
         assert!(braked.clone().all(|tile| tile.stiffness != "axial" || tile.method != "linear-backward-euler"));
     }

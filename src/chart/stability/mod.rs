@@ -12,7 +12,7 @@ mod limits;
 mod map;
 mod turning;
 
-pub use experiment::Verdict;
+pub use experiment::TileVerdict;
 pub use limits::{Limit, Prediction, dropped_term_limits, limits, prediction};
 pub use map::{StabilityMap, Tile, Varied};
 

@@ -21,7 +21,7 @@
 //! and in symplectic Euler nothing else acts there.
 
 use super::limits::{Limit, Prediction};
-use super::{STIFFNESS_OF_ONE, Verdict};
+use super::{STIFFNESS_OF_ONE, TileVerdict};
 use crate::accuracy::Configuration;
 use crate::error::Result;
 use crate::force::Energy;
@@ -65,7 +65,7 @@ fn largest_stretch(angle: f64, z: f64) -> f64 {
 }
 
 /// Runs the model for a turn by one radian with steps `dt = z/ω` and says what fails first.
-pub(super) fn experiment(configuration: &Configuration, z: f64, angle: f64) -> Result<Verdict> {
+pub(super) fn experiment(configuration: &Configuration, z: f64, angle: f64) -> Result<TileVerdict> {
     let (system, mut state) = model(angle, z)?;
     let mut stepper = configuration.method.stepper(&system, &state, &configuration.options)?;
     let arm = |state: &State| state.positions.get(1).copied().unwrap_or_default();
@@ -77,27 +77,27 @@ pub(super) fn experiment(configuration: &Configuration, z: f64, angle: f64) -> R
         let from = arm(&state);
         if let Err(failure) = stepper.step(&mut state, z) {
             return Ok(match failure.status() {
-                Status::Indefinite => Verdict::Indefinite,
-                Status::NotConverged => Verdict::NotConverged,
-                _ => Verdict::NonFinite,
+                Status::Indefinite => TileVerdict::Indefinite,
+                Status::NotConverged => TileVerdict::NotConverged,
+                _ => TileVerdict::NonFinite,
             });
         }
         let energy = Energy::of(&system, &state).total();
         if !energy.is_finite() {
-            return Ok(Verdict::NonFinite);
+            return Ok(TileVerdict::NonFinite);
         }
         if energy > GROWTH * initial {
-            return Ok(Verdict::EnergyGrowth);
+            return Ok(TileVerdict::EnergyGrowth);
         }
         if (arm(&state) - from).norm() > from.norm() {
-            return Ok(Verdict::LongStep);
+            return Ok(TileVerdict::LongStep);
         }
         stretched |= arm(&state).norm() > reach;
     }
     Ok(match momentum(&state) < (1.0 - BRAKED) * before {
-        true => Verdict::Braked,
-        false if stretched => Verdict::Stretched,
-        false => Verdict::Stable,
+        true => TileVerdict::Braked,
+        false if stretched => TileVerdict::Stretched,
+        false => TileVerdict::Stable,
     })
 }
 
@@ -155,16 +155,16 @@ mod tests {
         for angle in [0.003, 0.01, 0.03] {
             for option in [Stiffness::Full, Stiffness::Tension] {
                 let limit = limits(Method::LinearBackwardEuler, option.into(), angle)[0].z;
-                assert_eq!(at(Method::LinearBackwardEuler, option, limit / 1.2, angle), Verdict::Stable);
-                assert_eq!(at(Method::LinearBackwardEuler, option, 1.2 * limit, angle), Verdict::Braked);
+                assert_eq!(at(Method::LinearBackwardEuler, option, limit / 1.2, angle), TileVerdict::Stable);
+                assert_eq!(at(Method::LinearBackwardEuler, option, 1.2 * limit, angle), TileVerdict::Braked);
             }
             // Nothing but linearising with the transverse term at the start of the step is wrong there.
             for method in [Method::BackwardEuler, Method::ImplicitMidpoint] {
-                assert_eq!(at(method, Stiffness::Full, 10.0, angle), Verdict::Stable, "{}", method.name());
+                assert_eq!(at(method, Stiffness::Full, 10.0, angle), TileVerdict::Stable, "{}", method.name());
             }
-            assert_eq!(at(Method::LinearBackwardEuler, Stiffness::Axial, 10.0, angle), Verdict::Stable);
+            assert_eq!(at(Method::LinearBackwardEuler, Stiffness::Axial, 10.0, angle), TileVerdict::Stable);
         }
-        assert_eq!(at(Method::LinearBackwardEuler, Stiffness::Axial, 10.0, 0.2), Verdict::Stretched);
+        assert_eq!(at(Method::LinearBackwardEuler, Stiffness::Axial, 10.0, 0.2), TileVerdict::Stretched);
     }
 
     #[test]

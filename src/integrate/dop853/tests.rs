@@ -1,9 +1,10 @@
 use super::coefficients::{A, C, E3, E5, Row, STAGES};
 use super::tables::{SQUARE, chain, sum, weights};
 use super::{Dop853, END};
+use crate::integrate::pieces::drawn_with_jerks;
 use crate::integrate::{AdaptiveStepper, TimeStepper};
 use crate::spring::Spring;
-use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
+use crate::system::{State, System, SystemBuilder};
 use nalgebra::Vector3;
 
 /// A rooted tree of Butcher's theory: its order, its density γ and its elementary weight of every stage.
@@ -202,14 +203,7 @@ fn evaluations_are_not_repeated() {
 /// Fixed steps are cut at kinks: as with steps that end there.
 #[test]
 fn steps_are_cut_at_kinks() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([2.1, 0.0, 0.0], 1.0);
-    let offsets = [[0.0, 0.0, 0.0], [0.5, 0.1, 0.0], [0.25, 0.0, 0.0]].map(Vector3::from).to_vec();
-    let motion = Motion::Path { times: vec![0.25, 0.5, 0.75], offsets };
-    builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
-    builder.spring(0, 1, Spring { stiffness: 30.0, rest_length: 2.0, damping: 3.0 });
-    let (system, start) = builder.build().unwrap();
+    let (system, start) = drawn_with_jerks();
     let run = |steps: &[f64]| {
         let mut state = start.clone();
         let mut stepper = Dop853::new(&system, &state).unwrap();

@@ -3,6 +3,25 @@
 use crate::error::Invalid;
 
 /// When Newton's method is done, and when it gives up.
+///
+/// # Examples
+/// ```
+/// use sprung::integrate::{BackwardEuler, ImplicitOptions, NewtonOptions, TimeStepper};
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, mut state) = builder.build()?;
+/// let newton = NewtonOptions { tolerance: 1e-12, ..NewtonOptions::default() };
+/// let mut stepper = BackwardEuler::new(&system, &state, &ImplicitOptions::default(), newton)?;
+/// stepper.step(&mut state, 0.01)?;
+/// let newton = NewtonOptions { tolerance: -1.0, ..newton };
+/// assert!(BackwardEuler::new(&system, &state, &ImplicitOptions::default(), newton).is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NewtonOptions {
     /// Converged at `‖r‖ ≤ tolerance·s`, s the norm of the magnitudes of the forces that balance in r (and never

@@ -1,7 +1,8 @@
 use super::Verlet;
+use crate::integrate::pieces::drawn_with_jerks;
 use crate::integrate::{StepFailure, TimeStepper};
 use crate::spring::Spring;
-use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
+use crate::system::{State, System, SystemBuilder};
 use nalgebra::Vector3;
 
 /// A particle on a spring along the first axis, of this frequency and damping ratio, away from rest by 0.1 m.
@@ -95,14 +96,7 @@ fn forces_are_kept_as_long_as_they_are_right() {
 /// that are cut there, to the bit the same.
 #[test]
 fn steps_are_cut_at_kinks() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([2.1, 0.0, 0.0], 1.0);
-    let offsets = [[0.0, 0.0, 0.0], [0.5, 0.1, 0.0], [0.25, 0.0, 0.0]].map(Vector3::from).to_vec();
-    let motion = Motion::Path { times: vec![0.25, 0.5, 0.75], offsets };
-    builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
-    builder.spring(0, 1, Spring { stiffness: 30.0, rest_length: 2.0, damping: 3.0 });
-    let (system, start) = builder.build().unwrap();
+    let (system, start) = drawn_with_jerks();
     let run = |steps: &[f64]| {
         let mut state = start.clone();
         let mut stepper = Verlet::new(&system, &state).unwrap();

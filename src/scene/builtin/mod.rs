@@ -101,6 +101,17 @@ impl Kind {
 ///
 /// # Errors
 /// [`Error::Scene`] for a size outside [`Kind::sizes`].
+///
+/// # Examples
+/// ```
+/// use sprung::scene::{Kind, builtin};
+///
+/// let scene = builtin(Kind::Cloth, 10)?;
+/// let (system, _) = scene.build()?;
+/// assert_eq!(system.particles(), 100);
+/// assert!(builtin(Kind::Cloth, 0).is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn builtin(kind: Kind, size: usize) -> Result<Scene> {
     match kind {
         Kind::Chain => chain(size),
