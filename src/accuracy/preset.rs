@@ -10,8 +10,8 @@ use crate::spring::Stiffness;
 use crate::system::{State, System};
 use crate::work::Work;
 
-/// The W-method where its matrix is safely positive definite at this state and step, else linearised backward Euler; both with
-/// the policy `on-demand`. Says why.
+/// The W-method where A is positive definite at this state and step, else linearised backward Euler; both with the policy
+/// `on-demand`. Says why.
 ///
 /// The W-method is of second order for the price of a second solve, but less robust when compressed springs buckle
 /// faster than the step resolves. So the exact matrix of a first-order step of length dt (a stronger test than that of the

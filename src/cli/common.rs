@@ -16,7 +16,7 @@ use std::time::Duration;
 /// The scene that a command works on.
 #[derive(Debug, clap::Args)]
 pub struct SceneFile {
-    /// The scene: a TOML or JSON file, or - for standard input
+    /// The scene: a TOML, JSON or NumPy (.npz) file, or - for standard input
     #[arg(value_name = "SCENE")]
     path: PathBuf,
 }

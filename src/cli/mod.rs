@@ -29,7 +29,7 @@ use std::process::ExitCode;
 
 /// Implicit mass–spring systems with an explicitly assembled sparse matrix.
 ///
-/// A scene is a TOML or JSON file of particles, springs and constraints, in SI units. `sprung new cloth > cloth.toml`
+/// A scene is a TOML, JSON or NumPy (.npz) file of particles, springs and constraints, in SI units. `sprung new cloth > cloth.toml`
 /// prints one to start from, `sprung run cloth.toml` simulates it.
 ///
 /// Exit status: 0 done; 1 the computation ran and failed; 2 unusable input or arguments.

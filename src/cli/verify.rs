@@ -18,7 +18,7 @@ use std::sync::Arc;
 /// scene's own dt is used; a scene without one is checked at a step that resolves its vibrations.
 #[derive(Debug, clap::Args)]
 pub struct Verify {
-    /// The scenes: TOML or JSON files [default: the built-in ones]
+    /// The scenes: TOML, JSON or NumPy (.npz) files [default: the built-in ones]
     #[arg(value_name = "SCENE")]
     scenes: Vec<PathBuf>,
 

@@ -18,7 +18,7 @@ pub enum StiffnessPolicy {
     /// The same option in every solve.
     Always(Stiffness),
     /// `Full` while A is positive definite; in the solves where it is not, transverse terms are dropped, as few as a
-    /// condition without factorizations can promise to be enough, see [`Softening`]. With a factorization "is not" is proven;
+    /// condition without factorizations can promise to be enough, see [`Softening`](super::Softening). With a factorization "is not" is proven;
     /// with conjugate gradients it means that negative curvature was met. [`Bdf2`](super::Bdf2), whose result does not hang on the
     /// matrix, takes the transverse terms of tensions that last.
     OnDemand,

@@ -37,7 +37,8 @@ pub fn find(source: &Path) -> Result<Vec<Vec<String>>> {
     Ok(circles(&arrows).into_iter().map(|circle| circle.iter().map(|module| module.join("::")).collect()).collect())
 }
 
-fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
+/// The files of code in a folder, without those of tests.
+pub fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
     for entry in fs::read_dir(folder).with_context(|| folder.display().to_string())? {
         let path = entry?.path();
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();

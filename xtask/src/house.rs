@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use regex::Regex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Modules that serve all others, each using only those before it.
 const SERVING: [&str; 5] = ["error", "work", "interrupt", "memory", "parallel"];
@@ -19,7 +19,9 @@ pub fn draw(root: &Path) -> Result<()> {
     let mut house = BTreeMap::new();
     for module in &order {
         let mut files = Vec::new();
-        collect(&source.join(module), &mut files)?;
+        if source.join(module).is_dir() {
+            circles::collect(&source.join(module), &mut files)?;
+        }
         let file = source.join(module).with_extension("rs");
         files.extend(file.exists().then_some(file));
         ensure!(!files.is_empty(), "src/lib.rs lists {module}, which is no module");
@@ -49,22 +51,6 @@ fn order(library: &str) -> Result<Vec<String>> {
     let row = Regex::new(r"(?m)^//! \| \[`([a-z_]+)`\]")?;
     let listed = row.captures_iter(library).map(|found| found[1].to_owned());
     Ok(SERVING.into_iter().map(str::to_owned).chain(listed).collect())
-}
-
-fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
-    if !folder.is_dir() {
-        return Ok(());
-    }
-    for entry in fs::read_dir(folder).with_context(|| folder.display().to_string())? {
-        let path = entry?.path();
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        if path.is_dir() {
-            collect(&path, files)?;
-        } else if name.ends_with(".rs") && name != "tests.rs" && name != "fixtures.rs" {
-            files.push(path);
-        }
-    }
-    Ok(())
 }
 
 /// The modules that the code of a file uses; documentation and tests may look anywhere.
