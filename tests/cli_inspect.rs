@@ -222,3 +222,46 @@ fn refuses_what_it_cannot_use_and_writes_nothing() {
     answer.complains(&["not finite"]);
     assert_eq!(sandbox.names("."), ["short.toml"]);
 }
+
+/// Symmetric scenes have eigenvalues of several eigenvectors, up to their imperfections: the one that is drawn is one of many.
+#[test]
+fn a_degenerate_eigenvector_is_said_to_be_one() {
+    let sandbox = Sandbox::new();
+    let inspect = |kind: &str, size: &str, dt: &str| {
+        sandbox.sprung(&["new", kind, "--size", size, "-o", &format!("{kind}.toml")]).ends_with(0);
+        let answer = sandbox.sprung(&["inspect", &format!("{kind}.toml"), "--dt", dt, "--out", kind]).ends_with(0);
+        (answer.stdout, sandbox.read(&format!("{kind}/inspect.html")))
+    };
+    // It may buckle to every side.
+    let (said, page) = inspect("column", "20", "0.02");
+    assert!(said.contains("λ_min is 2-fold"), "{said}");
+    assert!(page.contains("N/m, 2-fold: column") && page.contains("its eigenvalue is 2-fold"));
+    // A flat cloth has no stiffness across itself, and more such directions than were looked for.
+    let (_, page) = inspect("cloth", "12", "0.02");
+    assert!(page.contains("at least 12-fold"));
+    assert!(page.contains("No spring spoils it") && !page.contains("Which springs"));
+    assert!(page.contains("No spring is shorter than at rest") && page.contains("is 0 everywhere"));
+    // A truss in a plane has no symmetry left.
+    sandbox.sprung(&["inspect", &command::repository_scene("planar_truss.toml"), "--out", "truss"]).ends_with(0);
+    assert!(!sandbox.read("truss/inspect.html").contains("-fold"));
+}
+
+/// Every picture names the scene and says in a sentence what it shows.
+#[test]
+fn pictures_have_titles_and_conclusions() {
+    let sandbox = Sandbox::new();
+    sandbox.put("short.toml", SPRING);
+    sandbox.sprung(&["inspect", "short.toml", "--out", "o"]).ends_with(0);
+    let pictures = [
+        ("scene.svg", "Spring 0 (0–1) spoils A most, with 100 % of the negative curvature; no other spring does."),
+        ("lambda-min.svg", "A is definite up to"),
+        ("spectrum.svg", "2 of 6 are negative; the lowest is"),
+        ("pattern-A.svg", "9 entries in 6 rows"),
+        ("pattern-L.svg", "times those of A"),
+    ];
+    for (file, conclusion) in pictures {
+        let picture = sandbox.read(&format!("o/{file}"));
+        let label = picture.split("aria-label=\"").nth(1).and_then(|rest| rest.split('"').next()).unwrap_or_default();
+        assert!(label.contains(": short") && label.replace('\u{a0}', " ").contains(conclusion), "{file}: {label}");
+    }
+}

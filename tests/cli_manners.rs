@@ -62,6 +62,8 @@ fn what_was_meant_is_suggested() {
     assert!(!said.contains("did you mean"), "{said}");
     sandbox.sprung(&["new", "clot"]).ends_with(2).complains(&["cloth"]);
     sandbox.sprung(&["inspct"]).ends_with(2).complains(&["inspect"]);
+    sandbox.sprung(&["rnu"]).ends_with(2).complains(&["a similar subcommand exists: 'run'"]);
+    sandbox.sprung(&["run", "scene.toml", "--method", "w3"]).ends_with(2).complains(&["a similar value exists: 'w2'"]);
     sandbox.sprung(&["new", "cloth", "--size", "-3"]).ends_with(2).complains(&["must be a whole number above zero"]);
 }
 

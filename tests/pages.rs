@@ -72,6 +72,7 @@ fn every_page_is_whole_at_every_width_light_and_dark() {
     make(&["inspect", "column.toml", "--dt", "0.02", "--out", "column"]);
     make(&["inspect", &repository_scene("planar_truss.toml"), "--out", "truss"]);
     make(&["chart", &repository_scene("two_springs.toml"), "--budget", "2", "--out", "chart"]);
+    make(&["run", "cloth.toml", "--dt", "0.01", "--steps", "20", "--view", "--out", "run"]);
     let report = sprung::report::html(&report_sample::mixed());
     let pages = [
         ("inspect.html of a cloth", folder.read("cloth/inspect.html")),
@@ -79,6 +80,7 @@ fn every_page_is_whole_at_every_width_light_and_dark() {
         ("inspect.html of a truss", folder.read("truss/inspect.html")),
         ("chart.html", folder.read("chart/chart.html")),
         ("report.html", report),
+        ("view.html", folder.read("run/view.html")),
     ];
     let mut wrong = Vec::new();
     for (name, page) in &pages {

@@ -181,6 +181,23 @@ fn large_scenes_are_thinned_and_say_so() {
     assert!(svg.len() < 400_000, "{} bytes", svg.len());
 }
 
+/// Marks on marks show nothing, and rows are short: the page of a large suite can be sent and opened.
+#[test]
+fn thousands_of_checks_make_a_page_below_two_megabytes() {
+    let check = |i: usize| {
+        let claim = Claim::ALL[i / 22 % Claim::ALL.len()];
+        let (name, scene) =
+            (format!("residual of a step, solver {}", i / 22), format!("a scene of length {}, full", i % 22));
+        // From about 1e-12 of the bound to all of it.
+        let value = 3.3e-15 * 10f64.powf(-(i as f64 * 0.618).fract() * 12.0);
+        Check::new(claim, name, scene, value, 3.3e-15, "30 u, a rounding for each of the terms of a row")
+    };
+    let results: Results = (0..6000).map(check).collect();
+    let page = report::html(&results);
+    assert!(page.len() < 2_000_000, "{} bytes", page.len());
+    assert!(page.contains("All 6000 lie within their bounds; the nearest uses"), "the overview says what it shows");
+}
+
 #[test]
 fn reports_are_written_whole_and_the_same_each_time() {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("report");

@@ -208,3 +208,38 @@ fn names_are_text() {
     assert_eq!(page.matches("</script>").count(), 3, "three scripts end");
     assert!(page.contains("&lt;/script&gt;&lt;b&gt;&amp;"));
 }
+
+/// How far particles come, how springs are strained, and how a run was made: a run that chose its steps has no dt.
+#[test]
+fn pages_say_what_they_show() {
+    let (_, animation) = film(6, 8);
+    let page = html(&animation).unwrap().replace('\u{a0}', " ");
+    let told = page.split("<p class=\"told\">").nth(1).unwrap().split("</p>").next().unwrap();
+    let [least, most] = animation.strain_range().unwrap();
+    let way = animation.farthest();
+    assert!(least < 0.0 && most > 0.0 && way > 0.01);
+    let number = |text: &str| text.replace('−', "-").replace('+', "").parse::<f64>().unwrap();
+    let after = |words: &str| number(told.split(words).nth(1).unwrap().split(' ').next().unwrap());
+    // Three digits are said.
+    let said = [
+        (after("Within "), 0.7),
+        (after("come up to "), way),
+        (after("strained from "), 100.0 * least),
+        (after(" % to "), 100.0 * most),
+    ];
+    for (said, true_one) in said {
+        assert!((said / true_one - 1.0).abs() < 6e-3, "{told}");
+    }
+    let still = Animation::still("still", Cast::of(&waving(3).0, &[]), &builtin::cloth(3).unwrap().build().unwrap().1);
+    assert!(html(&still).unwrap().contains("No spring is strained."));
+
+    let sandbox = Sandbox::new();
+    sandbox.put("scene.toml", &builtin::chain(3).unwrap().to_toml());
+    sandbox
+        .sprung(&["run", "scene.toml", "--view", "--rtol", "1e-2", "--duration", "0.2", "--out", "chosen"])
+        .ends_with(0);
+    sandbox.sprung(&["run", "scene.toml", "--view", "--dt", "0.01", "--steps", "5", "--out", "given"]).ends_with(0);
+    let [chosen, given] = ["chosen", "given"].map(|folder| sandbox.read(&format!("{folder}/view.html")));
+    assert!(chosen.contains("steps by rtol 0.01") && !chosen.contains("dt ="));
+    assert!(given.contains("dt = 0.01 s") && !given.contains("rtol"));
+}

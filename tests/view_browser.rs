@@ -69,6 +69,10 @@ fn the_page_draws_plays_and_moves_with_the_slider() {
             assert_eq!(page.value("document.getElementById('count').textContent"), "frame 41 of 51");
             assert_ne!(page.value("document.querySelector('.track .now').getAttribute('x1')"), "0");
 
+            let beside = "[...document.querySelectorAll('.plot')].every((plot) => [...plot.querySelectorAll('span')].every((label) => label.scrollWidth <=
+                label.clientWidth && label.getBoundingClientRect().right <= plot.querySelector('svg').getBoundingClientRect().left))";
+            assert_eq!(page.value(beside), true, "a number lies over a curve");
+
             page.key("ArrowLeft");
             page.wait_for("viewer.frame === 39");
             page.key("Home");

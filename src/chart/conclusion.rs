@@ -1,6 +1,7 @@
 //! What each picture says, in a sentence, from the runs that advice can rest on.
 
-use super::decision::{name, short};
+use super::decision::name;
+use super::digits::short;
 use super::figures::Figure;
 use super::{Run, WorkPrecision};
 use crate::figure::Series;
@@ -44,11 +45,10 @@ impl WorkPrecision {
         let ranked = self.ranked(accuracy, of, &cost);
         let best = ranked.first()?;
         let next = ranked.iter().find(|run| run.way() != best.way()).map_or(String::new(), |next| {
-            format!(
-                "; next {}, {} times",
-                name(next.method, next.stiffness, next.solver),
-                short(cost(next) / cost(best))
-            )
+            // Another configuration of the same method is told by its steps.
+            let steps = if next.method == best.method { format!(" with {}", next.pace()) } else { String::new() };
+            let (name, times) = (name(next.method, next.stiffness, next.solver), times(cost(next) / cost(best)));
+            format!("; next {name}{steps}, {times}")
         });
         let (percent, steps) = (short(100.0 * accuracy), best.pace());
         Some(format!(
@@ -65,7 +65,12 @@ impl WorkPrecision {
         let Some(best) = ranked.first() else { return Some(format!("No option gets below {percent} %.")) };
         let next = ranked.iter().find(|run| (run.stiffness, run.solver) != (best.stiffness, best.solver));
         let next = next.map_or(String::new(), |next| {
-            format!("; next {} with {}, {} times the work", next.stiffness, next.solver, short(next.cost / best.cost))
+            format!(
+                "; next {} with {}, {} work",
+                next.stiffness,
+                next.solver,
+                times(next.cost / best.cost).replace("times", "times the")
+            )
         });
         Some(format!("Best below {percent} %: {} with {}, {}{next}.", best.stiffness, best.solver, best.pace()))
     }
@@ -78,6 +83,11 @@ impl WorkPrecision {
         let (percent, method) = (short(100.0 * accuracy), name(longest.method, longest.stiffness, longest.solver));
         Some(format!("The longest step that stays below {percent} % has {method}: {} s.", short(longest.dt)))
     }
+}
+
+/// How many times as much, where three digits show a difference.
+fn times(ratio: f64) -> String {
+    if ratio < 1.005 { "the same".into() } else { format!("{} times", short(ratio)) }
 }
 
 /// Who drifts least and who most, at the step that most series have.

@@ -3,6 +3,7 @@
 //! Only runs of a [tail](super::tail()) are recommended, so that no advice is contradicted by a finer run of the same table.
 
 use super::curve::{Curve, curves};
+use super::digits::short;
 use super::figures::best_of_each;
 use super::tail::tail;
 use super::{Run, WorkPrecision};
@@ -52,15 +53,25 @@ impl WorkPrecision {
 
     /// What the sweep says, in one sentence each.
     pub fn conclusions(&self) -> Vec<String> {
+        let mut all = self.recommendations();
+        all.extend(self.best_options());
+        let ways = self.reaches().into_iter().map(|(name, reach)| format!("{name} {reach}"));
+        all.push(format!("Steps from which on every shorter one did better: {}.", ways.collect::<Vec<_>>().join("; ")));
+        all
+    }
+
+    /// What to use for each accuracy, in one sentence each.
+    pub fn recommendations(&self) -> Vec<String> {
         let mut all: Vec<String> = self.decisions().iter().filter_map(Decision::sentence).collect();
-        let best = best_of_each(&self.runs, self.floor());
         if all.is_empty() {
             all.push("No run ended with an error below 10 % from which on shorter steps did better: nothing can be recommended.".into());
         }
-        all.extend(self.best_options());
-        let ways = best.iter().map(|curve| self.reach(curve));
-        all.push(format!("Steps from which on every shorter one did better: {}.", ways.collect::<Vec<_>>().join("; ")));
         all
+    }
+
+    /// The best configuration of each method, and up to which steps it can be relied on.
+    pub fn reaches(&self) -> Vec<(String, String)> {
+        best_of_each(&self.runs, self.floor()).iter().map(|curve| self.reach(curve)).collect()
     }
 
     /// The best option of each method for an error below 1 %, or what can be had nearest to it.
@@ -80,15 +91,15 @@ impl WorkPrecision {
     }
 
     /// How far a configuration can be relied on.
-    fn reach(&self, best: &Curve<'_>) -> String {
+    fn reach(&self, best: &Curve<'_>) -> (String, String) {
         let name = name(&best.method, best.stiffness, best.solver);
         match tail(best, self.floor()).last() {
-            Some(run) => format!("{name} up to {}", run.pace()),
+            Some(run) => (name, format!("up to {}", run.pace())),
             None => {
                 let all = curves(&self.runs);
                 let elsewhere = all.iter().filter(|curve| curve.method == best.method);
                 let useful = elsewhere.flat_map(|curve| &curve.runs).any(|run| run.useful_error().is_some());
-                format!("{name} {}", if useful { "nowhere" } else { "nowhere, no run succeeded" })
+                (name, if useful { "nowhere" } else { "nowhere, no run succeeded" }.into())
             }
         }
     }
@@ -110,6 +121,11 @@ impl Run {
 }
 
 impl Decision<'_> {
+    /// The accuracy in per cent, as [`sentence`](Self::sentence) says it.
+    pub fn percent(&self) -> String {
+        short(100.0 * self.accuracy)
+    }
+
     /// In words; `None` where no run can be recommended.
     pub fn sentence(&self) -> Option<String> {
         let run = self.cheapest?;
@@ -120,7 +136,7 @@ impl Decision<'_> {
             Some(_) => String::new(),
             None => "; linear-backward-euler did not get there".into(),
         };
-        let percent = short(100.0 * self.accuracy);
+        let percent = self.percent();
         let (work, milliseconds) = (short(run.cost), short(1e3 * run.wall_seconds));
         Some(format!(
             "For an error below {percent} %: {} with {} ({work} force evaluations, {milliseconds} ms){against}.",
@@ -137,15 +153,4 @@ pub(super) fn name(method: &str, stiffness: &str, solver: &str) -> String {
         (stiffness, "llt") => format!("{method} ({stiffness})"),
         (stiffness, solver) => format!("{method} ({stiffness}, {solver})"),
     }
-}
-
-/// Three digits.
-pub(super) fn short(value: f64) -> String {
-    let size = value.abs();
-    if size != 0.0 && !(1e-3..1e7).contains(&size) {
-        return format!("{value:.1e}");
-    }
-    let digits = (2.0 - size.max(1e-300).log10().floor()).clamp(0.0, 12.0) as usize;
-    let text = format!("{value:.digits$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }

@@ -2,6 +2,7 @@
 //! solvers.
 
 use super::curve::{ADAPTIVE, Curve, curves};
+use super::digits::short;
 use super::tail::tail;
 use super::{Run, WorkPrecision};
 use crate::figure::{Axis, Guide, Look, Plot, Series};
@@ -206,7 +207,7 @@ impl WorkPrecision {
             }
             false => "",
         };
-        let caption = format!("The slope of a curve is the order of its method.{crosses}");
+        let caption = format!("Where a curve falls straight its slope is the order of its method.{crosses}");
         Figure { name: "error", caption, plot: plot.with_guide(level) }
     }
 
@@ -248,11 +249,11 @@ impl WorkPrecision {
             let of_iterations = points(&|run| Some(run.work.cg_iterations as f64));
             iterations = iterations.with_series(Series::line(method, of_iterations).looking(look));
         }
-        let step = self.tolerances.first().map_or(String::new(), |run| format!(", with steps of {} s", run.dt));
+        let step = self.tolerances.first().map_or(String::new(), |run| format!(", with steps of {} s", short(run.dt)));
         let caption = format!(
-            "Where the curve is flat the error of the step dominates and a looser tolerance costs nothing{step}."
+            "Where the curve is flat the error of the step dominates and a looser tolerance costs no accuracy{step}."
         );
-        let cost = format!("Every digit takes about equally many iterations{step}.");
+        let cost = format!("All iterations of the run together{step}.");
         vec![
             Figure { name: "tolerance-error", caption, plot: errors },
             Figure { name: "tolerance-work", caption: cost, plot: iterations },

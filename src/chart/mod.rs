@@ -7,6 +7,7 @@ mod conclusion;
 mod curve;
 mod deadline;
 mod decision;
+mod digits;
 mod dop853;
 mod figures;
 mod quality;

@@ -2,9 +2,10 @@
 
 use super::common::{SceneFile, Threads, check_writable};
 use super::console::{Console, error};
+use super::recorder::bar;
 use super::values::positive;
 use super::{Exit, Stop, interrupt};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::ProgressBar;
 use serde::Serialize;
 use sprung::Result;
 use sprung::chart::{Reference, Run, SizeRun, StabilityMap, SweepOptions, WorkPrecision};
@@ -158,10 +159,5 @@ fn write(folder: &Path, report: &Report<'_>, chart: &WorkPrecision, map: &Stabil
 
 /// A bar on stderr that fills with time; indicatif shows it only on a terminal.
 fn progress_bar(console: &Console, budget: Duration) -> ProgressBar {
-    let target = if console.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-    let bar = ProgressBar::with_draw_target(Some(budget.as_secs().max(1)), target);
-    match ProgressStyle::with_template("{wide_bar} {pos} of {len} s, at most {eta} left, {msg}") {
-        Ok(style) => bar.with_style(style),
-        Err(_) => bar,
-    }
+    bar(console, budget.as_secs().max(1), "{wide_bar} {pos} of at most {len} s, {msg}")
 }

@@ -102,6 +102,7 @@ impl Inspect {
             Some(images) => images,
             None => Pictures::of(system, state, &inspection, par).map_err(in_file)?,
         };
+        let images = images.named(name);
         let losses = arrival.losses.as_ref();
         let page = html(name, arrival.steps, state.time, &inspection, losses, &images);
         write(&folder, &claimed, &page, &images).map_err(Stop::Broken)?;

@@ -17,6 +17,7 @@ mod new;
 mod parts;
 mod recorder;
 mod run;
+mod suggest;
 mod time;
 mod values;
 mod verify;
@@ -85,7 +86,9 @@ impl From<Error> for Stop {
 fn arguments() -> Arguments {
     let asked = console::asked_colour(std::env::args());
     console::colour(asked);
-    let matches = Arguments::command().color(asked).get_matches();
+    let program = Arguments::command().color(asked);
+    let matches = program.clone().try_get_matches();
+    let matches = matches.unwrap_or_else(|error| suggest::suggesting(error, &program).exit());
     Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
 }
 

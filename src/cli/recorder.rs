@@ -1,10 +1,12 @@
 //! What is written and shown while a run is under way.
 
 use super::console::Console;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use super::time::roughly;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use sprung::integrate::{Monitor, Schedule};
 use sprung::output::{Checkpoint, EnergyLog, Frames, LogPosition};
 use sprung::{Result, State, System};
+use std::fmt::Write;
 use std::path::Path;
 
 /// Energies, frames and the progress bar.
@@ -115,7 +117,11 @@ pub fn bar(console: &Console, length: u64, template: &str) -> ProgressBar {
     let target = if console.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let bar = ProgressBar::with_draw_target(Some(length), target);
     match ProgressStyle::with_template(template) {
-        Ok(style) => bar.with_style(style),
+        Ok(style) => bar.with_style(style.with_key("eta", |state: &ProgressState, text: &mut dyn Write| {
+            // Nothing is known before the first part is done.
+            let left = if state.pos() == 0 { "unknown".into() } else { roughly(state.eta()) };
+            let _ = text.write_str(&left);
+        })),
         Err(_) => bar,
     }
 }

@@ -1,5 +1,7 @@
 //! Spans of time in words.
 
+use std::time::Duration;
+
 /// Seconds as people say them: `0.35 s`, `12.4 s`, `1 min 49 s`, `2 h 5 min`.
 pub fn in_words(seconds: f64) -> String {
     if seconds < 9.995 {
@@ -17,9 +19,17 @@ pub fn in_words(seconds: f64) -> String {
     }
 }
 
+/// An estimate: whole seconds, one at least.
+pub fn roughly(span: Duration) -> String {
+    match span.as_secs() {
+        few @ 0..60 => format!("{} s", few.max(1)),
+        many => in_words(many as f64),
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::in_words;
+    use super::{Duration, in_words, roughly};
 
     #[test]
     fn spans_are_said_as_people_do() {
@@ -35,6 +45,9 @@ mod tests {
         ];
         for (seconds, words) in spans {
             assert_eq!(in_words(seconds), words);
+        }
+        for (seconds, words) in [(0.2, "1 s"), (9.9, "9 s"), (75.3, "1 min 15 s"), (7523.0, "2 h 5 min")] {
+            assert_eq!(roughly(Duration::from_secs_f64(seconds)), words);
         }
     }
 }

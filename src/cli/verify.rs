@@ -2,8 +2,8 @@
 
 use super::common::{Threads, check_writable, folder_of, read_scene};
 use super::console::{Console, error};
+use super::recorder::bar;
 use super::{Exit, Stop};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 use sprung::Error;
 use sprung::report;
@@ -86,11 +86,7 @@ impl Verify {
             .iter()
             .map(|&(family, subject)| format!("{}, {}", FAMILIES[family].name, subjects[subject].name))
             .collect();
-        let target = if console.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-        let bar = ProgressBar::with_draw_target(Some(tasks.len() as u64), target);
-        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len}, about {eta} left, {msg}") {
-            bar.set_style(style);
-        }
+        let bar = bar(console, tasks.len() as u64, "{bar:30} {pos}/{len}, about {eta} left, {msg}");
         let name = |number: usize| names.get(number).cloned().unwrap_or_default();
         bar.set_message(name(0));
         let mut checks = Vec::new();

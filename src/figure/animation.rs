@@ -114,6 +114,21 @@ impl Animation {
         [self.whole.bindings.len(), self.whole.pairs.len()]
     }
 
+    /// The smallest and the largest strain of all springs in all frames; `None` without springs.
+    pub fn strain_range(&self) -> Option<[f64; 2]> {
+        let least = self.extremes.iter().map(|ends| ends[1]).fold(f64::INFINITY, f64::min);
+        let most = self.extremes.iter().map(|ends| ends[0]).fold(f64::NEG_INFINITY, f64::max);
+        (least <= most).then_some([least, most])
+    }
+
+    /// How far a shown particle comes from where it is in the first frame, at most, in m.
+    pub fn farthest(&self) -> f64 {
+        let n = self.cast().bindings.len().max(1);
+        let start = self.positions.get(..n).unwrap_or_default();
+        let ways = self.positions.chunks(n).flat_map(|frame| frame.iter().zip(start).map(|(x, x0)| (x - x0).norm()));
+        ways.filter(|way| way.is_finite()).fold(0.0, f64::max)
+    }
+
     /// How the scene was thinned, if it was.
     pub fn thinning(&self) -> Option<&Thinning> {
         self.thinning.as_ref()

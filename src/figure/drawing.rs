@@ -9,6 +9,9 @@ use serde::Serialize;
 pub struct Drawing {
     /// What the drawing shows, in a few words.
     pub title: String,
+    /// What it says, in a sentence; empty where it is left to speak.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub conclusion: String,
     /// What the segments' scalar is, for the colour scale.
     pub scalar: String,
     /// Number of modelled axes: 1, 2 or 3. A planar scene is drawn flat.
@@ -60,8 +63,13 @@ impl Drawing {
             .collect();
         let free = |p: &usize| system.dofs().free_axes(*p).count() == system.dimension();
         let held = (0..system.particles()).filter(|p| !free(p)).collect();
-        let (title, scalar) = (title.into(), "strain".into());
-        Self { title, scalar, dimension: system.dimension(), points, held, segments, arrows: Vec::new() }
+        let (title, conclusion, scalar) = (title.into(), String::new(), "strain l/l₀ − 1".into());
+        Self { title, conclusion, scalar, dimension: system.dimension(), points, held, segments, arrows: Vec::new() }
+    }
+
+    /// Says what it says.
+    pub fn concluding(self, conclusion: impl Into<String>) -> Self {
+        Self { conclusion: conclusion.into(), ..self }
     }
 
     /// Singles out a spring; an index that does not exist is passed over.

@@ -7,6 +7,9 @@ use serde::Serialize;
 pub struct Spy {
     /// What the matrix is.
     pub title: String,
+    /// What the pattern says, in a sentence; empty where it is left to speak.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub conclusion: String,
     /// The order of the matrix.
     pub order: usize,
     /// Entries in the lower triangle, the diagonal included.
@@ -35,7 +38,13 @@ impl Spy {
                 total += 1;
             }
         }
-        Self { title: title.into(), order, entries: total, cells, rows_per_cell, counts }
+        Self { title: title.into(), conclusion: String::new(), order, entries: total, cells, rows_per_cell, counts }
+    }
+
+    /// The part of the lower triangle that is filled, from 0 to 1.
+    pub fn filled(&self) -> f64 {
+        let positions = 0.5 * self.order as f64 * (self.order as f64 + 1.0);
+        self.entries as f64 / positions.max(1.0)
     }
 
     /// The part of a cell that is filled, from 0 to 1.

@@ -97,8 +97,10 @@ const DIRECTIONS: usize = 24;
 const LARGE: usize = 30_000;
 const FEWER: usize = 6;
 
-/// Eigenvalues that differ by less, relatively, are one to those who look at it; they are known to far more digits.
-const SAME: f64 = 1e-6;
+/// Eigenvalues that differ by less, relatively, are one to those who look at their eigenvectors: where A changes by that much, as it does
+/// when a particle moves by a thousandth of a spring, these turn into any mixture of each other. A small imperfection, as ready
+/// columns have it, leaves two-fold eigenvalues that far apart.
+const SAME: f64 = 1e-3;
 
 impl Inspection {
     /// Inspects A at a state for a step of length dt, in s, under an option for which the directions are examined; whole, whatever
@@ -193,12 +195,21 @@ impl Inspection {
         self.left_out.iter().any(|left_out| left_out.part == part)
     }
 
-    /// How many of the eigenvalues that were found equal the lowest, to a millionth of it: where there are several, any mixture of
-    /// their eigenvectors is one, and the one that was found is no better than others.
+    /// How many of the eigenvalues that were found equal the lowest, to a thousandth of it: where there are several, any mixture of
+    /// their eigenvectors is as good as one, and the one that was found is no better than others.
     pub fn multiplicity(&self) -> usize {
         let Some(lowest) = self.spectrum.lowest.first().map(|pair| pair.value) else { return 0 };
         let same = |value: f64| (value - lowest).abs() <= SAME * lowest.abs();
         self.spectrum.lowest.iter().take_while(|pair| same(pair.value)).count()
+    }
+
+    /// The [multiplicity](Self::multiplicity) in words, `2-fold` or `at least 12-fold`; `None` of a simple eigenvalue. Not all
+    /// eigenvalues of a large matrix are looked for.
+    pub fn fold(&self) -> Option<String> {
+        let (fold, found) = (self.multiplicity(), self.spectrum.lowest.len());
+        let Inertia { negative, zero, positive, .. } = self.examined().inertia;
+        let more = fold == found && found < negative + zero + positive;
+        (fold > 1).then(|| format!("{}{fold}-fold", if more { "at least " } else { "" }))
     }
 
     /// A under the option that was asked for.

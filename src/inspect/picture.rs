@@ -60,6 +60,16 @@ impl Pictures {
         };
         Ok(Self { scene: scene(system, state, inspection), curve, spectrum: low_end(inspection), patterns })
     }
+
+    /// With the scene's name at the end of every title.
+    pub fn named(mut self, scene: &str) -> Self {
+        let plots = self.curve.iter_mut().chain([&mut self.spectrum]).map(|plot| &mut plot.title);
+        let patterns = self.patterns.iter_mut().flatten().map(|spy| &mut spy.title);
+        for title in plots.chain(patterns).chain([&mut self.scene.title]) {
+            *title = format!("{title}: {scene}");
+        }
+        self
+    }
 }
 
 fn patterns(
@@ -73,26 +83,27 @@ fn patterns(
     let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
     let n = system.dofs().len();
     let entries = a.iter().filter(|&(_, _, value)| value != 0.0);
-    let matrix = Spy::lower("A, rows by particle", n, entries.map(|(row, column, _)| (row, column)));
+    let mut matrix = Spy::lower("Pattern of A, rows by particle", n, entries.map(|(row, column, _)| (row, column)));
     let factorization = Ldlt::analyse(a.pattern(), par)?;
     let diagonal = (0..n).map(|k| (k, k));
-    let factor = Spy::lower("L of A = L D Lᵀ, rows as eliminated", n, factorization.pattern().chain(diagonal));
+    let mut factor =
+        Spy::lower("Pattern of L in A = L D Lᵀ, rows as eliminated", n, factorization.pattern().chain(diagonal));
+    let filled = |spy: &Spy| format!("{:.2} % of the lower triangle", 100.0 * spy.filled());
+    matrix.conclusion = format!("{} entries in {n} rows, {}.", matrix.entries, filled(&matrix));
+    let growth = factor.entries as f64 / matrix.entries.max(1) as f64;
+    factor.conclusion = format!("{} entries, {growth:.1} times those of A, {}.", factor.entries, filled(&factor));
     Ok([matrix, factor])
 }
 
 fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {
-    let title = match inspection.directions.first() {
-        Some(lowest) if inspection.multiplicity() > 1 => {
-            format!(
-                "Strain, and one eigenvector of the {}-fold λₘᵢₙ = {} N/m",
-                inspection.multiplicity(),
-                short(lowest.eigenvalue)
-            )
+    let title = match (inspection.directions.first(), inspection.fold()) {
+        (Some(lowest), Some(fold)) => {
+            format!("Strain, and one eigenvector of λₘᵢₙ = {} N/m, {fold}", short(lowest.eigenvalue))
         }
-        Some(lowest) => format!("Strain, and the eigenvector of λₘᵢₙ = {} N/m", short(lowest.eigenvalue)),
-        None => "Strain".into(),
+        (Some(lowest), None) => format!("Strain, and the eigenvector of λₘᵢₙ = {} N/m", short(lowest.eigenvalue)),
+        (None, _) => "Strain".into(),
     };
-    let mut drawing = Drawing::strains(title, system, state);
+    let mut drawing = Drawing::strains(title, system, state).concluding(blame(inspection));
     if let Some(lowest) = inspection.directions.first() {
         for culprit in lowest.culprits.iter().take(LABELLED).filter(|culprit| culprit.share >= LEAST_LABELLED) {
             let [i, j] = culprit.particles;
@@ -109,6 +120,25 @@ fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {
         }
         None => drawing,
     }
+}
+
+/// Who spoils or softens A, in a sentence.
+fn blame(inspection: &Inspection) -> String {
+    let Some(lowest) = inspection.directions.first() else { return "No coordinate is free to move.".into() };
+    let Some(worst) = lowest.culprits.first() else {
+        return match inspection.compressed_springs {
+            0 => "No spring is compressed, and none has negative curvature along the arrows.".into(),
+            several => format!("None of {several} compressed springs has negative curvature along the arrows."),
+        };
+    };
+    let (spring, [i, j], share) = (worst.spring, worst.particles, 100.0 * worst.share);
+    let does = if lowest.eigenvalue < 0.0 { "spoils A" } else { "softens A" };
+    let others = match lowest.culprits.len() - 1 {
+        0 => "no other spring does".into(),
+        1 => "1 other does too".into(),
+        several => format!("{several} others do too"),
+    };
+    format!("Spring {spring} ({i}–{j}) {does} most, with {share:.0} % of the negative curvature; {others}.")
 }
 
 /// λ_min over dt, scaled so that it begins at 1 for small steps: `A dt² → M`.
@@ -164,9 +194,26 @@ fn curve(
         Some(dt) => format!("up to {} s under {}", short(dt), option.option.name()),
         None => format!("at every step under {}", option.option.name()),
     });
-    plot.conclusion = format!("A is definite {}.", definite.collect::<Vec<_>>().join(", "));
+    let together = match one_curve(&plot.series) {
+        true => " The curves lie on each other.",
+        false => "",
+    };
+    plot.conclusion = format!("A is definite {}.{together}", definite.collect::<Vec<_>>().join(", "));
     let here = Guide::Vertical { x: inspection.dt, label: format!("inspected: {} s", short(inspection.dt)) };
     Ok(plot.with_guide(here).with_guide(Guide::Level { y: 0.0, label: "definite above".into() }))
+}
+
+/// Whether all series are the same to those who look.
+fn one_curve(series: &[Series]) -> bool {
+    /// A part of the span of the values, about the width of a line.
+    const SEEN: f64 = 0.01;
+    let values = || series.iter().flat_map(|series| &series.points).map(|point| point.1);
+    let span = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
+    let same = |a: &Series, b: &Series| {
+        let near = |(a, b): (&(f64, f64), &(f64, f64))| (a.1 - b.1).abs() <= SEEN * span;
+        a.points.len() == b.points.len() && a.points.iter().zip(&b.points).all(near)
+    };
+    series.windows(2).all(|pair| same(&pair[0], &pair[1]))
 }
 
 /// Eigenvalues in the low end's plot.
@@ -187,12 +234,12 @@ fn low_end(inspection: &Inspection) -> Plot {
         };
         plot.conclusion = format!("{below}; the lowest is {} N/m.", short(lowest.value));
     }
-    for (name, points) in [("positive", positive), ("negative", negative)] {
+    for (number, (name, points)) in [("positive", positive), ("negative", negative)].into_iter().enumerate() {
         if !points.is_empty() {
-            plot = plot.with_series(Series::scatter(name, points));
+            plot = plot.with_series(Series::scatter(name, points).looking(Look { number, hollow: false }));
         }
     }
-    plot.with_guide(Guide::Level { y: 0.0, label: "zero".into() })
+    plot.with_guide(Guide::Level { y: 0.0, label: "definite above".into() })
 }
 
 /// Four digits, with a power of ten where the number is very large or small.

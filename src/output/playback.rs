@@ -118,7 +118,12 @@ fn describe(animation: &mut Animation, summary: &serde_json::Map<String, Value>)
         Some(stiffness) if stiffness != "none" => format!("{method}, stiffness {stiffness}"),
         _ => method,
     });
-    let dt = summary.get("dt").and_then(Value::as_f64).map(|dt| format!("dt = {} s", digits(dt)));
+    // Of a run that chose its steps dt is only the distance of its records.
+    let number = |key: &str| summary.get(key).and_then(Value::as_f64).map(digits);
+    let dt = match (number("rtol"), number("dt")) {
+        (Some(rtol), _) => Some(format!("steps by rtol {rtol}")),
+        (None, dt) => dt.map(|dt| format!("dt = {dt} s")),
+    };
     let status = text("status").filter(|status| status != "completed").map(|status| {
         let message = summary.get("failure").and_then(|failure| failure.get("message")).and_then(Value::as_str);
         format!("the run ended {status}{}", message.map(|message| format!(": {message}")).unwrap_or_default())

@@ -53,13 +53,18 @@ pub(super) struct Sheet<'a> {
 }
 
 /// The shape of a marker.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Marker {
     Disc,
     Square,
     Triangle,
     Diamond,
     Wedge,
+    Left,
+    Right,
+    Star,
+    Hourglass,
+    Bar,
     Cross,
 }
 
@@ -146,6 +151,9 @@ impl Sheet<'_> {
     }
 }
 
+/// The corners of a star with five points.
+const STAR: [Point; 10] = [(0, -10), (3, -4), (10, -3), (4, 2), (6, 9), (0, 5), (-6, 9), (-4, 2), (-10, -3), (-3, -4)];
+
 /// The corners of a marker that has some.
 fn corners(marker: Marker, (x, y): Point) -> Vec<Point> {
     match marker {
@@ -153,6 +161,11 @@ fn corners(marker: Marker, (x, y): Point) -> Vec<Point> {
         Marker::Triangle => vec![(x - 8, y + 6), (x + 8, y + 6), (x, y - 9)],
         Marker::Wedge => vec![(x - 8, y - 6), (x + 8, y - 6), (x, y + 9)],
         Marker::Diamond => vec![(x, y - 9), (x + 8, y), (x, y + 9), (x - 8, y)],
+        Marker::Left => vec![(x + 6, y - 8), (x + 6, y + 8), (x - 9, y)],
+        Marker::Right => vec![(x - 6, y - 8), (x - 6, y + 8), (x + 9, y)],
+        Marker::Star => STAR.map(|(dx, dy)| (x + dx, y + dy)).to_vec(),
+        Marker::Hourglass => vec![(x - 8, y - 8), (x + 8, y - 8), (x - 8, y + 8), (x + 8, y + 8)],
+        Marker::Bar => vec![(x - 3, y - 10), (x + 3, y - 10), (x + 3, y + 10), (x - 3, y + 10)],
         Marker::Disc | Marker::Cross => Vec::new(),
     }
 }
@@ -164,7 +177,9 @@ fn rgb((red, green, blue): Colour) -> RGBColor {
 /// About how wide a text is in pixels, in one of the wider sans-serif fonts.
 pub(super) fn width(text: &str) -> i32 {
     let em = |c: char| match c {
-        'i' | 'j' | 'l' | '.' | ',' | ':' | ';' | '|' | '!' | '\'' | ' ' | 'f' | 't' | 'r' | '(' | ')' => 0.38,
+        'i' | 'j' | 'l' | '.' | ',' | ':' | ';' | '|' | '!' | '\'' | ' ' | '\u{a0}' | 'f' | 't' | 'r' | '(' | ')' => {
+            0.38
+        }
         '⁰'..='⁹' | '¹' | '²' | '³' | '⁻' => 0.42,
         'm' | 'w' | 'M' | 'W' | '→' | '—' | '⅓' | '⅔' | '½' => 0.98,
         c if c.is_uppercase() || "+−=<>≤≥≈∞×∇".contains(c) => 0.8,
@@ -173,10 +188,10 @@ pub(super) fn width(text: &str) -> i32 {
     (f64::from(TEXT) * text.chars().map(em).sum::<f64>()).ceil() as i32
 }
 
-/// Breaks a text into lines not wider than `limit` pixels, between words where it can.
+/// Breaks a text into lines not wider than `limit` pixels, between words where it can; not at spaces that hold together.
 pub(super) fn wrap(text: &str, limit: i32) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
-    for word in text.split_whitespace() {
+    for word in text.split([' ', '\t', '\n']).filter(|word| !word.is_empty()) {
         match lines.last_mut() {
             Some(line) if width(line) + width(" ") + width(word) <= limit => {
                 line.push(' ');

@@ -1,9 +1,9 @@
 //! `chart.html`: speed against accuracy, and the limits of stability, for people.
 
-use super::number::{self, pretty};
+use super::number::{self, pretty, typeset};
 use super::{page, plot, tiles};
 use crate::chart::stability::{StabilityMap, Varied};
-use crate::chart::{Figure, Run, WorkPrecision};
+use crate::chart::{Decision, Figure, Run, WorkPrecision};
 use maud::{Markup, html};
 use std::collections::BTreeMap;
 
@@ -31,59 +31,73 @@ pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
         @if !map.tiles.is_empty() { (stability(map)) }
         (page::section("runs", &html! { "All runs" }, &page::folded(&number::count(chart.runs.len(), "run"), &table(&chart.runs))))
     };
-    let lead = format!(
+    let lead = typeset(&format!(
         "A motion of {} s; errors are measured against {}, whose own error is about {}.",
         chart.duration,
         chart.reference.method,
         pretty(chart.reference.error_estimate)
-    );
+    ));
     page::page(&format!("Speed against accuracy: {}", chart.scene), &lead, &body)
 }
 
 fn picture(figure: &Figure) -> Markup {
-    page::figure(plot::svg(&figure.plot), &html! { (figure.caption) })
+    page::figure(plot::svg(&figure.plot), &html! { (typeset(&figure.caption)) })
 }
 
 fn decision(chart: &WorkPrecision) -> Markup {
-    let sentences = chart.conclusions();
     html! {
         div.banner.passed {
             strong { "What to use" }
-            ul { @for sentence in &sentences { li { (sentence) } } }
+            ul { @for sentence in chart.recommendations() { li { (typeset(&sentence)) } } }
         }
     }
 }
 
+/// Accuracies whose table stands open; those of smaller errors are folded away.
+const OPEN: usize = 2;
+
 /// Of each method the option, solver and step with the least work, for every accuracy that can be had.
 fn methods(chart: &WorkPrecision) -> Markup {
     let decisions = chart.decisions();
-    let rows = html! {
+    let (open, folded) = decisions.split_at(decisions.len().min(OPEN));
+    html! {
+        p {
+            "Only steps from which on every shorter one of the same method, option and solver succeeded and erred less: what a longer step \
+             did by luck is not advice. The least work, in force evaluations, stands first."
+        }
+        @if decisions.is_empty() {
+            p { "No method has such steps with an error below 10 %: give the chart more time, or a shorter motion." }
+        } @else {
+            (page::scrolling("The best option of each method for the larger errors", &best(open)))
+        }
+        @if !folded.is_empty() {
+            (page::folded("For smaller errors", &page::scrolling("The best option of each method for the smaller errors", &best(folded))))
+        }
+        (page::folded("How long the steps of each may be", &html! {
+            table { tbody {
+                @for (name, reach) in chart.reaches() { tr { td { (name) } td { (typeset(&reach)) } } }
+            } }
+        }))
+    }
+}
+
+fn best(decisions: &[Decision<'_>]) -> Markup {
+    html! {
         table.full {
             thead { tr {
                 th scope="col" { "method" } th scope="col" { "stiffness" } th scope="col" { "solver" } th scope="col" { "steps" }
                 th.number scope="col" { "work" } th.number scope="col" { "time, s" } th.number scope="col" { "error" }
             } }
-            @for decision in &decisions {
+            @for decision in decisions {
                 tbody {
-                    tr.why { td colspan="7" { "For an error below " (pretty(100.0 * decision.accuracy)) " %:" } }
+                    tr.why { td colspan="7" { (typeset(&format!("For an error below {} %:", decision.percent()))) } }
                     @for run in &decision.methods { tr {
-                        td { (run.method) @if run.rtol.is_some() { ", adaptive" } } td { (run.stiffness) } td { (run.solver) } td { (run.pace()) }
+                        td { (run.method) @if run.rtol.is_some() { ", adaptive" } } td { (run.stiffness) } td { (run.solver) } td { (typeset(&run.pace())) }
                         td.number { (pretty(run.cost.round())) } td.number { (pretty(run.wall_seconds)) }
                         td.number { (run.error.map_or(String::new(), pretty)) }
                     } }
                 }
             }
-        }
-    };
-    html! {
-        p {
-            "Only steps from which on every shorter one of the same method, option and solver succeeded and erred less: what a longer step \
-             did by luck is not advice. The least work stands first."
-        }
-        @if decisions.is_empty() {
-            p { "No method has such steps with an error below 10 %: give the chart more time, or a shorter motion." }
-        } @else {
-            (page::scrolling("The best option of each method for every accuracy", &rows))
         }
     }
 }
@@ -97,7 +111,7 @@ fn failures(chart: &WorkPrecision) -> Markup {
         }
     }
     let rows = html! {
-        table.full {
+        table.full.causes {
             thead { tr { th scope="col" { "method" } th scope="col" { "stiffness" } th scope="col" { "solver" } th scope="col" { "what failed" } th scope="col" { "at steps of" } } }
             tbody {
                 @for ((method, stiffness, solver, cause), steps) in &groups {

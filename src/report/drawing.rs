@@ -1,10 +1,12 @@
 //! Scene sketches as SVG.
 
 use super::canvas::{LINE, TEXT, WIDTH, width, wrap};
+use super::heading::Heading;
 use super::number;
 use super::palette::{self, css};
-use super::projection::{Projection, View};
-use crate::figure::{Drawing, Segment};
+use super::projection::{ARROW, Projection, View};
+use super::room::{BADGE, Taken};
+use crate::figure::{Arrow, Drawing, Segment};
 use maud::{Markup, html};
 use std::fmt::Write;
 
@@ -12,10 +14,10 @@ use std::fmt::Write;
 const SPRINGS: usize = 8000;
 /// More particles than this are not dotted.
 const DOTS: usize = 200;
-/// Length of the longest arrow, as a share of the sheet.
-const ARROW: f64 = 0.12;
-/// Half the height of a highlighted spring's badge.
-const BADGE: f64 = 17.0;
+/// Of more arrows than this only the longest are drawn: the strain is to be seen between them.
+const ARROWS: usize = 48;
+/// More held particles than this have small squares.
+const CROWD: usize = 40;
 
 /// Draws a scene as one SVG element, 800 pixels wide, that can stand in a page or alone in a file.
 ///
@@ -25,27 +27,26 @@ pub fn svg(drawing: &Drawing) -> String {
     let view = View::of(drawing);
     let labels: Vec<(usize, &Segment)> =
         drawing.segments.iter().enumerate().filter(|(_, segment)| segment.label.is_some()).collect();
-    let title = wrap(&drawing.title, WIDTH - 32);
-    let top = 14 + LINE * title.len() as i32;
+    let heading = Heading::new(&drawing.title, &drawing.conclusion);
+    let top = heading.height();
     let notes = notes(drawing, &view, &labels);
     let below = top + view.height + 20;
     let height = below + LINE * (notes.len() as i32 + 2);
-    let alt = std::iter::once(&drawing.title).chain(&notes).cloned().collect::<Vec<_>>().join("; ");
+    let said = [&drawing.title, &drawing.conclusion].into_iter().chain(&notes).filter(|text| !text.is_empty());
+    let alt = said.cloned().collect::<Vec<_>>().join("; ");
     let markup = html! {
         svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(alt)
             viewBox=(format!("0 0 {WIDTH} {height}")) width=(WIDTH) height=(height)
             font-family="sans-serif" font-size=(TEXT) fill=(css(palette::INK)) {
             rect width=(WIDTH) height=(height) fill=(css(palette::PAPER)) {}
-            @for (i, line) in title.iter().enumerate() {
-                text x="16" y=(10 + LINE * i as i32 + 26) font-weight="bold" { (line) }
-            }
+            (heading.markup())
             g transform=(format!("translate(0 {top})")) stroke-linecap="round" {
                 (halos(&labels, &view))
                 (springs(drawing, &view))
                 (highlighted(drawing, &labels, &view))
                 (particles(drawing, &view))
                 (arrows(drawing, &view))
-                (badges(&labels, &view))
+                (badges(drawing, &labels, &view))
             }
             (colour_scale(drawing, below))
             @for (i, note) in notes.iter().enumerate() {
@@ -99,37 +100,50 @@ fn springs(drawing: &Drawing, view: &View) -> Markup {
 fn particles(drawing: &Drawing, view: &View) -> Markup {
     let dotted = if drawing.points.len() > DOTS { 0 } else { drawing.points.len() };
     let shown = |p: &usize| view.point(*p);
+    let (half, stroke) = if drawing.held.len() > CROWD { (4.0, 2) } else { (8.0, 4) };
     html! {
         @for [x, y] in (0..dotted).filter(|p| !drawing.held.contains(p)).collect::<Vec<_>>().iter().filter_map(shown) {
             circle cx=(format!("{x:.1}")) cy=(format!("{y:.1}")) r="5" {}
         }
         @for [x, y] in drawing.held.iter().take(DOTS).filter_map(shown) {
-            rect x=(format!("{:.1}", x - 8.0)) y=(format!("{:.1}", y - 8.0)) width="16" height="16"
-                fill=(css(palette::PAPER)) stroke=(css(palette::INK)) stroke-width="4" {}
+            rect x=(format!("{:.1}", x - half)) y=(format!("{:.1}", y - half)) width=(2.0 * half) height=(2.0 * half)
+                fill=(css(palette::PAPER)) stroke=(css(palette::INK)) stroke-width=(stroke) {}
         }
     }
 }
 
-/// All arrows to one scale; those too short to see are left out.
-fn arrows(drawing: &Drawing, view: &View) -> Markup {
-    let projected = |vector: [f64; 3]| Projection::of(drawing).apply(vector);
+/// The arrows that are drawn, from their feet to their tips, and how many are left out as shorter than these. All are to one scale;
+/// those too short to see are no arrows.
+fn drawn_arrows(drawing: &Drawing, view: &View) -> (Vec<[[f64; 2]; 2]>, usize) {
+    let projection = Projection::of(drawing);
+    let projected = |arrow: &Arrow| projection.apply(arrow.vector);
     let size = |[x, y]: [f64; 2]| x.hypot(y);
-    let sizes = drawing.arrows.iter().map(|arrow| size(projected(arrow.vector)));
+    let sizes = drawing.arrows.iter().map(|arrow| size(projected(arrow)));
     let longest = sizes.filter(|size| size.is_finite()).fold(0.0, f64::max);
-    let mut path = String::new();
+    let mut arrows: Vec<(f64, [[f64; 2]; 2])> = Vec::new();
     for arrow in &drawing.arrows {
-        let (Some([x, y]), vector) = (view.point(arrow.point), projected(arrow.vector)) else { continue };
+        let (Some([x, y]), vector) = (view.point(arrow.point), projected(arrow)) else { continue };
         let share = size(vector) / longest;
-        if !(0.03..=1.0).contains(&share) {
-            continue;
+        if (0.03..=1.0).contains(&share) {
+            let scale = ARROW * f64::from(WIDTH) / longest;
+            arrows.push((share, [[x, y], [x + scale * vector[0], y - scale * vector[1]]]));
         }
-        let length = share * ARROW * f64::from(WIDTH);
-        let (c, s) = (vector[0] / size(vector), -vector[1] / size(vector));
-        let (tip, head) = ((x + length * c, y + length * s), 10.0_f64.min(0.5 * length));
-        let _ = write!(path, "M{x:.1} {y:.1}L{:.1} {:.1}", tip.0, tip.1);
+    }
+    arrows.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let left_out = arrows.len().saturating_sub(ARROWS);
+    (arrows.into_iter().take(ARROWS).map(|(_, ends)| ends).collect(), left_out)
+}
+
+fn arrows(drawing: &Drawing, view: &View) -> Markup {
+    let mut path = String::new();
+    for [foot, tip] in drawn_arrows(drawing, view).0 {
+        let along = [tip[0] - foot[0], tip[1] - foot[1]];
+        let length = along[0].hypot(along[1]);
+        let ([c, s], head) = (along.map(|part| part / length), 10.0_f64.min(0.5 * length));
+        let _ = write!(path, "M{:.1} {:.1}L{:.1} {:.1}", foot[0], foot[1], tip[0], tip[1]);
         for side in [-0.5, 0.5] {
-            let (bx, by) = (tip.0 - head * (c - side * s), tip.1 - head * (s + side * c));
-            let _ = write!(path, "M{:.1} {:.1}L{bx:.1} {by:.1}", tip.0, tip.1);
+            let (bx, by) = (tip[0] - head * (c - side * s), tip[1] - head * (s + side * c));
+            let _ = write!(path, "M{:.1} {:.1}L{bx:.1} {by:.1}", tip[0], tip[1]);
         }
     }
     html! { @if !path.is_empty() { path d=(path) stroke=(css(palette::INK)) stroke-width="2.5" fill="none" {} } }
@@ -154,15 +168,15 @@ fn highlighted(drawing: &Drawing, labels: &[(usize, &Segment)], view: &View) -> 
 }
 
 /// The numbers of the highlighted springs beside them.
-fn badges(labels: &[(usize, &Segment)], view: &View) -> Markup {
-    let mut places: Vec<[f64; 3]> = Vec::new();
+fn badges(drawing: &Drawing, labels: &[(usize, &Segment)], view: &View) -> Markup {
+    let springs = drawing.segments.iter().filter_map(|segment| view.ends(segment));
+    let mut taken = Taken::by(springs.chain(drawn_arrows(drawing, view).0).collect());
     html! {
         @for &(number, segment) in labels {
             @if let Some([a, b]) = view.ends(segment) {
                 @let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
                 @let half = 0.5 * f64::from(width(&number.to_string())) + 9.0;
-                @let [x, y] = badge_place(middle, half, view, &places);
-                @let () = places.push([x, y, half]);
+                @let [x, y] = taken.place(middle, half, f64::from(view.height));
                 path d=(path([middle, [x, y]])) stroke=(css(palette::FAIL)) stroke-width="2.5" fill="none" {}
                 rect x=(format!("{:.1}", x - half)) y=(format!("{:.1}", y - BADGE)) width=(format!("{:.1}", 2.0 * half)) height=(2.0 * BADGE)
                     rx=(BADGE) fill=(css(palette::FAIL)) {}
@@ -172,28 +186,13 @@ fn badges(labels: &[(usize, &Segment)], view: &View) -> Markup {
     }
 }
 
-/// A place for a badge of some half width near a spring's middle, inside the sheet and clear of the other badges where possible.
-fn badge_place(middle: [f64; 2], half: f64, view: &View, badges: &[[f64; 3]]) -> [f64; 2] {
-    let around = [2.4, 3.8, 5.2, 7.0].into_iter().flat_map(|radius| {
-        (0..8).map(move |i| {
-            let angle = std::f64::consts::FRAC_PI_4 * f64::from(i) - 1.2;
-            [middle[0] + (radius * BADGE + half - BADGE) * angle.cos(), middle[1] + radius * BADGE * angle.sin()]
-        })
-    });
-    let inside = |[x, y]: &[f64; 2]| {
-        (half..f64::from(WIDTH) - half).contains(x) && (BADGE..f64::from(view.height) - BADGE).contains(y)
-    };
-    let apart = |[x, y]: &[f64; 2], [bx, by, other]: &[f64; 3]| {
-        (bx - x).abs() > half + other + 4.0 || (by - y).abs() > 2.0 * BADGE + 4.0
-    };
-    let clear = |place: &[f64; 2]| badges.iter().all(|badge| apart(place, badge));
-    around.clone().filter(inside).find(clear).or_else(|| around.clone().find(inside)).unwrap_or(middle)
-}
-
 /// Nine swatches with the scalar at both ends and its name.
 fn colour_scale(drawing: &Drawing, y: i32) -> Markup {
     let extreme = extreme(drawing);
-    let [low, high] = [format!("{} {}", drawing.scalar, number::pretty(-extreme)), number::pretty(extreme)];
+    if extreme == 0.0 {
+        return html! { @if !drawing.segments.is_empty() { text x="16" y=(y + 20) { (drawing.scalar) " is 0 everywhere" } } };
+    }
+    let [low, high] = [format!("{}: {}", drawing.scalar, number::pretty(-extreme)), number::pretty(extreme)];
     let left = 16 + width(&low) + 12;
     html! {
         text x="16" y=(y + 20) { (low) }
@@ -213,6 +212,10 @@ fn notes(drawing: &Drawing, view: &View, labels: &[(usize, &Segment)]) -> Vec<St
     let every = drawing.segments.len().div_ceil(SPRINGS).max(1);
     if every > 1 {
         notes.push(format!("one in {every} of {} springs drawn", drawing.segments.len()));
+    }
+    let shorter = drawn_arrows(drawing, view).1;
+    if shorter > 0 {
+        notes.push(format!("the {ARROWS} longest of {} arrows drawn", ARROWS + shorter));
     }
     let lost = drawing.segments.iter().filter(|segment| view.ends(segment).is_none()).count();
     if lost > 0 {

@@ -42,8 +42,7 @@ pub(super) fn section() -> Markup {
             @if survived == 0 { (count(faults.len(), "fault")) ", all caught." }
             @else { (survived) " of " (count(faults.len(), "fault")) " survived." }
         }
-        details {
-            summary { "The faults, and which checks caught them" }
+        (page::folded("The faults, and which checks caught them", &page::scrolling("Planted faults", &html! {
             table.full {
                 thead { tr {
                     th scope="col" { "fault" }
@@ -53,7 +52,7 @@ pub(super) fn section() -> Markup {
                 } }
                 tbody { @for fault in &faults { (row(fault)) } }
             }
-        }
+        })))
     };
     page::section("faults", &html! { "What these checks catch" }, &body)
 }

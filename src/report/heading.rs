@@ -1,7 +1,8 @@
 //! What stands above the axes of every picture: its title, and what it says, in a sentence.
 
 use super::canvas::{self, Align, Drawn, LINE, Sheet, WIDTH};
-use super::palette;
+use super::{number, palette};
+use maud::{Markup, html};
 
 /// A title and a conclusion, in lines.
 pub(super) struct Heading {
@@ -13,12 +14,23 @@ impl Heading {
     /// Breaks both to the width of a picture. An empty conclusion takes no line.
     pub fn new(title: &str, conclusion: &str) -> Self {
         let lines = |text: &str| if text.is_empty() { Vec::new() } else { canvas::wrap(text, WIDTH - 32) };
-        Self { title: lines(title), conclusion: lines(conclusion) }
+        Self { title: lines(title), conclusion: lines(&number::typeset(conclusion)) }
     }
 
     /// How far down it reaches, in pixels.
     pub fn height(&self) -> i32 {
         14 + LINE * (self.title.len() + self.conclusion.len()) as i32
+    }
+
+    /// The same for pictures that are written and not drawn.
+    pub fn markup(&self) -> Markup {
+        let lines =
+            self.title.iter().map(|line| (line, Some("bold"))).chain(self.conclusion.iter().map(|line| (line, None)));
+        html! {
+            @for (row, (line, weight)) in lines.enumerate() {
+                text x="16" y=(10 + LINE * row as i32 + 26) font-weight=[weight] { (line) }
+            }
+        }
     }
 
     /// Draws it at the top of a sheet.

@@ -143,7 +143,7 @@ fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
 
 fn reading(results: &Results) -> Markup {
     let caption = html! {
-        "Every ring is a check that passed, every cross one that failed. Left of the line the error is smaller than its \
+        "Every ring is a check that passed or several at one place, every cross one that failed. Left of the line the error is smaller than its \
          bound; far left means that it is much smaller, or exactly zero."
     };
     let body = html! {

@@ -19,6 +19,7 @@ mod palette;
 pub mod plot;
 mod projection;
 mod rails;
+mod room;
 mod ruler;
 mod shares;
 pub mod spy;

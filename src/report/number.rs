@@ -37,6 +37,33 @@ fn all_digits(value: f64) -> String {
     if (1e-3..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }
 
+/// Units that stay on the line of their number.
+const UNITS: [&str; 8] = ["s", "ms", "m", "%", "N/m", "J", "times", "rad"];
+
+/// A sentence with the numbers of a terminal, as a page or a picture shows it: `6.3e-4 s` becomes `6.3 × 10⁻⁴ s`, and spaces that must not
+/// be broken hold together.
+pub fn typeset(sentence: &str) -> String {
+    let mut set = String::with_capacity(sentence.len());
+    let mut after_number = false;
+    for (k, word) in sentence.split(' ').enumerate() {
+        let bare = word.trim_end_matches([',', ';', '.', ':', ')']);
+        if k > 0 {
+            set.push(if after_number && UNITS.contains(&bare) { '\u{a0}' } else { ' ' });
+        }
+        let start = bare.find(|c: char| c.is_ascii_digit()).unwrap_or(bare.len());
+        let (before, number) = bare.split_at(start);
+        match number.split_once('e').map(|(mantissa, exponent)| (mantissa.parse::<f64>(), exponent.parse())) {
+            Some((Ok(mantissa), Ok(exponent))) => {
+                let times = if mantissa == 1.0 { String::new() } else { format!("{mantissa}\u{a0}×\u{a0}") };
+                set += &format!("{before}{times}{}{}", power_of_ten(exponent), &word[bare.len()..]);
+            }
+            _ => set += word,
+        }
+        after_number = bare.ends_with(|c: char| c.is_ascii_digit());
+    }
+    set
+}
+
 /// `1 check`, `2 checks`.
 pub fn count(n: usize, noun: &str) -> String {
     format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
@@ -110,6 +137,20 @@ mod tests {
             assert_eq!(share(plain, value), text);
         }
         assert_eq!(share(plain, 1.0 - f64::EPSILON), "0.9999999999999998");
+    }
+
+    #[test]
+    fn sentences_are_set_for_readers() {
+        let cases = [
+            ("dt = 6.3e-4 s; next", "dt = 6.3\u{a0}×\u{a0}10⁻⁴\u{a0}s; next"),
+            ("below 1.0e-4 %: w2 (full, 2e3).", "below 10⁻⁴\u{a0}%: w2 (full, 2\u{a0}×\u{a0}10³)."),
+            ("has dop853: 0.005 s.", "has dop853: 0.005\u{a0}s."),
+            ("nothing e5 to set in w2e", "nothing e5 to set in w2e"),
+            ("", ""),
+        ];
+        for (plain, set) in cases {
+            assert_eq!(typeset(plain), set);
+        }
     }
 
     #[test]

@@ -178,7 +178,7 @@ impl<'a> Layout<'a> {
         let mut at = (16, self.top + LINE / 2);
         let mut legend = Vec::new();
         for (key, text) in keys.chain(failures).chain(guides).filter(|(_, text)| !text.is_empty()) {
-            let text = canvas::clip(&text, WIDTH - 90);
+            let text = canvas::clip(&number::typeset(&text), WIDTH - 90);
             let wide = 50 + canvas::width(&text) + 24;
             if at.0 > 16 && at.0 + wide > WIDTH {
                 at = (16, at.1 + LINE);
@@ -277,7 +277,7 @@ impl<'a> Layout<'a> {
             let covered = |p: &Point| p.0 > x - 6 && p.0 < x + wide + 6 && p.1 > y - 4 && p.1 < y + LINE + 4;
             let meets =
                 |(_, at, other): &Label| x <= at.0 + other && at.0 <= x + wide && y < at.1 + LINE && at.1 < y + LINE;
-            let inside = x >= self.left && x + wide <= self.edge() && rows.contains(&y);
+            let inside = x >= self.left + 8 && x + wide <= self.edge() && rows.contains(&y);
             inside && !occupied.iter().any(covered) && !self.labels.iter().any(meets)
         })?;
         Some((text.to_owned(), place, wide))

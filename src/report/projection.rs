@@ -5,6 +5,8 @@ use crate::figure::{Drawing, Segment};
 
 /// Free space around a drawing in pixels: badges and arrows may use it.
 const BORDER: f64 = 70.0;
+/// Length of the longest arrow, as a share of the sheet.
+pub(super) const ARROW: f64 = 0.12;
 /// The height of a drawing lies between these.
 const HEIGHT: (f64, f64) = (220.0, 640.0);
 
@@ -59,10 +61,11 @@ impl View {
         };
         // Centres and half sizes.
         let ((cx, rx), (cy, ry)) = (extent(0), extent(1));
-        let room = (0.5 * f64::from(WIDTH) - BORDER, 0.5 * HEIGHT.1 - BORDER);
+        let border = if drawing.arrows.is_empty() { BORDER } else { ARROW * f64::from(WIDTH) + 12.0 };
+        let room = (0.5 * f64::from(WIDTH) - border, 0.5 * HEIGHT.1 - border);
         let scale = (room.0 / rx).min(room.1 / ry);
         let scale = if scale.is_finite() { scale } else { 1.0 };
-        let height = (2.0 * (ry * scale + BORDER)).clamp(HEIGHT.0, HEIGHT.1).round();
+        let height = (2.0 * (ry * scale + border)).clamp(HEIGHT.0, HEIGHT.1).round();
         let place = |[x, y]: [f64; 2]| [0.5 * f64::from(WIDTH) + (x - cx) * scale, 0.5 * height - (y - cy) * scale];
         let points = flat.into_iter().map(|p| p.map(place).and_then(finite)).collect();
         Self { height: height as i32, points }

@@ -1,6 +1,7 @@
 //! Sparsity patterns as SVG.
 
-use super::canvas::{LINE, TEXT, WIDTH, wrap};
+use super::canvas::{LINE, TEXT, WIDTH};
+use super::heading::Heading;
 use super::palette::{self, css};
 use crate::figure::Spy;
 use maud::html;
@@ -14,8 +15,8 @@ const SIDE: f64 = 720.0;
 
 /// Draws a pattern as one SVG element, 800 pixels wide: the lower triangle, darker where more entries are not zero.
 pub fn svg(spy: &Spy) -> String {
-    let title = wrap(&spy.title, WIDTH - 32);
-    let top = 14 + LINE * title.len() as i32;
+    let heading = Heading::new(&spy.title, &spy.conclusion);
+    let top = heading.height();
     let left = 0.5 * (f64::from(WIDTH) - SIDE);
     let cell = SIDE / spy.cells.max(1) as f64;
     let mut paths = vec![String::new(); SHADES.len()];
@@ -29,18 +30,15 @@ pub fn svg(spy: &Spy) -> String {
             }
         }
     }
-    let positions = 0.5 * spy.order as f64 * (spy.order as f64 + 1.0);
-    let filled = 100.0 * spy.entries as f64 / positions.max(1.0);
-    let note = format!("order {}, {} entries, {filled:.2} % of the lower triangle", spy.order, spy.entries);
+    let note = "the lower triangle; darker where more is filled";
+    let alt = format!("{}. {}", spy.title, spy.conclusion);
     let height = top + SIDE as i32 + 24 + LINE;
     let markup = html! {
-        svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(spy.title)
+        svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(alt)
             viewBox=(format!("0 0 {WIDTH} {height}")) width=(WIDTH) height=(height)
             font-family="sans-serif" font-size=(TEXT) fill=(css(palette::INK)) {
             rect width=(WIDTH) height=(height) fill=(css(palette::PAPER)) {}
-            @for (i, line) in title.iter().enumerate() {
-                text x="16" y=(10 + LINE * i as i32 + 26) font-weight="bold" { (line) }
-            }
+            (heading.markup())
             rect x=(left) y=(top) width=(SIDE) height=(SIDE) fill="none" stroke=(css(palette::GRID)) stroke-width="2" {}
             @for (path, shade) in paths.iter().zip(SHADES).filter(|(path, _)| !path.is_empty()) {
                 path d=(path) fill=(css(palette::SERIES[0])) fill-opacity=(shade) {}

@@ -70,7 +70,11 @@ pub(super) fn with_wrong_springs(check: Check, system: &System, state: &State) -
     for (spring, entry) in check.table.iter().filter_map(|entry| entry.spring.map(|spring| (spring, entry))) {
         drawing = drawing.highlight(spring, format!("spring {spring}: {}", entry.verdict));
     }
-    check.with_drawing(drawing)
+    let entries = check.table.iter().filter(|entry| entry.spring.is_some()).count();
+    let springs = drawing.segments.iter().filter(|segment| segment.label.is_some()).count();
+    let of = |count: usize, one: &str, several: &str| format!("{count} {}", if count == 1 { one } else { several });
+    let (entries, springs) = (of(entries, "entry is", "entries are"), of(springs, "spring", "springs"));
+    check.with_drawing(drawing.concluding(format!("The worst {entries} of {springs}, with their numbers here.")))
 }
 
 /// A force with the analysis of its errors, and the last two evaluations.

@@ -31,6 +31,10 @@ addEventListener("load", () => {
       pictures += 1;
       if (svg.getAttribute("role") !== "img" || !(svg.getAttribute("aria-label") || "").trim()) say(`picture without a text: ${describe(svg)}`);
     }
+    for (const canvas of page.querySelectorAll("canvas")) {
+      pictures += 1;
+      if (canvas.getAttribute("role") !== "img" || !(canvas.getAttribute("aria-label") || "").trim()) say(`canvas without a text: ${canvas.id}`);
+    }
     for (const image of page.querySelectorAll("img")) {
       pictures += 1;
       if (!image.getAttribute("alt")) say("image without alt");
@@ -38,8 +42,12 @@ addEventListener("load", () => {
     for (const region of page.querySelectorAll(".scroll")) {
       if (region.tabIndex < 0 || !region.getAttribute("aria-label")) say(`table that the keyboard cannot scroll: ${describe(region)}`);
     }
+    // What an inspection tabulates fits on a phone.
+    for (const region of page.querySelectorAll("[aria-label^='Limits of'], [aria-label^='Springs with']")) {
+      if (region.scrollWidth > region.clientWidth) say(`table that scrolls sideways, ${region.scrollWidth} px in ${region.clientWidth}: ${region.getAttribute("aria-label")}`);
+    }
     for (const field of page.querySelectorAll("select, input")) {
-      if (!field.labels.length) say(`field without a label: ${field.id}`);
+      if (!field.labels.length && !field.getAttribute("aria-label")) say(`field without a label: ${field.id}`);
     }
     const ids = [...page.querySelectorAll("[id]")].map(element => element.id);
     if (new Set(ids).size < ids.length) say("an id that is given twice");

@@ -74,7 +74,7 @@ fn banner(inspection: &Inspection) -> Markup {
 
 fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictures) -> Markup {
     let table = html! {
-        table.full {
+        table.full.limits {
             thead { tr {
                 th scope="col" { "stiffness" } th.number scope="col" { "definite up to" } th.number scope="col" { "stable up to" } th.number scope="col" { "turning up to" }
                 th.number scope="col" { "λ" sub { "min" } ", N/m" } th.number scope="col" { "λ" sub { "max" } ", N/m" } th.number scope="col" { "condition" }
@@ -82,8 +82,12 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
             tbody { @for option in &inspection.options {
                 tr class=[(!option.inertia.is_definite()).then_some("failed-row")] {
                     td { (option.option.name()) }
-                    @for step in [option.critical, option.stable, option.turning] { td.number { (limit(step, pretty)) } }
-                    @for value in [option.smallest, option.largest, option.condition] { td.number { (known(value, pretty)) } }
+                    @for (name, step) in [("definite up to", option.critical), ("stable up to", option.stable), ("turning up to", option.turning)] {
+                        td.number data-of=(name) { (limit(step, pretty)) }
+                    }
+                    @for (name, value) in [("λmin, N/m", option.smallest), ("λmax, N/m", option.largest), ("condition", option.condition)] {
+                        td.number data-of=(name) { (known(value, pretty)) }
+                    }
                 }
             } }
         }
@@ -115,9 +119,9 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
         @if inspection.growing_modes > 0 {
             p.quiet { "The motion itself has " (count(inspection.growing_modes, "growing mode")) " here: no step makes these stable." }
         }
-        @if let Some(curve) = &pictures.curve {
-            (page::figures(&[page::figure(plot::svg(curve), &html! { (curves(inspection)) })]))
-        }
+        @let low_end = page::figure(plot::svg(&pictures.spectrum), &html! { "Eigenvalues below zero are directions in which A curves downwards." });
+        @let curve = pictures.curve.as_ref().map(|curve| page::figure(plot::svg(curve), &html! { (curves(inspection)) }));
+        (page::figures(&curve.into_iter().chain([low_end]).collect::<Vec<_>>()))
     }
 }
 
@@ -131,7 +135,7 @@ fn curves(inspection: &Inspection) -> String {
         None => format!("under {} it stays above zero however long the step", option.option.name()),
     });
     let told = told.collect::<Vec<_>>().join("; ");
-    format!("The lowest eigenvalue in units of m/dt², drawn from −1 to 3: {told}.")
+    format!("The lowest eigenvalue in units of m/dt², drawn no further than −1 and 3: {told}.")
 }
 
 /// What the section on springs is about: whether any spoil it.
@@ -147,12 +151,12 @@ fn heading(inspection: &Inspection) -> &'static str {
 /// What the arrows in the scene's picture are.
 fn arrows(inspection: &Inspection) -> String {
     let what = "the direction in which A curves least, to a scale of their own";
-    match inspection.multiplicity() {
-        0 => "Nothing can move.".into(),
-        1 => format!("Arrows: {what}."),
-        fold => format!(
-            "Arrows: {what}; its eigenvalue is {fold}-fold, so this is one of a whole {fold}-dimensional space of such directions, \
-             and the shares of springs are those along this one."
+    match inspection.fold() {
+        _ if inspection.multiplicity() == 0 => "Nothing can move.".into(),
+        None => format!("Arrows: {what}."),
+        Some(fold) => format!(
+            "Arrows: {what}; its eigenvalue is {fold} (to a thousandth), so this is one of many such directions: any mixture of the \
+             eigenvectors is as good, and the shares of springs are those along this one."
         ),
     }
 }
@@ -173,7 +177,11 @@ fn followed(losses: &FirstLosses) -> Markup {
 fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
     let lowest = inspection.directions.first();
     let named = lowest.map_or(&[][..], |lowest| &lowest.culprits);
-    let compressed = count(inspection.compressed_springs, "spring");
+    let compressed = match inspection.compressed_springs {
+        0 => "No spring is".into(),
+        1 => "1 spring is".into(),
+        several => format!("{several} springs are"),
+    };
     html! {
         p {
             @match lowest {
@@ -181,7 +189,7 @@ fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
                 Some(lowest) if lowest.eigenvalue >= 0.0 => { "A is positive definite at this step; these springs take most from the curvature along the direction in which it is least. " }
                 _ => {}
             }
-            (compressed) (if inspection.compressed_springs == 1 { " is" } else { " are" }) " shorter than at rest."
+            (compressed) " shorter than at rest."
         }
         @if !named.is_empty() { (table(named)) }
         @if let Some(set) = &inspection.smallest_set {
@@ -206,16 +214,16 @@ fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
                 }
             } }
         }
-        (page::figures(&[page::figure(drawing::svg(&pictures.scene), &html! { (arrows(inspection)) })]))
+        div.single { (page::figure(drawing::svg(&pictures.scene), &html! { (arrows(inspection)) })) }
     }
 }
 
 fn table(culprits: &[Culprit]) -> Markup {
     let rows = html! {
-        table.full {
+        table.full.tight {
             thead { tr {
-                th scope="col" { "spring" } th scope="col" { "particles" } th.number scope="col" { "strain" } th.number scope="col" { "share of the negative curvature" }
-                th.number scope="col" { "uᵀAu without its transverse term, N/m" }
+                th scope="col" { "spring" } th scope="col" { "particles" } th.number scope="col" { "strain" } th.number scope="col" { "share" }
+                th.number scope="col" { "without it, N/m" }
             } }
             tbody { @for culprit in culprits.iter().take(ROWS) {
                 tr {
@@ -227,7 +235,11 @@ fn table(culprits: &[Culprit]) -> Markup {
     };
     html! {
         (page::scrolling("Springs with negative curvature, worst first", &rows))
-        @if culprits.len() > ROWS { p.quiet { "and " (culprits.len() - ROWS) " more" } }
+        p.quiet {
+            @if culprits.len() > ROWS { "And " (culprits.len() - ROWS) " more. " }
+            "share: of the negative curvature uᵀ(−K)u along the arrows u; above 1 where other springs resist. without it: what uᵀAu \
+             would be without the transverse term of this spring alone; above zero that is enough."
+        }
     }
 }
 
@@ -238,9 +250,6 @@ fn matrix(inspection: &Inspection, pictures: &Pictures) -> Markup {
             "Signs of eigenvalues are counted from a factorization whose error was measured, at most "
             (pretty(inertia.factorization_error)) " of the norm; eigenvalues within " (pretty(inertia.band)) " of the norm of the equilibrated matrix would count as zero."
         }
-        (page::figures(&[
-            page::figure(plot::svg(&pictures.spectrum), &html! { "The lowest eigenvalues of A: those below zero are directions in which it curves downwards." }),
-        ]))
         @if let Some([matrix, factor]) = &pictures.patterns {
             (page::figures(&[
                 page::figure(spy::svg(matrix), &html! { "Entries of A that are not zero." }),

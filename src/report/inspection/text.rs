@@ -56,8 +56,8 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
     }
     if let Some(lowest) = inspection.directions.first().filter(|lowest| !lowest.culprits.is_empty()) {
         lines.extend(culprits(lowest));
-        if inspection.multiplicity() > 1 {
-            lines.push(format!("    λ_min is {}-fold: u is one of many such directions", inspection.multiplicity()));
+        if let Some(fold) = inspection.fold() {
+            lines.push(format!("    λ_min is {fold}, to a thousandth: u is one of many such directions"));
         }
     }
     let negative: Vec<&Direction> = inspection.directions.iter().filter(|d| d.eigenvalue < 0.0).collect();

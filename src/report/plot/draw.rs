@@ -9,6 +9,9 @@ use crate::report::ruler::Ruler;
 /// More points than this are not marked one by one where a line joins them.
 const MARKED: usize = 60;
 
+/// Free space between two labels of an axis.
+const BETWEEN: i32 = 8;
+
 /// How near two letters may stand.
 const APART: i32 = 24;
 
@@ -50,8 +53,8 @@ impl Layout<'_> {
         }
         let right = self.edge();
         sheet.line(vec![(left, top), (left, bottom), (right, bottom)], palette::INK, 2)?;
-        for (place, label) in &self.x.ticks {
-            sheet.text(label, (self.column(*place), bottom + 24), Align::Center, palette::INK)?;
+        for (column, label) in self.x_labels() {
+            sheet.text(label, (column, bottom + 24), Align::Center, palette::INK)?;
         }
         for (place, label) in &self.y.ticks {
             sheet.text(label, (left - 10, self.row(*place)), Align::Right, palette::INK)?;
@@ -66,6 +69,23 @@ impl Layout<'_> {
             sheet.upright(line, (22 + LINE * i, (top + bottom) / 2), palette::INK)?;
         }
         Ok(())
+    }
+
+    /// The labels of the horizontal axis that have room beside each other, the short and so the round ones first, and where they stand.
+    pub(super) fn x_labels(&self) -> Vec<(i32, &str)> {
+        let mut labels: Vec<(i32, &str)> =
+            self.x.ticks.iter().map(|(place, label)| (self.column(*place), label.as_str())).collect();
+        labels.sort_by_key(|(_, label)| canvas::width(label));
+        let mut kept: Vec<(i32, &str)> = Vec::new();
+        for (column, label) in labels {
+            let apart = |(other, text): &(i32, &str)| {
+                2 * (column - other).abs() > canvas::width(label) + canvas::width(text) + 2 * BETWEEN
+            };
+            if kept.iter().all(apart) {
+                kept.push((column, label));
+            }
+        }
+        kept
     }
 
     fn draw_series(&self, sheet: &Sheet<'_>, index: usize, series: &Series) -> Drawn {
@@ -138,7 +158,18 @@ impl Layout<'_> {
 
     /// Colour and shape of a series, and whether the shape is hollow.
     fn appearance(&self, index: usize, series: &Series) -> (Colour, Marker, bool) {
-        const MARKERS: [Marker; 5] = [Marker::Disc, Marker::Square, Marker::Triangle, Marker::Diamond, Marker::Wedge];
+        const MARKERS: [Marker; 10] = [
+            Marker::Disc,
+            Marker::Square,
+            Marker::Triangle,
+            Marker::Diamond,
+            Marker::Wedge,
+            Marker::Left,
+            Marker::Star,
+            Marker::Right,
+            Marker::Bar,
+            Marker::Hourglass,
+        ];
         let named = |name: &String| self.plot.series.iter().enumerate().find(|(_, other)| other.name == *name);
         let (index, look) = match series.like.as_ref().and_then(named) {
             Some((index, other)) => (index, other.look),
@@ -150,6 +181,47 @@ impl Layout<'_> {
             Mark::Cross if series.like.is_none() => (palette::FAIL, Marker::Cross, false),
             Mark::Cross => (colour, Marker::Cross, false),
             Mark::Line | Mark::Point => (colour, MARKERS[number % MARKERS.len()], hollow),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::figure::Plot;
+
+    /// `3 × 10⁻⁴` and `0.001` stand near each other on an axis of two and a half decades.
+    #[test]
+    fn labels_of_an_axis_do_not_run_into_each_other() {
+        let lengths = [(2e-4, 0.09), (1e-5, 1e-2), (0.1, 0.6), (3e-7, 2e-5), (1.0, 1e9)];
+        for (low, high) in lengths {
+            let lane = Series::failures("indefinite", vec![(f64::INFINITY, 10.0)]);
+            let plot = Plot::log_log("", "", "")
+                .with_series(Series::line("", vec![(low, 1.0), (high, 100.0)]))
+                .with_series(lane);
+            let layout = Layout::of(&plot);
+            let mut labels = layout.x_labels();
+            assert!(labels.len() >= 2, "{low} to {high}: {labels:?}");
+            labels.sort_unstable();
+            let free = |pair: &[(i32, &str)]| {
+                pair[1].0 - pair[0].0 - (canvas::width(pair[0].1) + canvas::width(pair[1].1)) / 2
+            };
+            assert!(labels.windows(2).all(|pair| free(pair) >= BETWEEN), "{low} to {high}: {labels:?}");
+        }
+    }
+
+    /// Ten methods have ten colours and ten shapes.
+    #[test]
+    fn every_method_has_a_look_of_its_own() {
+        let plot = Plot::log_log("", "", "");
+        let layout = Layout::of(&plot);
+        let looks: Vec<(Colour, Marker)> = (0..crate::integrate::Method::ALL.len())
+            .map(|number| Series::line("", Vec::new()).looking(Look { number, hollow: false }))
+            .map(|series| layout.appearance(0, &series))
+            .map(|(colour, marker, _)| (colour, marker))
+            .collect();
+        for (k, (colour, marker)) in looks.iter().enumerate() {
+            assert!(looks[..k].iter().all(|other| other.0 != *colour && other.1 != *marker), "{k}: {marker:?}");
         }
     }
 }

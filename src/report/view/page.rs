@@ -2,7 +2,7 @@
 
 use super::encode::{Encoded, json};
 use crate::figure::{Animation, Binding};
-use crate::report::number::count;
+use crate::report::number::{count, pretty, typeset};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::io;
 
@@ -37,6 +37,7 @@ pub(super) fn page(animation: &Animation, encoded: &Encoded) -> io::Result<Strin
                 header {
                     h1 { (title) }
                     p.lead { (lead(animation)) }
+                    p.told { (typeset(&told(animation))) }
                     @for note in &notes { p.note { (note) } }
                 }
                 main {
@@ -65,6 +66,29 @@ fn lead(animation: &Animation) -> String {
     let mut parts = vec![format!("{}, {}", count(particles, "particle"), count(springs, "spring"))];
     parts.extend(animation.remarks.iter().cloned());
     parts.join(" · ")
+}
+
+/// What the motion shows, in a sentence.
+fn told(animation: &Animation) -> String {
+    let signed = |part: f64| format!("{}{} %", if part > 0.0 { "+" } else { "" }, pretty(100.0 * part));
+    let strained = match animation.strain_range() {
+        None => None,
+        Some([0.0, 0.0]) => Some("no spring is strained".to_owned()),
+        Some([least, most]) => Some(format!("springs are strained from {} to {}", signed(least), signed(most))),
+    };
+    let moved = match animation.times.as_slice() {
+        [start, .., end] => {
+            let (span, way) = (pretty(end - start), pretty(animation.farthest()));
+            Some(format!("within {span} s particles come up to {way} m from where they start"))
+        }
+        _ => None,
+    };
+    let mut told = moved.into_iter().chain(strained).collect::<Vec<_>>().join("; ");
+    if let Some(first) = told.get(..1).map(str::to_uppercase) {
+        told.replace_range(..1, &first);
+        told.push('.');
+    }
+    told
 }
 
 /// What the page leaves out.
