@@ -44,6 +44,10 @@ pub struct Figures {
     pub gained: f64,
     /// What the method took away by the end, in J; negative where it gave.
     pub lost: f64,
+    /// `T √(2E/m̄)/X`, E what was lost and m̄ the mean mass: how far that would have carried the particles in the whole time.
+    pub lost_way: f64,
+    /// The same of what was gained.
+    pub gained_way: f64,
     /// `Σ ‖e‖/X` over the steps, e the method's own estimate of the local error of the positions; zero where it has none.
     pub embedded: f64,
 }
@@ -85,7 +89,7 @@ impl Trail {
         self.way += dt * particles.speed.sqrt();
         self.lifted += springs.lifted;
         self.lifted_twice += springs.lifted_twice;
-        self.kinetic += dt * particles.kinetic;
+        self.kinetic += dt * (particles.kinetic - particles.carried.kinetic);
         self.reach = self.reach.max(springs.reach);
         self.embedded += local_error.unwrap_or(0.0);
     }

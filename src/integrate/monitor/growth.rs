@@ -2,7 +2,8 @@
 //!
 //! A scene without an engine only exchanges the energy it has: what it started with, what its springs and weights release on
 //! the way, and what moving constraints put in. With the free part of the scene alone (kinetic K, potential P, work W of
-//! constraints on springs, and D the least that damping can have taken)
+//! constraints on springs, and D the least that damping can have taken; a scene that nothing holds is seen from its centre of mass,
+//! whose flight exchanges nothing)
 //!
 //! ```text
 //! I = K + P − W + D − (K₀ + P₀) ≤ 0        for every passive motion,
@@ -145,6 +146,13 @@ impl Growth {
     /// S, in J.
     pub fn exchanged(&self) -> f64 {
         self.start.kinetic + self.released + (self.work[1] - self.work[0])
+    }
+
+    /// What the method took away from the free part until now, in J.
+    pub fn lost(&self, ledger: &Ledger) -> f64 {
+        let (start, now) = (self.start, ledger.free());
+        let change = (now.kinetic - start.kinetic) + (now.potential - start.potential);
+        now.work - change - ledger.balance().dissipated
     }
 
     /// Says that the next step may err by so much energy, in J.

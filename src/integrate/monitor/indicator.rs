@@ -10,7 +10,7 @@
 //! | symplectic Euler | `start/max(1, ωT) + third/24` | Störmer's method from a velocity that is off by `½h ẍ(0)` |
 //! | w2 | `max(slip, bend/24, braking)` | braking as below |
 //! | bdf2 | `slip` | |
-//! | implicit midpoint and others of second order | `bend/24/max(1, ωh)²` | `h³x⃛/12` and `/24`; vibrations that steps do not resolve ring, but move little |
+//! | implicit midpoint, Störmer's method | `bend/24/max(1, ωh)⁴` | `h³x⃛/12` and `/24`; vibrations that steps do not resolve ring, but move little |
 //! | dop853 | `embedded` | the method's own estimate of its local errors |
 //! | rodas4 | `max(embedded, braking)` | |
 //!
@@ -27,23 +27,48 @@
 //!
 //! **Warnings** begin where the estimate says 1 to 3 %, because it may be ten times too small: of runs that are wrong by 30 %
 //! none may go without; of dop853, whose error falls with the eighth power of the step, where twice the step would be that wrong.
-//! What no figure of a run knows is by how much the motion magnifies its errors: a column that buckles does, a thousandfold and more. Energy that a method took away warns of itself where the scene is free to fold, having fewer springs
-//! than degrees of freedom: it would have moved something there, and no figure of the motion that is left can tell what. A step
-//! longer than a spring is a cause, and no sign of its own: ends that fly past each other side by side are no harm.
+//! The power of ωh is measured: on the random scenes of the study estimates of the midpoint rule are within ten times of the truth in
+//! 81 % without it, 88 % with the second power and 90 % with the fourth.
+//!
+//! **What no figure of a run knows** is by how much the motion magnifies its errors: a column that buckles does, a thousandfold and
+//! more. Where particles have gone far, many times the extent of the scene, and the ends of springs have passed each other in a
+//! step, the scene has crumpled: there a local error, which is what dop853 and rodas4 know, has grown up to some hundred times in
+//! nine of ten runs, and such a run is in doubt from a thousandth of the estimates that others are.
+//!
+//! Energy that a method took away, or made, would have moved something. Over the whole run of T seconds it carries particles of the
+//! mean mass m̄ as far as `T √(2E/m̄)`, which is `lost_way` and `gained_way` in extents of the scene. Where the scene is free to fold, having
+//! fewer springs than degrees of freedom, and the way lost is about an extent, no figure of the motion that is left can tell what it
+//! would have been. A step longer than a spring is a cause, and no sign of its own: ends that fly past each other side by side are no harm.
 
 use super::Figures;
 use crate::integrate::failure::large;
 use crate::integrate::{Method, rodas4};
 
-/// Estimates above which a run is called doubtful: of implicit methods, of w2, of explicit ones and rodas4, and of the midpoint rule, which
-/// keeps all vibrations for good.
-const DOUBTFUL: f64 = 0.025;
-const DOUBTFUL_W2: f64 = 0.016;
-const DOUBTFUL_EXPLICIT: f64 = 0.013;
-const DOUBTFUL_MIDPOINT: f64 = 0.01;
+/// The estimate above which a run is called doubtful. For most methods it is the lowest one of those of 4000 random scenes that are
+/// more than 30 % wrong and have no other mark, less a margin.
+fn doubtful(method: Method) -> f64 {
+    match method {
+        Method::BackwardEuler => 0.033,
+        Method::ForwardEuler => 0.03,
+        Method::LinearBackwardEuler => 0.0215,
+        Method::Bdf2 => 0.018,
+        Method::W2 => 0.0175,
+        Method::Verlet => 0.016,
+        Method::SymplecticEuler => 0.013,
+        // It keeps all vibrations for good.
+        Method::ImplicitMidpoint => 0.011,
+        Method::Rodas4 => 0.01,
+        // Twice the step would be 2⁸ times as wrong, by 30 %.
+        Method::Dop853 => 0.3 / 256.0,
+    }
+}
 
-/// The same of dop853: twice the step would be 2⁸ times as wrong, by 30 %.
-const DOUBTFUL_DOP853: f64 = 0.3 / 256.0;
+/// The way of the particles, in extents of the scene, and how far the ends of a spring passed each other in a step, in its lengths,
+/// beyond which a scene has crumpled.
+const CRUMPLED: (f64, f64) = (8.0, 0.3);
+
+/// By how much local errors may have grown in a crumpled scene.
+const MAGNIFIED: f64 = 1000.0;
 
 /// The part of U that w2 takes a step.
 const BRAKE_W2: f64 = 0.293;
@@ -54,8 +79,9 @@ const GAINED: f64 = 2.0;
 /// The estimate from which that matters: below it the vibrations that gained move nothing far.
 const GAINING: f64 = 0.003;
 
-/// Energy taken away, in the same units, from which it matters where scenes can fold, and the estimate from which it does.
-const LOST: (f64, f64) = (0.6, 0.0045);
+/// The way that energy taken away, and made, would have moved the particles, in extents, from which it matters.
+const LOST: f64 = 0.8;
+const MADE: f64 = 2.0;
 
 /// Energy taken away, in the same units, that is named as a cause.
 const TAKEN: f64 = 0.2;
@@ -77,6 +103,8 @@ pub enum Warning {
     Turning(f64),
     /// Springs that turn are stretched by steps along their old direction, and brake the motion: by so much of the kinetic energy, as a share.
     Braked(f64),
+    /// The scene has crumpled, its particles having gone so many times its extent, and may have magnified errors a thousandfold.
+    Crumpled(f64),
     /// The method took energy away, in J, of so much that the motion exchanged.
     Damped {
         /// Taken.
@@ -109,6 +137,12 @@ impl std::fmt::Display for Warning {
                 f,
                 "springs that turn are stretched by the steps and brake the motion: by about {} of its kinetic energy",
                 percent(share)
+            ),
+            Self::Crumpled(way) => write!(
+                f,
+                "the scene has crumpled, its particles having gone {} times its extent: such motions magnify errors, and this \
+                 one may be a thousand times as wrong as the estimate says",
+                times(way)
             ),
             Self::Damped { lost, exchanged } => write!(
                 f,
@@ -164,7 +198,7 @@ impl Figures {
             Method::W2 => slip.max(bend / 24.0).max(braking),
             Method::Bdf2 => slip,
             Method::Dop853 | Method::Rodas4 => embedded.max(braking),
-            Method::ImplicitMidpoint | Method::Verlet => bend / 24.0 / (pace * pace).max(1.0),
+            Method::ImplicitMidpoint | Method::Verlet => bend / 24.0 / pace.max(1.0).powi(4),
         };
         estimate.is_finite().then_some(estimate)
     }
@@ -179,25 +213,23 @@ impl Figures {
         }
     }
 
+    /// Whether the scene has crumpled, for methods whose estimate is one of local errors.
+    fn crumples(&self, method: Method) -> bool {
+        matches!(method, Method::Dop853 | Method::Rodas4) && self.way > CRUMPLED.0 && self.reach > CRUMPLED.1
+    }
+
     /// What makes a run with a method doubtful, the error first and then causes. A run whose steps keep to a relative tolerance
     /// is doubtful when the estimate is ten times that, what estimates are right to.
     pub fn warnings(&self, method: Method, rtol: Option<f64>) -> Vec<Warning> {
         let Self { exchanged, gained, lost, defect, reach, .. } = *self;
         let estimate = self.estimate(method).unwrap_or(f64::INFINITY);
-        let doubtful = match method {
-            Method::W2 => DOUBTFUL_W2,
-            Method::Rodas4 => DOUBTFUL_EXPLICIT,
-            Method::Dop853 => DOUBTFUL_DOP853,
-            Method::ImplicitMidpoint => DOUBTFUL_MIDPOINT,
-            _ if method.is_implicit() => DOUBTFUL,
-            _ => DOUBTFUL_EXPLICIT,
-        };
-        let doubtful = rtol.map_or(doubtful, |rtol| 10.0 * rtol);
-        let is_wrong = estimate > doubtful;
-        let gains = gained > GAINED * exchanged && estimate > GAINING;
-        // Of what brakes there is an estimate of its own.
-        let damps = !matches!(method, Method::W2 | Method::Rodas4) && rtol.is_none() && self.can_fold;
-        let is_damped = damps && lost > LOST.0 * exchanged && estimate > LOST.1;
+        let doubtful = doubtful(method);
+        let crumples = self.crumples(method) && MAGNIFIED * estimate > doubtful;
+        let is_wrong = estimate > rtol.map_or(doubtful, |rtol| 10.0 * rtol);
+        let has_steps_of_its_own = rtol.is_some();
+        let gains =
+            gained > GAINED * exchanged && estimate > GAINING || self.gained_way > MADE && !has_steps_of_its_own;
+        let damps = self.can_fold && self.lost_way > LOST && !has_steps_of_its_own;
         let turns = is_wrong && method == Method::LinearBackwardEuler && defect > TURNING;
         let braked = self.braked(method);
         let brakes = is_wrong && braked > BRAKED;
@@ -205,12 +237,10 @@ impl Figures {
             (is_wrong, Warning::Wrong(estimate)),
             (turns, Warning::Turning(defect)),
             (brakes, Warning::Braked(braked)),
-            (
-                is_damped || is_wrong && !turns && !brakes && lost > TAKEN * exchanged,
-                Warning::Damped { lost, exchanged },
-            ),
+            (crumples, Warning::Crumpled(self.way)),
+            (!brakes && (damps || is_wrong && !turns && lost > TAKEN * exchanged), Warning::Damped { lost, exchanged }),
             (gains, Warning::Gained { gained, exchanged }),
-            (reach > 1.0 && (is_wrong || is_damped || gains), Warning::Long(reach)),
+            (reach > 1.0 && (is_wrong || damps || gains || crumples), Warning::Long(reach)),
         ];
         candidates.into_iter().filter(|(applies, _)| *applies).map(|(_, warning)| warning).collect()
     }

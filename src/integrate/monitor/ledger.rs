@@ -9,7 +9,8 @@
 //! (positive: energy from nowhere) or took away (negative: its own dissipation), and the quadrature's O(dt⁴).
 
 use super::driven::{Exchange, Led};
-use super::{particles, springs};
+use super::particles::{self, Carried};
+use super::springs;
 use crate::force::Energy;
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +33,8 @@ pub(super) struct Ledger {
     pub energy: Energy,
     /// Energy of the moving coordinates themselves, at the start and now.
     led: [Led; 2],
+    /// Energy of the centre of mass of a scene that nothing holds.
+    carried: Led,
     /// Work of constraints on springs.
     work: f64,
     dissipated: f64,
@@ -39,7 +42,8 @@ pub(super) struct Ledger {
     certain: f64,
 }
 
-/// The part of the scene that exchanges energy: without the moving coordinates themselves. In J.
+/// The part of the scene that exchanges energy: without the moving coordinates themselves, and without the centre of mass of a scene
+/// that nothing holds. In J.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Free {
     pub kinetic: f64,
@@ -57,13 +61,15 @@ impl Ledger {
     /// At a state with the given sums.
     pub fn new(springs: &springs::Sums, particles: &particles::Sums, led: Led) -> Self {
         let energy = energy(springs, particles);
-        Self { initial: energy, energy, led: [led; 2], work: 0.0, dissipated: 0.0, certain: 0.0 }
+        let carried = carried(&particles.carried);
+        Self { initial: energy, energy, led: [led; 2], carried, work: 0.0, dissipated: 0.0, certain: 0.0 }
     }
 
     /// Enters a step.
     pub fn enter(&mut self, springs: &springs::Sums, particles: &particles::Sums, led: Led, exchange: &Exchange) {
         self.energy = energy(springs, particles);
         self.led[1] = led;
+        self.carried = carried(&particles.carried);
         self.work += exchange.work;
         self.dissipated += springs.dissipated + exchange.dissipated;
         self.certain += springs.certain + exchange.certain;
@@ -82,10 +88,10 @@ impl Ledger {
 
     pub fn free(&self) -> Free {
         let Energy { kinetic, elastic, gravitational } = self.energy;
-        let led = &self.led[1];
+        let ([_, led], carried) = (&self.led, &self.carried);
         Free {
-            kinetic: kinetic - led.kinetic,
-            potential: elastic + gravitational - led.gravitational,
+            kinetic: kinetic - led.kinetic - carried.kinetic,
+            potential: elastic + (gravitational - led.gravitational - carried.gravitational),
             work: self.work,
             certain: self.certain,
             magnitude: kinetic + elastic + gravitational.abs() + led.gravitational.abs(),
@@ -95,4 +101,8 @@ impl Ledger {
 
 fn energy(springs: &springs::Sums, particles: &particles::Sums) -> Energy {
     Energy { kinetic: particles.kinetic, elastic: springs.elastic, gravitational: 0.0 - particles.weight }
+}
+
+fn carried(of: &Carried) -> Led {
+    Led { kinetic: of.kinetic, gravitational: 0.0 - of.weight }
 }

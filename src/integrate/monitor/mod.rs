@@ -22,7 +22,7 @@ use crate::force::{
     DegenerateSpring, Energy, Extensions, add_damping_force, add_elastic_force, add_external_forces, add_weight,
 };
 use crate::spring::Stiffness;
-use crate::system::{State, System};
+use crate::system::{Axes, State, System};
 use driven::Drive;
 use external::External;
 use figures::Trail;
@@ -106,6 +106,8 @@ pub struct Monitor<'s> {
     start: Vec<Vector3<f64>>,
     /// Whether there are fewer springs than degrees of freedom.
     can_fold: bool,
+    /// Of a particle that moves, in the mean, in kg.
+    mass: f64,
 }
 
 /// The parabola of a rate over a step in Legendre polynomials, see `springs`.
@@ -149,6 +151,7 @@ impl<'s> Monitor<'s> {
             trail: Trail::default(),
             start: state.positions.clone(),
             can_fold: can_fold(system),
+            mass: mean_mass(system),
         })
     }
 
@@ -267,12 +270,17 @@ impl<'s> Monitor<'s> {
 
     /// The figures of the run up to a state, as a rule its last.
     pub fn figures(&self, state: &State) -> Figures {
+        let figures = self.trail.figures(self.extent(state));
+        let (gained, lost) = (self.growth.gained, self.growth.lost(&self.ledger));
+        let way = |energy: f64| figures.duration * (2.0 * energy.max(0.0) / self.mass).sqrt() / figures.extent;
         Figures {
             exchanged: self.growth.exchanged(),
-            gained: self.growth.gained,
-            lost: -self.ledger.balance().imbalance,
+            gained,
+            lost,
+            lost_way: way(lost),
+            gained_way: way(gained),
             can_fold: self.can_fold,
-            ..self.trail.figures(self.extent(state))
+            ..figures
         }
     }
 
@@ -296,6 +304,15 @@ fn can_fold(system: &System) -> bool {
     let springs = system.active_springs().iter().filter(|&&spring| system.counts(spring as usize)).count();
     let [springs, dofs] = system.total([springs as f64, system.dofs().first_row(system.own_particles()) as f64]);
     system.dimension() > 1 && springs < dofs
+}
+
+/// The mean mass of the particles that move, in kg; one where there are none.
+fn mean_mass(system: &System) -> f64 {
+    let moves = |&p: &usize| system.dofs().free_axes(p) != Axes::NONE;
+    let masses = (0..system.own_particles()).filter(moves).map(|p| system.masses()[p]);
+    let [count, mass] = masses.fold([0.0, 0.0], |[count, sum], mass| [count + 1.0, sum + mass]);
+    let [count, mass] = system.total([count, mass]);
+    if count > 0.0 { mass / count } else { 1.0 }
 }
 
 impl Forces {

@@ -9,6 +9,9 @@
 //! slip    ‖x' − x − h (v + v')/2‖           how far positions are from the trapezoidal rule of their own velocities
 //! defect  ‖M (v' − v)/h − F(x', v')‖        the residual of backward Euler, where the forces are known
 //! ```
+//!
+//! A scene that nothing holds flies and falls as a whole, which no spring sees. What its centre of mass carries is known by itself, and
+//! speeds are those about it: how far it flies says nothing about how its parts move.
 
 use crate::system::{Axes, State, System};
 use nalgebra::Vector3;
@@ -31,12 +34,56 @@ pub(super) struct Sums {
     pub defect: f64,
     /// `‖M (v' − v)/h‖²`, what the defect is a part of.
     pub inertia: f64,
-    /// `‖v'‖²`.
+    /// `‖v'‖²`, of a scene that nothing holds about its centre of mass.
     pub speed: f64,
+    /// What the centre of mass of a scene that nothing holds has of `kinetic` and `weight`.
+    pub carried: Carried,
+    /// `Σ m`, `Σ m v`, the number of particles and `Σ v` where nothing is held.
+    whole: Whole,
+}
+
+/// Energy of the centre of mass: kinetic, and `Σ m gravity·x`, in J.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Carried {
+    pub kinetic: f64,
+    pub weight: f64,
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Whole {
+    mass: f64,
+    momentum: Vector3<f64>,
+    count: f64,
+    velocity: Vector3<f64>,
+}
+
+impl Whole {
+    fn enter(&mut self, mass: f64, v: &Vector3<f64>) {
+        self.mass += mass;
+        self.momentum += v * mass;
+        self.count += 1.0;
+        self.velocity += v;
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.mass += other.mass;
+        self.momentum += other.momentum;
+        self.count += other.count;
+        self.velocity += other.velocity;
+    }
+
+    /// With those of all other parts of a system.
+    fn of_all(self, system: &System) -> Self {
+        let Self { mass, momentum, count, velocity } = self;
+        let [mass, count] = system.total([mass, count]);
+        let [momentum, velocity] = [momentum, velocity].map(|sum| Vector3::from(system.total(sum.into())));
+        Self { mass, momentum, count, velocity }
+    }
 }
 
 impl Sums {
     fn add(mut self, other: &Self) -> Self {
+        self.whole.add(&other.whole);
         self.kinetic += other.kinetic;
         self.weight += other.weight;
         self.change += other.change;
@@ -51,10 +98,23 @@ impl Sums {
 
     /// With those of all other parts of a system.
     fn of_all(self, system: &System) -> Self {
-        let Self { kinetic, weight, change, bend, third, slip, defect, inertia, speed } = self;
+        let Self { kinetic, weight, change, bend, third, slip, defect, inertia, speed, carried, whole } = self;
         let [kinetic, weight, change, bend, third, slip, defect, inertia, speed] =
             system.total([kinetic, weight, change, bend, third, slip, defect, inertia, speed]);
-        Self { kinetic, weight, change, bend, third, slip, defect, inertia, speed }
+        let whole = whole.of_all(system);
+        Self { kinetic, weight, change, bend, third, slip, defect, inertia, speed, carried, whole }
+    }
+
+    /// As seen from the centre of mass of a scene that nothing holds.
+    fn about_the_centre(self) -> Self {
+        let Whole { mass, momentum, count, velocity } = self.whole;
+        if mass == 0.0 {
+            return self;
+        }
+        let centre = momentum / mass;
+        let carried = Carried { kinetic: 0.5 * mass * centre.norm_squared(), weight: self.weight };
+        let speed = self.speed - 2.0 * centre.dot(&velocity) + count * centre.norm_squared();
+        Self { speed: speed.max(0.0), carried, ..self }
     }
 }
 
@@ -75,6 +135,8 @@ pub(super) struct Particles<'s> {
     system: &'s System,
     traces: Vec<Trace>,
     sums: Vec<Sums>,
+    /// Whether nothing is held, so that the centre of mass goes its own way.
+    is_loose: bool,
     /// Length of the last step, in s; zero before the first.
     last: f64,
     steps: u64,
@@ -87,13 +149,15 @@ impl<'s> Particles<'s> {
         let own = state.positions.iter().zip(&state.velocities).take(system.own_particles());
         let traces: Vec<Trace> = own.map(trace).collect();
         let sums = vec![Sums::default(); traces.len().div_ceil(BLOCK)];
-        Self { system, traces, sums, last: 0.0, steps: 0 }
+        let [prescribed] = system.total([system.prescribed().iter().count() as f64]);
+        let is_loose = prescribed == 0.0 && !system.has_external_forces();
+        Self { system, traces, sums, is_loose, last: 0.0, steps: 0 }
     }
 
     /// Goes on to a state that a step of dt seconds led to; `force` is the one there, where it is known.
     pub fn pass(&mut self, state: &State, dt: f64, force: Option<&[Vector3<f64>]>) -> Sums {
-        let Self { system, traces, sums, last, steps } = self;
-        let step = Step { system, state, force, dt, last: *last, steps: *steps };
+        let Self { system, traces, sums, is_loose, last, steps } = self;
+        let step = Step { system, state, force, is_loose: *is_loose, dt, last: *last, steps: *steps };
         let block = |(number, (traces, sums)): (usize, (&mut [Trace], &mut Sums))| {
             *sums = step.block(number * BLOCK, traces);
         };
@@ -104,7 +168,7 @@ impl<'s> Particles<'s> {
         }
         *last = dt;
         *steps += u64::from(dt > 0.0);
-        sums.iter().fold(Sums::default(), Sums::add).of_all(system)
+        sums.iter().fold(Sums::default(), Sums::add).of_all(system).about_the_centre()
     }
 }
 
@@ -113,6 +177,7 @@ struct Step<'a> {
     system: &'a System,
     state: &'a State,
     force: Option<&'a [Vector3<f64>]>,
+    is_loose: bool,
     dt: f64,
     last: f64,
     /// Before this one.
@@ -122,7 +187,7 @@ struct Step<'a> {
 impl Step<'_> {
     /// The particles from `first` on, as many as there are traces.
     fn block(&self, first: usize, traces: &mut [Trace]) -> Sums {
-        let Self { system, state, force, dt, last, steps } = *self;
+        let Self { system, state, force, is_loose, dt, last, steps } = *self;
         let (gravity, masses) = (system.gravity(), system.masses());
         let ratio = if last > 0.0 { dt / last } else { 0.0 };
         let mut sums = Sums::default();
@@ -130,6 +195,9 @@ impl Step<'_> {
             let (x, v, mass) = (state.positions[p], state.velocities[p], masses[p]);
             sums.kinetic += 0.5 * mass * v.norm_squared();
             sums.weight += mass * gravity.dot(&x);
+            if is_loose {
+                sums.whole.enter(mass, &v);
+            }
             if dt > 0.0 {
                 let change = v - trace.velocity;
                 let bend = if last > 0.0 { change - trace.change * ratio } else { Vector3::zeros() };
