@@ -185,7 +185,7 @@ fn a_sample_keeps_the_promises() {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("study");
     let store = Store::open(&folder).expect("a folder for references");
     let wanted = Wanted { fixed: true, adaptive: true, accuracy: false };
-    let seeds: Vec<u64> = (0..1000).step_by(41).collect();
+    let seeds: Vec<u64> = (0..1000).step_by(20).collect();
     let records: Vec<Record> =
         seeds.par_iter().map(|&seed| of_seed(seed, &store, wanted).expect("a valid scene")).collect();
     let all = cases(&records);
@@ -198,9 +198,7 @@ fn a_sample_keeps_the_promises() {
         of.iter().filter(|case| part(case)).count() as f64 / of.len() as f64
     };
     let alarms = share(&|case| case.is_false_alarm(), &|case| case.is_right());
-    // Of the thousand it is below 5 %. Of these few one scene alone, a stiff damped lattice that follows where it is led and forgets its
-    // errors on the way, makes 43 of 62 alarms.
-    assert!(alarms <= 0.08, "{alarms}");
+    assert!(alarms <= 0.05, "{alarms}");
     let near = share(&|case| case.ratio().is_some_and(|r| (0.1..=10.0).contains(&r)), &|case| case.ratio().is_some());
     assert!(near >= 0.8, "{near}");
     assert!(fixed.len() > 500, "{}", fixed.len());

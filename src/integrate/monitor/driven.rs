@@ -203,7 +203,7 @@ impl Step {
         let change = |end: usize| force[end].1 * g[end] + force[end].0 * slope[end];
         let elastic = dt * (0.5 * (power(0) + power(1)) + correction * (change(0) - change(1)));
 
-        let rate = Sides::of(&first.span, last.span.length, last.span.rate, dt);
+        let rate = Sides::of(&first.span, last.span.length, last.span.rate, 1.0 / dt);
         let middle = 0.5 * (g[0] + g[1]);
         let along = Sides { mean: middle + correction * (slope[0] - slope[1]), slope: g[1] - g[0], bend: 0.0 };
         let along = Sides { bend: middle - along.mean, ..along };

@@ -26,7 +26,8 @@ pub struct Figures {
     pub third: f64,
     /// `Σ ‖x' − x − ½h (v + v')‖/X`: positions against the trapezoidal rule of their velocities.
     pub slip: f64,
-    /// `Σ ‖M (v' − v)/h − F(x', v')‖ / Σ ‖M (v' − v)/h‖`: what linearising left out; zero where forces were not asked for.
+    /// `Σ ‖M (v' − v)/h − F(x', v')‖ / Σ ‖M (v' − v)/h‖` over the steps whose forces were evaluated: what linearising left out; zero where
+    /// they were not asked for.
     pub defect: f64,
     /// `Σ h ‖v‖/X`: the way of the particles.
     pub way: f64,

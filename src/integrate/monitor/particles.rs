@@ -205,16 +205,17 @@ impl Step<'_> {
                 let way = x - trace.position;
                 let more = if steps > 0 { way - trace.step * ratio } else { Vector3::zeros() };
                 let third = if steps > 1 { more - trace.more * (ratio * ratio) } else { Vector3::zeros() };
-                let inertia = change * (mass / dt);
-                let defect = force.map_or_else(Vector3::zeros, |force| inertia - force[p]);
                 let free = system.dofs().free_axes(p);
                 let square = |vector: &Vector3<f64>| norm_squared(vector, free);
                 sums.change += square(&change);
                 sums.bend += square(&bend);
                 sums.third += square(&third);
                 sums.slip += square(&slip);
-                sums.defect += square(&defect);
-                sums.inertia += square(&inertia);
+                if let Some(force) = force {
+                    let inertia = change * (mass / dt);
+                    sums.defect += square(&(inertia - force[p]));
+                    sums.inertia += square(&inertia);
+                }
                 sums.speed += square(&v);
                 (trace.change, trace.step, trace.more) = (change, way, more);
             }

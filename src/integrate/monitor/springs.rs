@@ -17,7 +17,7 @@
 //! kinks. Here they count for what they store.
 
 use super::Sides;
-use crate::spring::Extension;
+use crate::spring::{Extension, Spring};
 use crate::system::{Axes, State, System};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -73,14 +73,23 @@ pub(super) struct Span {
     pub rate: f64,
 }
 
+/// What a pass needs of a spring and would have to divide for.
+#[derive(Debug, Clone, Copy)]
+struct Constants {
+    /// k/l0, in N/m.
+    stiffness: f64,
+    /// 1/μ of its ends, in 1/kg.
+    mobility: f64,
+}
+
 /// All springs at the last state.
 pub(super) struct Springs<'s> {
     system: &'s System,
     spans: Vec<Span>,
     /// The longest step that resolves each spring, in s; negative for driven ones. Empty where nothing is damped.
     resolved: Vec<f64>,
-    /// 1/μ of the ends of each, in 1/kg.
-    mobilities: Vec<f64>,
+    /// What each is, apart from its damping.
+    constants: Vec<Constants>,
     sums: Vec<Sums>,
 }
 
@@ -95,19 +104,24 @@ impl<'s> Springs<'s> {
             driven.for_each(|spring| resolved[spring] = -1.0);
         }
         let (spans, sums) = (vec![Span::default(); count], vec![Sums::default(); count.div_ceil(BLOCK)]);
-        let mobilities = (0..count).map(|spring| mobility(system, spring)).collect();
-        let mut springs = Self { system, spans, resolved, mobilities, sums };
+        let constants = |(number, spring): (usize, &Spring)| Constants {
+            stiffness: spring.stiffness / spring.rest_length,
+            mobility: mobility(system, number),
+        };
+        let constants = system.springs().iter().enumerate().map(constants).collect();
+        let mut springs = Self { system, spans, resolved, constants, sums };
         springs.pass(state, 0.0);
         springs
     }
 
     /// Goes on to a state that a step of dt seconds led to.
     pub fn pass(&mut self, state: &State, dt: f64) -> Sums {
-        let Self { system, spans, resolved, mobilities, sums } = self;
+        let Self { system, spans, resolved, constants, sums } = self;
         let block = |(number, (spans, sums)): (usize, (&mut [Span], &mut Sums))| {
             let first = number * BLOCK;
-            let own = [&*resolved, &*mobilities].map(|list| list.get(first..).unwrap_or_default());
-            *sums = block(system, state, dt, own, first, spans);
+            let resolved = resolved.get(first..).unwrap_or_default();
+            let step = Step { system, state, dt, inverse: if dt > 0.0 { 1.0 / dt } else { 0.0 } };
+            *sums = step.block(resolved, &constants[first..first + spans.len()], first, spans);
         };
         if sums.len() > 1 {
             spans.par_chunks_mut(BLOCK).zip(sums.par_iter_mut()).enumerate().for_each(block);
@@ -118,56 +132,66 @@ impl<'s> Springs<'s> {
     }
 }
 
-/// The springs from `first` on, as many as there are spans.
-fn block(
-    system: &System,
-    state: &State,
+/// What all blocks of a pass see.
+struct Step<'a> {
+    system: &'a System,
+    state: &'a State,
     dt: f64,
-    [resolved, mobilities]: [&[f64]; 2],
-    first: usize,
-    spans: &mut [Span],
-) -> Sums {
-    let mut sums = Sums::default();
-    let springs = system.springs().iter().zip(system.pairs()).skip(first);
-    for (at, (((spring, &[i, j]), span), mobility)) in springs.zip(spans).zip(mobilities).enumerate() {
-        if !system.counts(first + at) {
-            continue;
-        }
-        let (i, j) = (i as usize, j as usize);
-        let d = state.positions[i] - state.positions[j];
-        let v = state.velocities[i] - state.velocities[j];
-        let length = d.norm();
-        let rate = if length > 0.0 { d.dot(&v) / length } else { 0.0 };
-        let tangent = system.spring_at(first + at, length);
-        let change = length - spring.rest_length;
-        let stiffness = tangent.stiffness / tangent.rest_length;
-        sums.elastic += match system.has_spring_law() {
-            false => 0.5 * stiffness * change * change,
-            true => system.elastic_energy(first + at, &Extension { direction: Vector3::zeros(), length }),
-        };
-        if dt > 0.0 {
-            let (squared, step) = (v.norm_squared(), dt * dt);
-            let lift = 0.5 * step * (squared - rate * rate) / length;
-            let energy = 0.5 * stiffness * lift * lift;
-            sums.lifted += energy;
-            // The quotient with v⊥² cancelled.
-            let across = lift * step / length;
-            sums.lifted_twice += energy * 0.5 * stiffness * mobility * across;
-            sums.reach = sums.reach.max(step * squared / (length * length));
-            let longest = resolved.get(at).copied().unwrap_or(-1.0);
-            if spring.damping > 0.0 && longest >= 0.0 {
-                let Sides { mean, slope, bend } = Sides::of(span, length, rate, dt);
-                let certain = spring.damping * dt * mean * mean;
-                sums.certain += certain;
-                sums.dissipated += certain;
-                if dt <= longest {
-                    sums.dissipated += spring.damping * dt * (slope * slope / 12.0 + bend * bend / 5.0);
+    /// 1/dt; divisions are what a pass would wait for.
+    inverse: f64,
+}
+
+impl Step<'_> {
+    /// The springs from `first` on, as many as there are spans.
+    fn block(&self, resolved: &[f64], constants: &[Constants], first: usize, spans: &mut [Span]) -> Sums {
+        let Self { system, state, dt, inverse } = *self;
+        let has_law = system.has_spring_law();
+        let step = dt * dt;
+        let mut sums = Sums::default();
+        let springs = system.springs().iter().zip(system.pairs()).skip(first);
+        for (at, (((spring, &[i, j]), span), constants)) in springs.zip(spans).zip(constants).enumerate() {
+            if !system.counts(first + at) {
+                continue;
+            }
+            let (i, j) = (i as usize, j as usize);
+            let d = state.positions[i] - state.positions[j];
+            let v = state.velocities[i] - state.velocities[j];
+            let length = d.norm();
+            let reciprocal = 1.0 / length;
+            let rate = if length > 0.0 { d.dot(&v) * reciprocal } else { 0.0 };
+            let (stiffness, elastic) = if has_law {
+                let tangent = system.spring_at(first + at, length);
+                let extension = Extension { direction: Vector3::zeros(), length };
+                (tangent.stiffness / tangent.rest_length, system.elastic_energy(first + at, &extension))
+            } else {
+                let change = length - spring.rest_length;
+                (constants.stiffness, 0.5 * constants.stiffness * change * change)
+            };
+            sums.elastic += elastic;
+            if dt > 0.0 {
+                let squared = v.norm_squared();
+                let lift = 0.5 * step * (squared - rate * rate) * reciprocal;
+                let energy = 0.5 * stiffness * lift * lift;
+                sums.lifted += energy;
+                // The quotient with v⊥² cancelled.
+                let across = lift * step * reciprocal;
+                sums.lifted_twice += energy * 0.5 * stiffness * constants.mobility * across;
+                sums.reach = sums.reach.max(step * squared * reciprocal * reciprocal);
+                let longest = resolved.get(at).copied().unwrap_or(-1.0);
+                if spring.damping > 0.0 && longest >= 0.0 {
+                    let Sides { mean, slope, bend } = Sides::of(span, length, rate, inverse);
+                    let certain = spring.damping * dt * mean * mean;
+                    sums.certain += certain;
+                    sums.dissipated += certain;
+                    if dt <= longest {
+                        sums.dissipated += spring.damping * dt * (slope * slope * (1.0 / 12.0) + bend * bend * 0.2);
+                    }
                 }
             }
+            *span = Span { length, rate };
         }
-        *span = Span { length, rate };
+        sums
     }
-    sums
 }
 
 /// 1/μ, the reciprocal of the reduced mass of the ends of a spring, in 1/kg.
@@ -185,9 +209,9 @@ pub(super) fn resolved_step(system: &System, spring: usize) -> f64 {
 }
 
 impl Sides {
-    /// Of the rate at which a spring lengthens, over a step.
-    pub fn of(before: &Span, length: f64, rate: f64, dt: f64) -> Self {
-        let mean = (length - before.length) / dt;
+    /// Of the rate at which a spring lengthens, over a step of 1/`inverse` seconds.
+    pub fn of(before: &Span, length: f64, rate: f64, inverse: f64) -> Self {
+        let mean = (length - before.length) * inverse;
         Self { mean, slope: rate - before.rate, bend: 0.5 * (before.rate + rate) - mean }
     }
 }
