@@ -51,8 +51,9 @@ fn main() -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
 /// The fastest of steps alone, with energies after each, and with a monitor, in s.
 fn measure(system: &System, start: &State, method: Method) -> sprung::Result<[f64; 3]> {
     let steps = (100_000 / (system.springs().len() + 10)).clamp(5, 1000) as u64;
-    // Of implicit methods the length that such scenes are run with; steps of others cost the same whatever their length.
-    let schedule = Schedule::steps(if method.is_implicit() { 0.01 } else { 1e-5 }, steps);
+    // Of implicit methods a length that such scenes are run with, at which none of them breaks down; steps of others cost the same
+    // whatever their length.
+    let schedule = Schedule::steps(if method.is_implicit() { 0.002 } else { 1e-5 }, steps);
     let mut fastest = [f64::INFINITY; 3];
     for _ in 0..ROUNDS {
         for (kind, fastest) in fastest.iter_mut().enumerate() {
