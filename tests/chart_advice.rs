@@ -201,6 +201,10 @@ fn pictures_say_what_their_points_say() {
         conclusion(&chart, "error"),
         "The longest step that stays below 1 % has linear-backward-euler (axial): 0.025 s."
     );
+    // Where only steps that adapt get there, that is said too.
+    let mut adaptive = chart.clone();
+    adaptive.runs.iter_mut().for_each(|run| run.rtol = Some(run.dt));
+    assert_eq!(conclusion(&adaptive, "error"), "No fixed step stays below 1 %.");
     assert!(sprung::report::plot::svg(&chart.figures()[0].plot).contains("Least time below 1 %"));
 }
 

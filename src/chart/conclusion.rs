@@ -79,8 +79,9 @@ impl WorkPrecision {
     fn longest_step(&self) -> Option<String> {
         let accuracy = self.telling_accuracy()?;
         let ranked = self.ranked(accuracy, |run| run.rtol.is_none(), |run| -run.dt);
-        let longest = ranked.first()?;
-        let (percent, method) = (short(100.0 * accuracy), name(longest.method, longest.stiffness, longest.solver));
+        let percent = short(100.0 * accuracy);
+        let Some(longest) = ranked.first() else { return Some(format!("No fixed step stays below {percent} %.")) };
+        let method = name(longest.method, longest.stiffness, longest.solver);
         Some(format!("The longest step that stays below {percent} % has {method}: {} s.", short(longest.dt)))
     }
 }
