@@ -1,10 +1,10 @@
 //! The study of a thousand random scenes, and its page `verification/study.md`.
 //!
 //! ```sh
-//! cargo run --release --example study                       # everything, and the page
-//! cargo run --release --example study -- --count 100        # the first hundred seeds
-//! cargo run --release --example study -- --only 17          # one scene, run by run
-//! cargo run --release --example study -- --export 17 a.json # that scene as a file for the command
+//! cargo xtask study                    # everything, and the page
+//! cargo xtask study --count 100        # the first hundred seeds
+//! cargo xtask study --only 17          # one scene, run by run
+//! cargo xtask study --export 17 a.json # that scene as a file for the command
 //! ```
 //!
 //! References are kept in `target/study`; every run is written there too, one scene a line, in `records.jsonl`.

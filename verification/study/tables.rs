@@ -12,7 +12,7 @@ pub fn page(records: &[Record]) -> String {
     let random = records.iter().filter(|record| record.seed.is_some()).count();
     let mut page = format!(
         "# Random scenes\n\n\
-         Made by `cargo run --release --example study`, which writes this page: {random} random scenes and {} with names. Networks, cloths,\n\
+         Made by `cargo xtask study`, which writes this page: {random} random scenes and {} with names. Networks, cloths,\n\
          chains, rods, lattices and columns in one to three dimensions, soft to stiff, damped or not, held or moved, one scene for each\n\
          seed; the hard cases of `scenes/hard`; and ready scenes. Errors are relative position errors at the end against DOP853 (the\n\
          crate `ode_solvers`, tolerance 10⁻¹³) on a second writing of the forces; the same at 10⁻¹¹ tells how well they are known. `--export SEED\n\
