@@ -5,7 +5,8 @@ use crate::limits::{LONGEST, TOO_LONG};
 use crate::peers::{Integrator, diffsol};
 use sprung::accuracy::{Configuration, Pace, relative_position_error, trial};
 use sprung::chart::{LARGEST_ERROR, Reference, dop853};
-use sprung::integrate::Status;
+use sprung::figure::Look;
+use sprung::integrate::{Method, Status};
 use sprung::{State, System};
 use std::time::{Duration, Instant};
 
@@ -51,6 +52,19 @@ impl Contender {
             Self::Steps(configuration) => configuration.method.name().into(),
             Self::Adaptive(configuration) => format!("{}, adaptive", configuration.method.name()),
         }
+    }
+
+    /// The colour and shape of a method are those it has in the charts; the peers have those of methods that are not here.
+    pub fn look(&self) -> Look {
+        let (method, hollow) = match self {
+            Self::Diffsol(Integrator::Bdf) => (Method::Bdf2, false),
+            Self::Diffsol(Integrator::Esdirk34) => (Method::BackwardEuler, false),
+            Self::Dop853 => (Method::SymplecticEuler, false),
+            Self::Steps(configuration) => (configuration.method, false),
+            Self::Adaptive(configuration) => (configuration.method, true),
+        };
+        let number = Method::ALL.iter().position(|known| *known == method).unwrap_or(Method::ALL.len());
+        Look { number, hollow }
     }
 
     /// Runs with smaller and smaller tolerances or steps, as long as the reference can tell their errors and they are not too long.

@@ -12,7 +12,7 @@ use contender::{Contender, Run, Task};
 use peers::Integrator;
 use sprung::accuracy::Configuration;
 use sprung::chart::Reference;
-use sprung::figure::{Guide, Plot, Series};
+use sprung::figure::{Guide, Look, Plot, Series};
 use sprung::integrate::{ImplicitOptions, Method};
 use sprung::report::plot;
 use sprung::scene::{Kind, Scene, builtin};
@@ -57,8 +57,12 @@ fn main() -> Result<(), Failure> {
         let task = Task { system: &system, start: &start, duration, reference };
         let runs: Vec<(String, Vec<Run>)> =
             contenders.iter().map(|contender| (contender.name(), contender.runs(&task))).collect();
+        let looks: Vec<Look> = contenders.iter().map(Contender::look).collect();
         let file = format!("peers-{}.svg", scene.name.replace(' ', "-"));
-        std::fs::write(verification.join("charts").join(&file), plot::svg(&picture(&scene.name, &task, &runs)))?;
+        std::fs::write(
+            verification.join("charts").join(&file),
+            plot::svg(&picture(&scene.name, &task, &runs, &looks)),
+        )?;
         write!(results, "\n### {}, {} unknowns\n\n{}", scene.name, 2 * system.dofs().len(), table(&runs)?)?;
         write!(results, "\n![Time against accuracy: {}](../../verification/charts/{file})\n", scene.name)?;
     }
@@ -69,15 +73,16 @@ fn main() -> Result<(), Failure> {
 }
 
 /// Time over error, failures on the rail of their cause.
-fn picture(scene: &str, task: &Task<'_>, runs: &[(String, Vec<Run>)]) -> Plot {
+fn picture(scene: &str, task: &Task<'_>, runs: &[(String, Vec<Run>)], looks: &[Look]) -> Plot {
     let mut plot = Plot::log_log(
         format!("This crate and its peers: {scene}"),
         "relative position error at the end",
         "time of the run, s",
-    );
-    for (name, runs) in runs {
+    )
+    .concluding(conclusion(runs));
+    for ((name, runs), &look) in runs.iter().zip(looks) {
         let points = runs.iter().filter_map(|run| Some((*run.outcome.as_ref().ok()?, run.seconds))).collect();
-        plot = plot.with_series(Series::line(name, points));
+        plot = plot.with_series(Series::line(name, points).looking(look));
     }
     for (name, runs) in runs {
         let mut failures: BTreeMap<&str, Vec<(f64, f64)>> = BTreeMap::new();
@@ -93,6 +98,27 @@ fn picture(scene: &str, task: &Task<'_>, runs: &[(String, Vec<Run>)]) -> Plot {
     plot.with_guide(Guide::Vertical { x: task.reference.error_estimate, label: "error of the reference".into() })
 }
 
+/// Who is fastest below two accuracies, and by how much.
+fn conclusion(runs: &[(String, Vec<Run>)]) -> String {
+    let below = |accuracy: f64| {
+        let mut times: Vec<(f64, &str)> =
+            runs.iter().filter_map(|(name, runs)| Some((shortest(runs, accuracy)?, name.as_str()))).collect();
+        times.sort_by(|a, b| a.0.total_cmp(&b.0));
+        match *times.as_slice() {
+            [] => "none".into(),
+            [(_, only)] => only.into(),
+            [(first, fastest), (second, next), ..] => format!("{fastest}; next {next}, {:.1} times", second / first),
+        }
+    };
+    format!("Fastest below 1 %: {}. Below 10⁻⁶: {}.", below(1e-2), below(1e-6))
+}
+
+/// The shortest time of the runs that err less, in s.
+fn shortest(runs: &[Run], accuracy: f64) -> Option<f64> {
+    let enough = runs.iter().filter(|run| run.outcome.as_ref().is_ok_and(|error| *error <= accuracy));
+    enough.map(|run| run.seconds).reduce(f64::min)
+}
+
 /// The shortest time, in ms, of each contender for each accuracy.
 fn table(runs: &[(String, Vec<Run>)]) -> Result<String, std::fmt::Error> {
     let mut text = String::from("| time in ms for an error below |");
@@ -103,8 +129,7 @@ fn table(runs: &[(String, Vec<Run>)]) -> Result<String, std::fmt::Error> {
     for (name, runs) in runs {
         write!(text, "| {name} |")?;
         for accuracy in ACCURACIES {
-            let enough = runs.iter().filter(|run| run.outcome.as_ref().is_ok_and(|error| *error <= accuracy));
-            match enough.map(|run| run.seconds).reduce(f64::min) {
+            match shortest(runs, accuracy) {
                 Some(seconds) => write!(text, " {} |", milliseconds(seconds))?,
                 None => write!(text, " – |")?,
             }
