@@ -11,6 +11,7 @@ mod workspace;
 use crate::error::{Error, Result};
 use std::fs::read_to_string;
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// Bytes that this process may ever hold.
 pub fn limit() -> Option<u64> {
@@ -79,9 +80,13 @@ const SMALL: u64 = 1 << 20;
 
 /// The memory of the machine, or of the control groups.
 fn physical() -> Option<u64> {
-    let groups = read_to_string("/proc/self/cgroup").unwrap_or_default();
-    let of_groups = group_limits(&groups, |path| read_to_string(path).ok());
-    [machine(&read_to_string("/proc/meminfo").unwrap_or_default()), of_groups].into_iter().flatten().min()
+    // Read once: it stays what it is while a process runs, and to read it takes as long as hundreds of steps of a small scene.
+    static PHYSICAL: OnceLock<Option<u64>> = OnceLock::new();
+    *PHYSICAL.get_or_init(|| {
+        let groups = read_to_string("/proc/self/cgroup").unwrap_or_default();
+        let of_groups = group_limits(&groups, |path| read_to_string(path).ok());
+        [machine(&read_to_string("/proc/meminfo").unwrap_or_default()), of_groups].into_iter().flatten().min()
+    })
 }
 
 /// `MemTotal` of `/proc/meminfo`.
