@@ -80,7 +80,7 @@ const SMALL: u64 = 1 << 20;
 
 /// The memory of the machine, or of the control groups.
 fn physical() -> Option<u64> {
-    // Read once: it stays what it is while a process runs, and to read it takes as long as hundreds of steps of a small scene.
+    // Read once: it stays what it is while a process runs.
     static PHYSICAL: OnceLock<Option<u64>> = OnceLock::new();
     *PHYSICAL.get_or_init(|| {
         let groups = read_to_string("/proc/self/cgroup").unwrap_or_default();
