@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 /// Figures of a run that cost next to nothing, for what it cannot know otherwise: how wrong it is.
 ///
 /// Sums over the steps of norms over the free coordinates, h being the length of a step and X the extent of the scene at the end,
-/// `‖x − centroid‖`.
+/// `‖x − centroid‖`. Of a scene that nothing holds `way`, `exchanged` and `lost` are about the centre of mass: what the whole
+/// scene does as one body is no error's business.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Figures {
@@ -29,7 +30,7 @@ pub struct Figures {
     /// `Σ ‖M (v' − v)/h − F(x', v')‖ / Σ ‖M (v' − v)/h‖` over the steps whose forces were evaluated: what linearising left out; zero where
     /// they were not asked for.
     pub defect: f64,
-    /// `Σ h ‖v‖/X`: the way of the particles.
+    /// `Σ h ‖v‖/X`: the way of the particles; seen from the centre of mass where nothing holds the scene.
     pub way: f64,
     /// `Σ U/K̄`, U the energy that a step of straight motion puts into springs that turn, K̄ the kinetic energy in the mean.
     pub lifted: f64,
@@ -39,11 +40,12 @@ pub struct Figures {
     pub reach: f64,
     /// Whether the scene has fewer springs than degrees of freedom: it can fold, turn or fall without stretching one.
     pub can_fold: bool,
-    /// Energy that the motion exchanged, in J: what it started with, released, and was given.
+    /// Energy that the motion exchanged, in J: the kinetic energy it started with, what it released, and what it was given; without that of
+    /// the centre of mass where nothing holds the scene.
     pub exchanged: f64,
     /// The most that appeared from nowhere, in J, from the lowest imbalance before.
     pub gained: f64,
-    /// What the method took away by the end, in J; negative where it gave.
+    /// What the method took away by the end, in J; negative where it gave. Without the centre of mass where nothing holds the scene.
     pub lost: f64,
     /// `T √(2E/m̄)/X`, E what was lost and m̄ the mean mass: how far that would have carried the particles in the whole time.
     pub lost_way: f64,
