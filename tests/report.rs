@@ -78,7 +78,7 @@ fn text_names_every_failure_with_its_numbers() {
     assert!(table.contains("row 108 column 144 spring 100: analytic -31.2, numeric 31.2: sign flipped"));
     assert!(table.contains("value NaN, bound 3.30e-15"));
     assert!(table.contains("value 1.000001e-12, bound 1e-12"), "numbers that differ look different: {table}");
-    assert!(table.ends_with("45 checks passed, 6 failed\n"), "{table}");
+    assert!(table.ends_with("46 checks passed, 6 failed\n"), "{table}");
     assert!(!report::text(&passing()).contains("FAIL"));
 }
 
@@ -99,7 +99,7 @@ fn page_escapes_what_it_shows_and_loads_nothing() {
 #[test]
 fn page_tells_the_verdict() {
     assert!(report::html(&passing()).contains("Every check passed"));
-    assert!(report::html(&mixed()).contains("6 of 51 checks failed"));
+    assert!(report::html(&mixed()).contains("6 of 52 checks failed"));
     assert!(report::html(&Results::default()).contains("Nothing was checked"));
     assert!(!Results::default().all_passed());
 }

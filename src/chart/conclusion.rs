@@ -1,5 +1,6 @@
 //! What each picture says, in a sentence, from the runs that advice can rest on.
 
+use super::curve::ADAPTIVE;
 use super::decision::name;
 use super::digits::short;
 use super::figures::Figure;
@@ -11,12 +12,12 @@ impl WorkPrecision {
     pub(super) fn conclusion(&self, figure: &Figure) -> Option<String> {
         let series = &figure.plot.series;
         match figure.name {
-            "time" => self.cheapest("time", |_| true, |run| run.wall_seconds),
-            "work" => self.cheapest("work", |_| true, |run| run.cost),
-            "solves" => self.cheapest("solves", |run| run.stiffness != "none", |run| run.work.solves as f64),
+            "time" => self.cheapest(series, "time", |_| true, |run| run.wall_seconds),
+            "work" => self.cheapest(series, "work", |_| true, |run| run.cost),
+            "solves" => self.cheapest(series, "solves", |run| run.stiffness != "none", |run| run.work.solves as f64),
             "options-euler" => self.best_option("linear-backward-euler"),
             "options-w2" => self.best_option("w2"),
-            "error" => self.longest_step(),
+            "error" => self.longest_step(series),
             "energy" | "angular-momentum" => spread(series),
             "tolerance-error" => flat(series),
             "tolerance-work" => growth(series),
@@ -40,21 +41,24 @@ impl WorkPrecision {
     }
 
     /// The cheapest way to a telling accuracy, and how much more the next method takes.
-    fn cheapest(&self, what: &str, of: impl Fn(&Run) -> bool, cost: impl Fn(&Run) -> f64) -> Option<String> {
+    fn cheapest(
+        &self,
+        drawn: &[Series],
+        what: &str,
+        of: impl Fn(&Run) -> bool,
+        cost: impl Fn(&Run) -> f64,
+    ) -> Option<String> {
         let accuracy = self.telling_accuracy()?;
         let ranked = self.ranked(accuracy, of, &cost);
         let best = ranked.first()?;
         let next = ranked.iter().find(|run| run.way() != best.way()).map_or(String::new(), |next| {
             // Another configuration of the same method is told by its steps.
             let steps = if next.method == best.method { format!(" with {}", next.pace()) } else { String::new() };
-            let (name, times) = (name(next.method, next.stiffness, next.solver), times(cost(next) / cost(best)));
+            let (name, times) = (called(next, drawn), times(cost(next) / cost(best)));
             format!("; next {name}{steps}, {times}")
         });
         let (percent, steps) = (short(100.0 * accuracy), best.pace());
-        Some(format!(
-            "Least {what} below {percent} %: {} with {steps}{next}.",
-            name(best.method, best.stiffness, best.solver)
-        ))
+        Some(format!("Least {what} below {percent} %: {} with {steps}{next}.", called(best, drawn)))
     }
 
     /// The option and solver with which a method gets to a telling accuracy for least.
@@ -76,13 +80,24 @@ impl WorkPrecision {
     }
 
     /// The method that is accurate enough with the longest steps.
-    fn longest_step(&self) -> Option<String> {
+    fn longest_step(&self, drawn: &[Series]) -> Option<String> {
         let accuracy = self.telling_accuracy()?;
         let ranked = self.ranked(accuracy, |run| run.rtol.is_none(), |run| -run.dt);
         let percent = short(100.0 * accuracy);
         let Some(longest) = ranked.first() else { return Some(format!("No fixed step stays below {percent} %.")) };
-        let method = name(longest.method, longest.stiffness, longest.solver);
+        let method = called(longest, drawn);
         Some(format!("The longest step that stays below {percent} % has {method}: {} s.", short(longest.dt)))
+    }
+}
+
+/// A configuration in words. Of each method only one is drawn, so it says where this is another.
+fn called(run: &Run, drawn: &[Series]) -> String {
+    let suffix = if run.rtol.is_some() { ADAPTIVE } else { "" };
+    let legend = name(&format!("{}{suffix}", run.method), run.stiffness, run.solver);
+    let name = name(run.method, run.stiffness, run.solver);
+    match name.strip_suffix(')') {
+        Some(start) if drawn.iter().all(|series| series.name != legend) => format!("{start}, not drawn)"),
+        _ => name,
     }
 }
 

@@ -4,6 +4,7 @@ use super::common::{LoadedScene, claim};
 use super::console::{Console, error};
 use super::files::{FILES, Files, text};
 use super::recorder::{Recorder, bar};
+use super::time::roughly;
 use super::{Stop, interrupt};
 use indicatif::ProgressBar;
 use sprung::accuracy::{Audience, Reduction, Requirement, SearchProgress, answer};
@@ -13,7 +14,7 @@ use sprung::output::{CHECKPOINT, EnergyChange, Summary, clear_frames, write_fina
 use sprung::{Error, Result, State, System};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Thousandths, in which the progress bar counts.
@@ -60,7 +61,11 @@ impl Audience for Onlooker<'_> {
     fn progress(&mut self, progress: &SearchProgress<'_>) {
         let SearchProgress { doing, part, spent, left } = progress;
         self.bar.set_position((part * PARTS as f64) as u64);
-        self.bar.set_message(format!("{doing}; {spent:.0} force evaluations done, at most about {left:.0} to do"));
+        // Work that was not done yet is as fast as the work that was.
+        let rest = Duration::try_from_secs_f64(self.bar.elapsed().as_secs_f64() * left / spent);
+        let rest = rest.map_or("unknown".into(), |rest| format!("at most about {}", roughly(rest)));
+        let all = spent + left;
+        self.bar.set_message(format!("{doing}, {rest} left; {spent:.0} of {all:.0} force evaluations done"));
     }
 }
 

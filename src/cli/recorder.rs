@@ -109,7 +109,7 @@ impl Recorder {
 
 /// A bar on stderr; indicatif shows it only on a terminal.
 pub fn progress_bar(console: &Console, steps: u64) -> ProgressBar {
-    bar(console, steps, "{wide_bar} step {pos} of {len}, {msg}, {eta} left")
+    bar(console, steps, "{wide_bar} step {pos} of {len}, {msg}, {eta} left").with_message("at the start")
 }
 
 /// A bar of another look.

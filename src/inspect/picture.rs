@@ -249,6 +249,6 @@ fn short(value: f64) -> String {
             let decimals = (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
             format!("{value:.decimals$}").replace('-', "−")
         }
-        _ => format!("{value:.3e}").replace('-', "−"),
+        _ => format!("{value:.3e}"),
     }
 }

@@ -1,6 +1,6 @@
 //! Checks of one name on a page: their numbers, figures and worst entries.
 
-use super::number::{self, count, pair, pretty};
+use super::number::{self, count, pretty, short_pair, typeset};
 use super::{drawing, page, plot};
 use crate::verify::{Check, Entry, worst};
 use maud::{Markup, html};
@@ -99,7 +99,7 @@ fn values(name: &str, checks: &[(usize, &Check)], scenes: &Scenes) -> Markup {
             } }
             @for why in reasons {
                 tbody {
-                    tr.why { td colspan="6" { "Bound: " (why) } }
+                    tr.why { td colspan="6" { "Bound: " (typeset(why)) } }
                     @for &(index, check) in checks.iter().filter(|(_, check)| check.why == why) { (value_row(index, check, scenes)) }
                 }
             }
@@ -111,7 +111,7 @@ fn values(name: &str, checks: &[(usize, &Check)], scenes: &Scenes) -> Markup {
 /// A row, short since there are thousands: the style sheet knows its cells by their place, and adds the word to the mark. All digits
 /// are in `report.json`.
 fn value_row(index: usize, check: &Check, scenes: &Scenes) -> Markup {
-    let [value, bound] = pair(pretty, check.value, check.bound);
+    let [value, bound] = short_pair(check.value, check.bound);
     html! {
         tr id=(anchor(index)) class=[(!check.passed()).then_some("failed-row")] data-s=[scenes.number(&check.scene)] {
             td { (check.scene) }
@@ -145,7 +145,7 @@ fn entries(check: &Check) -> Markup {
     let (columns, springs) = (has(|entry| entry.column.is_some()), has(|entry| entry.spring.is_some()));
     let index = |index: Option<usize>| index.map(|index| index.to_string()).unwrap_or_default();
     let table = html! {
-        table {
+        table.cards {
             thead { tr {
                 th scope="col" { "in words" }
                 @if springs { th.number scope="col" { "spring" } }
@@ -160,13 +160,13 @@ fn entries(check: &Check) -> Markup {
                 @for entry in &check.table {
                     tr {
                         td.words { (entry.verdict) }
-                        @if springs { td.number { (index(entry.spring)) } }
-                        td.number { (entry.row) }
-                        @if columns { td.number { (index(entry.column)) } }
-                        td.number title=(exact(entry.analytic)) { (pretty(entry.analytic)) }
-                        td.number title=(exact(entry.numeric)) { (pretty(entry.numeric)) }
-                        td.number { (pretty(entry.absolute)) }
-                        td.number { (pretty(entry.relative)) }
+                        @if springs { td.number data-of="spring" { (index(entry.spring)) } }
+                        td.number data-of="row" { (entry.row) }
+                        @if columns { td.number data-of="column" { (index(entry.column)) } }
+                        td.number data-of="analytic" title=(exact(entry.analytic)) { (pretty(entry.analytic)) }
+                        td.number data-of="numeric" title=(exact(entry.numeric)) { (pretty(entry.numeric)) }
+                        td.number data-of="difference" { (pretty(entry.absolute)) }
+                        td.number data-of="relative" { (pretty(entry.relative)) }
                     }
                 }
             }

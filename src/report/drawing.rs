@@ -2,7 +2,7 @@
 
 use super::canvas::{LINE, TEXT, WIDTH, width, wrap};
 use super::heading::Heading;
-use super::number;
+use super::number::{self, typeset};
 use super::palette::{self, css};
 use super::projection::{ARROW, Projection, View};
 use super::room::{BADGE, Taken};
@@ -207,7 +207,7 @@ fn colour_scale(drawing: &Drawing, y: i32) -> Markup {
 fn notes(drawing: &Drawing, view: &View, labels: &[(usize, &Segment)]) -> Vec<String> {
     let mut notes = Vec::new();
     for (_, segment) in labels {
-        notes.extend(wrap(segment.label.as_deref().unwrap_or_default(), WIDTH - 32));
+        notes.extend(wrap(&typeset(segment.label.as_deref().unwrap_or_default()), WIDTH - 32));
     }
     let every = drawing.segments.len().div_ceil(SPRINGS).max(1);
     if every > 1 {

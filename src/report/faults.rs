@@ -29,9 +29,9 @@ pub(super) fn section() -> Markup {
         html! {
             tr {
                 td { (fault.fault) }
-                td { code { (fault.file) } }
-                td.number { (fault.tests) }
-                td { (families.join(", ")) @if more > 0 { " and " (more) " more" } }
+                td data-of="in" { code { (fault.file) } }
+                td.number data-of="tests that fail" { (fault.tests) }
+                td data-of="among them" { (families.join(", ")) @if more > 0 { " and " (more) " more" } }
             }
         }
     };
@@ -43,7 +43,7 @@ pub(super) fn section() -> Markup {
             @else { (survived) " of " (count(faults.len(), "fault")) " survived." }
         }
         (page::folded("The faults, and which checks caught them", &page::scrolling("Planted faults", &html! {
-            table.full {
+            table.full.cards.faults {
                 thead { tr {
                     th scope="col" { "fault" }
                     th scope="col" { "in" }

@@ -14,7 +14,8 @@ impl Heading {
     /// Breaks both to the width of a picture. An empty conclusion takes no line.
     pub fn new(title: &str, conclusion: &str) -> Self {
         let lines = |text: &str| if text.is_empty() { Vec::new() } else { canvas::wrap(text, WIDTH - 32) };
-        Self { title: lines(title), conclusion: lines(&number::typeset(conclusion)) }
+        let set = |text: &str| lines(&number::typeset(text));
+        Self { title: set(title), conclusion: set(conclusion) }
     }
 
     /// How far down it reaches, in pixels.

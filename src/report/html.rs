@@ -163,7 +163,7 @@ fn reading(results: &Results) -> Markup {
             }
             dt { "1" } dd {
                 "exactly at the bound: checks of counts and of yes or no, whose value is right when it is the bound; \
-                 0.99… and 1.00… are written with as many digits as it takes to see on which side of the bound they lie"
+                 next to it as many digits are written as it takes to see on which side of the bound a number lies, or how far from it: 1 − 2 × 10⁻⁹ lies below"
             }
             dt { "10⁻¹⁶" } dd {
                 "is about the rounding error of one operation: the computer keeps 16 digits. Errors of this size are as small as they can be"

@@ -8,29 +8,48 @@ pub fn plain(value: f64) -> String {
     }
 }
 
-/// `0.0213`, `2.13 × 10⁻¹¹`, `NaN`: for a page or a picture.
+/// `0.0213`, `2.13 × 10⁻¹¹`, `NaN`: for a page or a picture, on one line.
 pub fn pretty(value: f64) -> String {
     match shape(value) {
         Shape::Digits(digits) => digits.replace('-', "−"),
         Shape::Power { mantissa, exponent } => {
-            format!("{} × {}", mantissa.replace('-', "−"), power_of_ten(exponent))
+            format!("{}\u{a0}×\u{a0}{}", mantissa.replace('-', "−"), power_of_ten(exponent))
         }
     }
 }
 
+/// Digits up to which a number is read at a glance; of longer ones the distance is told.
+const GLANCE: usize = 9;
+
 /// Two numbers that are compared: with all digits where three could make different numbers look the same.
 pub fn pair(form: fn(f64) -> String, a: f64, b: f64) -> [String; 2] {
-    let close = a != b && (a - b).abs() < 0.005 * a.abs().max(b.abs());
-    [a, b].map(if close { all_digits } else { form })
+    [a, b].map(if are_close(a, b) { all_digits } else { form })
 }
 
-/// A share of a bound, which shows whether it is below or above 1: with as many digits as that takes.
+/// The same for a page, where there is no room for many digits: the first by its distance from the second.
+pub fn short_pair(a: f64, b: f64) -> [String; 2] {
+    let pair = pair(pretty, a, b);
+    let long = pair.iter().any(|text| text.len() > GLANCE);
+    if are_close(a, b) && long { [beside(pretty, a, b), pretty(b)] } else { pair }
+}
+
+fn are_close(a: f64, b: f64) -> bool {
+    a != b && (a - b).abs() < 0.005 * a.abs().max(b.abs())
+}
+
+/// A share of a bound, which shows whether it is below or above 1: with as many digits as that takes, or by its distance from 1.
 pub fn share(form: fn(f64) -> String, value: f64) -> String {
     if value == 1.0 || !(0.995..1.005).contains(&value) {
         return form(value);
     }
-    let digits = (3..17).map(|digits| format!("{value:.digits$}"));
-    digits.into_iter().find(|text| text.parse() != Ok(1.0)).unwrap_or_else(|| all_digits(value))
+    let digits = (3..GLANCE - 1).map(|digits| format!("{value:.digits$}"));
+    digits.into_iter().find(|text| text.parse() != Ok(1.0)).unwrap_or_else(|| beside(form, value, 1.0))
+}
+
+/// `30 + 1.2e-9`: a number by its distance from one close to it.
+fn beside(form: fn(f64) -> String, value: f64, other: f64) -> String {
+    let (sign, distance) = if value < other { ('−', other - value) } else { ('+', value - other) };
+    format!("{} {sign} {}", form(other), form(distance))
 }
 
 fn all_digits(value: f64) -> String {
@@ -44,22 +63,28 @@ const UNITS: [&str; 8] = ["s", "ms", "m", "%", "N/m", "J", "times", "rad"];
 /// be broken hold together.
 pub fn typeset(sentence: &str) -> String {
     let mut set = String::with_capacity(sentence.len());
-    let mut after_number = false;
+    let [mut after_number, mut after_equals] = [false; 2];
     for (k, word) in sentence.split(' ').enumerate() {
         let bare = word.trim_end_matches([',', ';', '.', ':', ')']);
         if k > 0 {
-            set.push(if after_number && UNITS.contains(&bare) { '\u{a0}' } else { ' ' });
+            let holds = after_number && UNITS.contains(&bare) || bare == "=" || after_equals;
+            set.push(if holds { '\u{a0}' } else { ' ' });
         }
         let start = bare.find(|c: char| c.is_ascii_digit()).unwrap_or(bare.len());
         let (before, number) = bare.split_at(start);
         match number.split_once('e').map(|(mantissa, exponent)| (mantissa.parse::<f64>(), exponent.parse())) {
             Some((Ok(mantissa), Ok(exponent))) => {
-                let times = if mantissa == 1.0 { String::new() } else { format!("{mantissa}\u{a0}×\u{a0}") };
-                set += &format!("{before}{times}{}{}", power_of_ten(exponent), &word[bare.len()..]);
+                let power = match (mantissa, exponent) {
+                    (_, 0) => mantissa.to_string(),
+                    (1.0, _) => power_of_ten(exponent),
+                    _ => format!("{mantissa}\u{a0}×\u{a0}{}", power_of_ten(exponent)),
+                };
+                set += &format!("{}{power}{}", before.replace('-', "−"), &word[bare.len()..]);
             }
             _ => set += word,
         }
-        after_number = bare.ends_with(|c: char| c.is_ascii_digit());
+        after_number = bare.ends_with(|c: char| c.is_ascii_digit() || "⁰¹²³⁴⁵⁶⁷⁸⁹".contains(c));
+        after_equals = bare == "=";
     }
     set
 }
@@ -127,22 +152,32 @@ mod tests {
         for (value, text) in cases {
             assert_eq!(plain(value), text);
         }
-        assert_eq!(pretty(-2.134e-11), "−2.13 × 10⁻¹¹");
+        assert_eq!(pretty(-2.134e-11), "−2.13\u{a0}×\u{a0}10⁻¹¹");
     }
 
     #[test]
     fn shares_show_their_side_of_the_bound() {
-        let cases = [(1.0, "1"), (0.99996, "0.99996"), (0.9999999, "0.9999999"), (1.0001, "1.0001"), (0.5, "0.500")];
+        let cases = [
+            (1.0, "1"),
+            (0.99996, "0.99996"),
+            (0.9999999, "0.9999999"),
+            (0.99999999, "1 − 1.00e-8"),
+            (1.0001, "1.0001"),
+            (0.5, "0.500"),
+        ];
         for (value, text) in cases {
             assert_eq!(share(plain, value), text);
         }
-        assert_eq!(share(plain, 1.0 - f64::EPSILON), "0.9999999999999998");
+        assert_eq!(share(plain, 1.0 - f64::EPSILON), "1 − 2.22e-16");
+        assert_eq!(share(pretty, 1.0 + f64::EPSILON), "1 + 2.22\u{a0}×\u{a0}10⁻¹⁶");
     }
 
     #[test]
     fn sentences_are_set_for_readers() {
         let cases = [
-            ("dt = 6.3e-4 s; next", "dt = 6.3\u{a0}×\u{a0}10⁻⁴\u{a0}s; next"),
+            ("dt = 6.3e-4 s; next", "dt\u{a0}=\u{a0}6.3\u{a0}×\u{a0}10⁻⁴\u{a0}s; next"),
+            ("strain -3.8e-4, about 5.2e0", "strain −3.8\u{a0}×\u{a0}10⁻⁴, about 5.2"),
+            ("up to 1.07 × 10⁴ N/m.", "up to 1.07 × 10⁴\u{a0}N/m."),
             ("below 1.0e-4 %: w2 (full, 2e3).", "below 10⁻⁴\u{a0}%: w2 (full, 2\u{a0}×\u{a0}10³)."),
             ("has dop853: 0.005 s.", "has dop853: 0.005\u{a0}s."),
             ("nothing e5 to set in w2e", "nothing e5 to set in w2e"),
@@ -156,6 +191,9 @@ mod tests {
     #[test]
     fn different_numbers_look_different() {
         assert_eq!(pair(plain, 1.00001e-8, 1e-8), ["1.00001e-8", "1e-8"]);
+        assert_eq!(short_pair(29.9, 30.0), ["29.9", "30"]);
+        assert_eq!(short_pair(0.99999999999999, 1.0), ["1 − 9.99\u{a0}×\u{a0}10⁻¹⁵", "1"]);
+        assert_eq!(short_pair(2.0, 1.0), ["2", "1"]);
         assert_eq!(pair(plain, 2e-8, 1e-8), ["2.00e-8", "1.00e-8"]);
     }
 }

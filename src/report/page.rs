@@ -1,5 +1,6 @@
 //! The skeleton of every page: head, style, sections, figures. Pages are single files that load nothing.
 
+use super::number::typeset;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 /// A whole page. `title` is also its first heading, `lead` the sentence below it.
@@ -17,7 +18,7 @@ pub fn page(title: &str, lead: &str, body: &Markup) -> String {
             }
             body {
                 a.skip href="#content" { "Skip to the content" }
-                header { h1 { (title) } p.lead { (lead) } }
+                header { h1 { (title) } p.lead { (typeset(lead)) } }
                 main id="content" { (body) }
                 footer { "Written by sprung " (env!("CARGO_PKG_VERSION")) ". This page is one file and loads nothing." }
             }

@@ -16,7 +16,8 @@ const SIDE: f64 = 720.0;
 /// Draws a pattern as one SVG element, 800 pixels wide: the lower triangle, darker where more entries are not zero.
 pub fn svg(spy: &Spy) -> String {
     let heading = Heading::new(&spy.title, &spy.conclusion);
-    let top = heading.height();
+    // The frame keeps clear of the letters above it.
+    let top = heading.height() + 10;
     let left = 0.5 * (f64::from(WIDTH) - SIDE);
     let cell = SIDE / spy.cells.max(1) as f64;
     let mut paths = vec![String::new(); SHADES.len()];

@@ -140,6 +140,17 @@ impl Page<'_> {
         }
     }
 
+    /// Presses a key as a keyboard does, so that the browser acts on it: Tab (9), Enter (13), space (32).
+    pub fn press(&mut self, key: &str, code: u32) {
+        let text = if key == "Enter" { "\r" } else { key };
+        let mut down = json!({ "type": "keyDown", "key": key, "windowsVirtualKeyCode": code });
+        if key != "Tab" {
+            down["text"] = text.into();
+        }
+        self.call("Input.dispatchKeyEvent", down);
+        self.call("Input.dispatchKeyEvent", json!({ "type": "keyUp", "key": key, "windowsVirtualKeyCode": code }));
+    }
+
     /// Everything that the page or the browser said about it, and every address it asked for besides its own.
     pub fn complaints(&mut self) -> Vec<String> {
         // An answer comes after all events before it.

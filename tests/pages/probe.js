@@ -21,6 +21,8 @@ addEventListener("load", () => {
     const say = text => problems.push(`${width} px: ${text}`);
     const shown = element => element.checkVisibility({ visibilityProperty: true, contentVisibilityAuto: true });
     const describe = element => `<${element.localName}${element.className ? " class=" + (element.className.baseVal ?? element.className) : ""}> ${(element.textContent || "").trim().slice(0, 40)}`;
+    // What is folded away is looked at too.
+    for (const details of page.querySelectorAll("details")) details.open = true;
     // A hidden scroll bar takes no room, so the width of the frame is that of the page.
     if (page.documentElement.scrollWidth > width) {
       const wide = [...page.body.querySelectorAll("*")].find(e => shown(e) && !e.closest(".scroll, svg, .skip") && e.getBoundingClientRect().right > width + 1);
@@ -42,8 +44,8 @@ addEventListener("load", () => {
     for (const region of page.querySelectorAll(".scroll")) {
       if (region.tabIndex < 0 || !region.getAttribute("aria-label")) say(`table that the keyboard cannot scroll: ${describe(region)}`);
     }
-    // What an inspection tabulates fits on a phone.
-    for (const region of page.querySelectorAll("[aria-label^='Limits of'], [aria-label^='Springs with']")) {
+    // Every table fits on a phone.
+    for (const region of page.querySelectorAll(".scroll")) {
       if (region.scrollWidth > region.clientWidth) say(`table that scrolls sideways, ${region.scrollWidth} px in ${region.clientWidth}: ${region.getAttribute("aria-label")}`);
     }
     for (const field of page.querySelectorAll("select, input")) {

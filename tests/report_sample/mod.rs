@@ -100,6 +100,7 @@ pub fn mixed() -> Results {
         Entry::new(3, Some(3), 10.000001, 10.0, 1e-9),
     ];
     results.extend([
+        Check::new(Claim::Convergence, "order", "all but its bound", 1.0 - 1e-14, 1.0, "a number of many digits"),
         Check::new(
             Claim::Jacobian,
             "K against central differences",

@@ -2,7 +2,7 @@
 
 use super::losses::{KEPT, known, left_out, limit, lost, other_methods, scope, turning};
 use crate::inspect::{Culprit, FirstLosses, Inspection, LargestStep, Minimality, Part, Pictures};
-use crate::report::number::{count, pretty};
+use crate::report::number::{count, pretty, typeset};
 use crate::report::{drawing, page, plot, spy};
 use maud::{Markup, html};
 
@@ -48,14 +48,14 @@ pub fn html(
 
 fn banner(inspection: &Inspection) -> Markup {
     let inertia = &inspection.examined().inertia;
-    let counts = format!(
+    let counts = typeset(&format!(
         "{} negative, {} zero and {} positive eigenvalues, from {} to {} N/m.",
         inertia.negative,
         inertia.zero,
         inertia.positive,
         known(inspection.examined().smallest, pretty),
         known(inspection.examined().largest, pretty)
-    );
+    ));
     html! {
         @if inertia.negative + inertia.zero + inertia.positive == 0 {
             div.banner { strong { "No coordinate is free" } p { "A has no rows, and there is nothing to inspect." } }
@@ -99,7 +99,7 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
         @if let Some(turn) = inspection.turn.as_ref().filter(|turn| turn.excess() > 1.0) {
             @let [what, then] = turning(turn, pretty);
             p.warning {
-                "The step turns " (what) "; " (then) ". Such a run does not break down, it is wrong: shorten the step, or take a method that does not linearise at its start, such as bdf2."
+                "The step turns " (typeset(&what)) "; " (typeset(&then)) ". Such a run does not break down, it is wrong: shorten the step, or take a method that does not linearise at its start, such as bdf2."
             }
         }
         @if let Some(losses) = losses { (followed(losses)) }
@@ -120,7 +120,7 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
             p.quiet { "The motion itself has " (count(inspection.growing_modes, "growing mode")) " here: no step makes these stable." }
         }
         @let low_end = page::figure(plot::svg(&pictures.spectrum), &html! { "Eigenvalues below zero are directions in which A curves downwards." });
-        @let curve = pictures.curve.as_ref().map(|curve| page::figure(plot::svg(curve), &html! { (curves(inspection)) }));
+        @let curve = pictures.curve.as_ref().map(|curve| page::figure(plot::svg(curve), &html! { (typeset(&curves(inspection))) }));
         (page::figures(&curve.into_iter().chain([low_end]).collect::<Vec<_>>()))
     }
 }
@@ -169,7 +169,7 @@ fn followed(losses: &FirstLosses) -> Markup {
             p { "On the way to this state " (KEPT) "." }
         } @else {
             p { "On the way to this state were first lost:" }
-            ul { @for (what, how) in lost { li { b { (what) } " " (how) } } }
+            ul { @for (what, how) in lost { li { b { (what) } " " (typeset(&how)) } } }
         }
     }
 }

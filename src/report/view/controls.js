@@ -91,6 +91,8 @@ async function start() {
   }
 
   function resize() {
+    // The picture that prints is the one that was seen.
+    if (document.documentElement.classList.contains("printing")) return;
     const { width, height } = canvas.getBoundingClientRect();
     const ratio = Math.min(devicePixelRatio || 1, 2);
     [canvas.width, canvas.height] = [Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio))];
@@ -161,6 +163,14 @@ async function start() {
   });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", resize);
   new ResizeObserver(resize).observe(canvas);
+  // Paper is white: the picture is drawn anew at once, since nothing is drawn while it prints.
+  for (const [event, printing] of [["beforeprint", true], ["afterprint", false]]) {
+    addEventListener(event, () => {
+      document.documentElement.classList.toggle("printing", printing);
+      style = { ...style, ...readStyle(), ratio: style.ratio };
+      paint(frame, projection(), style, chosen);
+    });
+  }
 
   visit(data);
   resetCamera();

@@ -56,7 +56,8 @@ function gestures(canvas, look, choose) {
 function scaleBar(scale) {
   const power = 10 ** Math.floor(Math.log10(90 / scale));
   const length = [5, 2, 1].map((k) => k * power).find((one) => one * scale <= 110) ?? power;
-  document.getElementById("bar").style.width = `${length * scale}px`;
+  // As a share of the picture, which paper may show smaller.
+  document.getElementById("bar").style.width = `${(100 * length * scale) / camera.width}cqw`;
   document.getElementById("length").textContent = `${number(length)} m`;
 }
 

@@ -116,7 +116,10 @@ fn notes(animation: &Animation, encoded: &Encoded) -> Vec<String> {
 
 fn stage(animation: &Animation, encoded: &Encoded) -> Markup {
     let has = |binding| animation.cast().bindings.contains(&binding);
-    let shown = percent(encoded.about.strain.shown);
+    let strain = &encoded.about.strain;
+    let shown = percent(strain.shown);
+    // Beyond the ends of the map colours are the same.
+    let [least, most] = if strain.largest > strain.shown { ["≤ −", "≥ +"] } else { ["−", "+"] };
     let label = format!("The motion of {}: springs coloured by strain", animation.title);
     html! {
         div.stage {
@@ -125,7 +128,7 @@ fn stage(animation: &Animation, encoded: &Encoded) -> Markup {
                 @if encoded.about.springs > 0 {
                     strong { "strain l/l₀ − 1" }
                     span.scale {}
-                    span.ends { span { "−" (shown) } span { "0" } span { "+" (shown) } }
+                    span.ends { span { (least) (shown) } span { "0" } span { (most) (shown) } }
                     span.ends { span { "compressed" } span { "stretched" } }
                 }
                 @if has(Binding::Held) { span.kind.held { "held" } }
@@ -181,6 +184,7 @@ fn help(encoded: &Encoded) -> Markup {
                 dt { "move" } dd { "drag with " kbd { "Shift" } " or the right button, or two fingers" }
                 dt { "magnify" } dd { "wheel, pinch, " kbd { "+" } " " kbd { "−" } "; double click or " kbd { "f" } " fits" }
                 dt { "time" } dd { kbd { "space" } " plays and pauses, " kbd { "←" } " " kbd { "→" } " step, " kbd { "Home" } " " kbd { "End" } "; or point at a curve" }
+                dt { "marks" } dd { "a square is held, along all axes or some; a diamond is moved" }
                 dt { "numbers" } dd { "point at a particle or spring; a click or tap keeps it, " kbd { "Esc" } " lets go" }
                 dt { "exactness" } dd {
                     "positions are within " (format!("{:.1e}", about.quantum / 2.0)) " m along each axis of what was computed, strains within "

@@ -51,8 +51,10 @@ function track(parent, { title, unit, times, curves }, seek) {
     element("svg:path", { class: `series${k}`, d: path }, svg);
   });
   const mark = element("svg:line", { class: "now", y1: 0, y2: 100, x1: 0, x2: 0 }, svg);
-  element("span", { class: "high" }, plot).textContent = number(high, 3);
-  element("span", { class: "low" }, plot).textContent = number(low, 3);
+  // Counts are whole numbers, and stay so.
+  const digits = all.every(Number.isInteger) ? 15 : 3;
+  element("span", { class: "high" }, plot).textContent = number(high, digits);
+  element("span", { class: "low" }, plot).textContent = number(low, digits);
   const point = (event) => {
     const { left, width } = svg.getBoundingClientRect();
     seek(start + Math.min(1, Math.max(0, (event.clientX - left) / width)) * (end - start));
@@ -65,7 +67,7 @@ function track(parent, { title, unit, times, curves }, seek) {
   return (time) => {
     const at = lastBefore(times, time);
     for (const end of ["x1", "x2"]) mark.setAttribute(end, x(time));
-    values.forEach((output, k) => (output.textContent = number(curves[k].values[at])));
+    values.forEach((output, k) => (output.textContent = number(curves[k].values[at], Math.max(4, digits))));
   };
 }
 
