@@ -1,5 +1,6 @@
 //! A sketch of a scene.
 
+use super::Up;
 use crate::system::{State, System};
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -16,6 +17,9 @@ pub struct Drawing {
     pub scalar: String,
     /// Number of modelled axes: 1, 2 or 3. A planar scene is drawn flat.
     pub dimension: usize,
+    /// Which axis points upwards.
+    #[serde(skip)]
+    pub up: Up,
     /// Positions of the particles, in m.
     pub points: Vec<[f64; 3]>,
     /// Indices of the points with a prescribed coordinate.
@@ -64,7 +68,8 @@ impl Drawing {
         let free = |p: &usize| system.dofs().free_axes(*p).count() == system.dimension();
         let held = (0..system.particles()).filter(|p| !free(p)).collect();
         let (title, conclusion, scalar) = (title.into(), String::new(), "strain l/l₀ − 1".into());
-        Self { title, conclusion, scalar, dimension: system.dimension(), points, held, segments, arrows: Vec::new() }
+        let (dimension, up) = (system.dimension(), Up::against(system.gravity(), system.dimension()));
+        Self { title, conclusion, scalar, dimension, up, points, held, segments, arrows: Vec::new() }
     }
 
     /// Says what it says.

@@ -9,6 +9,7 @@ mod plot;
 mod spy;
 mod thinning;
 mod tiles;
+mod upright;
 
 pub use animation::{Animation, Track};
 pub use cast::{Binding, Cast};
@@ -17,3 +18,4 @@ pub use plot::{Axis, Guide, Look, Mark, Plot, Scale, Series};
 pub use spy::Spy;
 pub use thinning::Thinning;
 pub use tiles::Tiles;
+pub use upright::Up;

@@ -24,6 +24,9 @@ pub fn playback(folder: &Path) -> Result<Animation> {
     if let Some(Value::Object(summary)) = json(&folder.join("summary.json")) {
         describe(&mut animation, &summary);
     }
+    if let [first, second, ..] = animation.times[..] {
+        animation.remarks.push(format!("a frame every {} s", digits(second - first)));
+    }
     animation.tracks = energies(&folder.join("energy.csv")).unwrap_or_default();
     Ok(animation)
 }

@@ -21,7 +21,7 @@ const CROWD: usize = 40;
 
 /// Draws a scene as one SVG element, 800 pixels wide, that can stand in a page or alone in a file.
 ///
-/// Planar scenes are drawn flat, others from above at an angle without perspective, y upwards. Springs are coloured
+/// Planar scenes are drawn flat, others from above at an angle without perspective, upwards against gravity. Springs are coloured
 /// by their scalar, blue for negative and orange for positive; highlighted ones carry their number, and the lines below say why.
 pub fn svg(drawing: &Drawing) -> String {
     let view = View::of(drawing);

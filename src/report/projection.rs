@@ -1,7 +1,7 @@
 //! From space to paper.
 
 use super::canvas::WIDTH;
-use crate::figure::{Drawing, Segment};
+use crate::figure::{Drawing, Segment, Up};
 
 /// Free space around a drawing in pixels: badges and arrows may use it.
 const BORDER: f64 = 70.0;
@@ -10,27 +10,36 @@ pub(super) const ARROW: f64 = 0.12;
 /// The height of a drawing lies between these.
 const HEIGHT: (f64, f64) = (220.0, 640.0);
 
-/// A parallel projection.
+/// A parallel projection of what stands upright.
 #[derive(Clone, Copy)]
-pub(super) enum Projection {
+pub(super) struct Projection {
+    up: Up,
+    from: Side,
+}
+
+#[derive(Clone, Copy)]
+enum Side {
     /// x to the right, y upwards.
-    Flat,
+    Front,
     /// Turned by 35° about the vertical y axis and looked at from 22° above.
-    Raised,
+    Above,
 }
 
 impl Projection {
     /// Scenes in a plane z = const are seen from the front.
     pub fn of(drawing: &Drawing) -> Self {
-        let in_plane = drawing.points.windows(2).all(|pair| pair[0][2] == pair[1][2]);
-        if drawing.dimension < 3 || in_plane { Self::Flat } else { Self::Raised }
+        let depths = drawing.points.iter().map(|&point| drawing.up.upright(point)[2]);
+        let in_plane = depths.clone().zip(depths.skip(1)).all(|(a, b)| a == b);
+        let from = if drawing.dimension < 3 || in_plane { Side::Front } else { Side::Above };
+        Self { up: drawing.up, from }
     }
 
     /// Right and up, in the unit of the argument.
-    pub fn apply(self, [x, y, z]: [f64; 3]) -> [f64; 2] {
-        match self {
-            Self::Flat => [x, y],
-            Self::Raised => {
+    pub fn apply(self, vector: [f64; 3]) -> [f64; 2] {
+        let [x, y, z] = self.up.upright(vector);
+        match self.from {
+            Side::Front => [x, y],
+            Side::Above => {
                 let (turn_sin, turn_cos) = 35f64.to_radians().sin_cos();
                 let (raise_sin, raise_cos) = 22f64.to_radians().sin_cos();
                 let depth = x * turn_sin + z * turn_cos;

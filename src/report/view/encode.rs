@@ -7,7 +7,7 @@
 
 use super::channel::{Channel, append};
 use super::panel::Panel;
-use crate::figure::{Animation, Binding};
+use crate::figure::{Animation, Binding, Up};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
@@ -51,12 +51,6 @@ pub(super) struct About {
     sections: BTreeMap<&'static str, [usize; 2]>,
     channels: Channels,
     pub tracks: Vec<Panel>,
-}
-
-#[derive(Serialize)]
-pub(super) struct Up {
-    axis: usize,
-    sign: f64,
 }
 
 #[derive(Serialize)]
@@ -149,7 +143,7 @@ fn with_frames(animation: &Animation, every: usize) -> Encoded {
     let about = About {
         dimension: cast.dimension,
         depthless: high.z - low.z <= 1e-6 * widest,
-        up: up(cast.dimension, cast.gravity),
+        up: Up::against(cast.gravity, cast.dimension),
         particles,
         springs,
         frames,
@@ -193,15 +187,6 @@ fn strain_scale<'a>(strains: impl Iterator<Item = &'a f32>, fine: bool) -> Strai
 fn round_up(value: f64) -> f64 {
     let power = 10f64.powf(value.log10().floor());
     [1.0, 2.0, 5.0].into_iter().map(|k| k * power).find(|&round| round >= 0.999 * value).unwrap_or(10.0 * power)
-}
-
-/// Against gravity where that follows an axis of a scene in space; y elsewhere.
-fn up(dimension: usize, gravity: Vector3<f64>) -> Up {
-    let axis = gravity.iamax();
-    match dimension {
-        3 if gravity[axis].abs() > 0.9 * gravity.norm() => Up { axis, sign: -gravity[axis].signum() },
-        _ => Up { axis: 1, sign: 1.0 },
-    }
 }
 
 /// Real time where that lasts between 2 and 30 s; else a simple factor with which it lasts about 8 s.
