@@ -55,8 +55,10 @@ impl WorkPrecision {
     pub fn conclusions(&self) -> Vec<String> {
         let mut all = self.recommendations();
         all.extend(self.best_options());
-        let ways = self.reaches().into_iter().map(|(name, reach)| format!("{name} {reach}"));
-        all.push(format!("Steps from which on every shorter one did better: {}.", ways.collect::<Vec<_>>().join("; ")));
+        let ways: Vec<_> = self.reaches().into_iter().map(|(name, reach)| format!("{name} {reach}")).collect();
+        if !ways.is_empty() {
+            all.push(format!("Steps from which on every shorter one did better: {}.", ways.join("; ")));
+        }
         all
     }
 

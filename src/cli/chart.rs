@@ -159,5 +159,5 @@ fn write(folder: &Path, report: &Report<'_>, chart: &WorkPrecision, map: &Stabil
 
 /// A bar on stderr that fills with time; indicatif shows it only on a terminal.
 fn progress_bar(console: &Console, budget: Duration) -> ProgressBar {
-    bar(console, budget.as_secs().max(1), "{wide_bar} {pos} of at most {len} s, {msg}")
+    bar(console, budget.as_secs().max(1), "{wide_bar} {pos} of at most {len} s, {msg}").with_message("starting")
 }

@@ -123,7 +123,7 @@ impl Inspect {
 
     /// Inspects the state; where the user interrupts, with what is known by then.
     fn look(&self, console: &Console, scene: &Arc<LoadedScene>, dt: f64, par: Par) -> Result<Result<Looked>, Stop> {
-        let bar = bar(console, PARTS, "{wide_bar} {msg}, {eta} left").with_message("inspecting");
+        let bar = bar(console, PARTS, "{wide_bar} {msg}, {eta}").with_message("inspecting");
         let (option, all, inspected) = (self.stiffness, self.all, scene.clone());
         let mut known = None;
         let looked = self.threads.attend(

@@ -109,7 +109,7 @@ impl Recorder {
 
 /// A bar on stderr; indicatif shows it only on a terminal.
 pub fn progress_bar(console: &Console, steps: u64) -> ProgressBar {
-    bar(console, steps, "{wide_bar} step {pos} of {len}, {msg}, {eta} left").with_message("at the start")
+    bar(console, steps, "{wide_bar} step {pos} of {len}, {msg}, {eta}").with_message("at the start")
 }
 
 /// A bar of another look.
@@ -119,7 +119,7 @@ pub fn bar(console: &Console, length: u64, template: &str) -> ProgressBar {
     match ProgressStyle::with_template(template) {
         Ok(style) => bar.with_style(style.with_key("eta", |state: &ProgressState, text: &mut dyn Write| {
             // Nothing is known before the first part is done.
-            let left = if state.pos() == 0 { "unknown".into() } else { roughly(state.eta()) };
+            let left = if state.pos() == 0 { "time unknown".into() } else { format!("{} left", roughly(state.eta())) };
             let _ = text.write_str(&left);
         })),
         Err(_) => bar,

@@ -86,7 +86,7 @@ impl Verify {
             .iter()
             .map(|&(family, subject)| format!("{}, {}", FAMILIES[family].name, subjects[subject].name))
             .collect();
-        let bar = bar(console, tasks.len() as u64, "{bar:30} {pos}/{len}, about {eta} left, {msg}");
+        let bar = bar(console, tasks.len() as u64, "{bar:30} {pos}/{len}, {eta}, {msg}");
         let name = |number: usize| names.get(number).cloned().unwrap_or_default();
         bar.set_message(name(0));
         let mut checks = Vec::new();
