@@ -10,6 +10,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::{fs, mem};
 
+/// Where lints stand in the manifest.
+const LINTS: &str = "[lints.rust]\nunsafe_code = \"forbid\"\nmissing_docs = \"deny\"\n";
+
 /// A folder with a copy of the program, and the original that it is copied from.
 pub struct Copy {
     pub root: PathBuf,
@@ -17,8 +20,8 @@ pub struct Copy {
 }
 
 impl Copy {
-    pub fn new(root: &Path) -> Result<Self> {
-        let copy = Self { root: root.to_owned(), folder: copy::target(root).join("mutants-program") };
+    pub fn new(root: &Path, name: &str) -> Result<Self> {
+        let copy = Self { root: root.to_owned(), folder: copy::target(root).join(name).join("program") };
         copy.restore()?;
         Ok(copy)
     }
@@ -27,10 +30,15 @@ impl Copy {
         Ok(copy::program(&self.root, &self.folder)?)
     }
 
-    /// Gives the copy all mutants but those left out, behind switches, and the lines that they take in each file.
-    fn switch(&self, mutants: &[Mutant], left_out: &BTreeSet<usize>) -> Result<BTreeMap<String, Switched>> {
+    /// Gives the copy the chosen mutants but those left out, behind switches, and the lines that they take in each file.
+    fn switch(
+        &self,
+        mutants: &[Mutant],
+        chosen: &BTreeSet<usize>,
+        left_out: &BTreeSet<usize>,
+    ) -> Result<BTreeMap<String, Switched>> {
         let mut files = BTreeMap::<&str, Vec<(usize, &Mutant)>>::new();
-        for (number, mutant) in numbered(mutants) {
+        for (number, mutant) in numbered(mutants).filter(|(number, _)| chosen.contains(number)) {
             let within = files.entry(&mutant.file).or_default();
             if mutant.function.is_some() && !left_out.contains(&number) {
                 within.push((number, mutant));
@@ -45,15 +53,21 @@ impl Copy {
         }
         let library = fs::read_to_string(self.root.join("src/lib.rs"))? + switch::LIBRARY;
         copy::write(&self.folder.join("src/lib.rs"), library.as_bytes())?;
+        let manifest = fs::read_to_string(self.root.join("Cargo.toml"))?;
+        copy::write(&self.folder.join("Cargo.toml"), manifest.replace(LINTS, switch::LINTS).as_bytes())?;
         Ok(written)
     }
 
-    /// Puts every mutant that compiles behind a switch; returns the numbers of those that do not, and of the functions of the
+    /// Puts every chosen mutant that compiles behind a switch; returns the numbers of those that do not, and of the functions of the
     /// others.
-    pub fn with_switches(&self, mutants: &[Mutant]) -> Result<(BTreeSet<usize>, BTreeMap<usize, usize>)> {
+    pub fn with_switches(
+        &self,
+        mutants: &[Mutant],
+        chosen: &BTreeSet<usize>,
+    ) -> Result<(BTreeSet<usize>, BTreeMap<usize, usize>)> {
         let mut unviable = BTreeSet::new();
         loop {
-            let switched = self.switch(mutants, &unviable)?;
+            let switched = self.switch(mutants, chosen, &unviable)?;
             let errors = self.errors()?;
             if errors.is_empty() {
                 let arms = switched.values().flat_map(|file| &file.mutants);
@@ -114,10 +128,10 @@ impl Copy {
     fn cargo(&self, arguments: &[&str]) -> Result<Vec<Value>> {
         let output = Command::new(env!("CARGO"))
             .args(arguments)
-            .args(["--profile", "mutants", "--message-format", "json", "--target-dir"])
-            .arg(self.folder.with_file_name("mutants-build"))
-            // A lint that a mutant offends, an unused variable for one, is no error.
-            .env("RUSTFLAGS", "--cap-lints=warn")
+            .args(["--profile", "faults", "--message-format", "json", "--target-dir"])
+            .arg(self.folder.with_file_name("build"))
+            // Dependencies are the same for all rooms, and for planted faults; the command, which tests start, is not.
+            .env("CARGO_BUILD_BUILD_DIR", copy::target(&self.root))
             .env("CARGO_INCREMENTAL", "1")
             .current_dir(&self.folder)
             .stderr(Stdio::null())
@@ -131,14 +145,31 @@ pub fn numbered(mutants: &[Mutant]) -> impl Iterator<Item = (usize, &Mutant)> {
     mutants.iter().enumerate().map(|(index, mutant)| (index + 1, mutant))
 }
 
-/// The mutants in whose lines an error lies: where the compiler points first, or else anywhere it points.
+/// The mutants in whose lines an error lies: where the compiler points first, or else anywhere it points. An error in the type that a
+/// function returns comes of those that replace all of its body.
 fn guilty(error: &Value, switched: &BTreeMap<String, Switched>) -> BTreeSet<usize> {
     let spans: Vec<&Value> = error["spans"].as_array().into_iter().flatten().collect();
-    let at = |span: &&Value| {
-        let line = span["line_start"].as_u64().unwrap_or(0) as usize;
+    let place = |span: &Value| {
         let arms = span["file_name"].as_str().and_then(|file| switched.get(file)).map(|file| &file.mutants);
-        arms.into_iter().flatten().find(|arm| arm.lines.contains(&line)).map(|arm| arm.number)
+        (span["line_start"].as_u64().unwrap_or(0) as usize, arms.into_iter().flatten())
+    };
+    let at = |span: &&Value| {
+        let (line, mut arms) = place(span);
+        arms.find(|arm| arm.lines.contains(&line)).map(|arm| arm.number)
     };
     let primary: BTreeSet<usize> = spans.iter().filter(|span| span["is_primary"] == true).filter_map(at).collect();
-    if primary.is_empty() { spans.iter().filter_map(at).collect() } else { primary }
+    if !primary.is_empty() {
+        return primary;
+    }
+    let any: BTreeSet<usize> = spans.iter().filter_map(at).collect();
+    if !any.is_empty() {
+        return any;
+    }
+    let whole = spans.iter().filter(|span| span["is_primary"] == true).flat_map(|span| {
+        let (line, arms) = place(span);
+        let arms: Vec<_> = arms.collect();
+        let function = arms.iter().find(|arm| arm.lines.start > line).map(|arm| arm.function);
+        arms.into_iter().filter(move |arm| arm.is_whole && Some(arm.function) == function).map(|arm| arm.number)
+    });
+    whole.collect()
 }

@@ -1,4 +1,4 @@
-//! The mutants that cargo-mutants finds in the numerical modules.
+//! The mutants that cargo-mutants finds in the rooms that compute.
 
 use serde::Deserialize;
 use std::fs;
@@ -33,11 +33,18 @@ pub struct Mutant {
     pub file: String,
     pub span: Span,
     pub replacement: String,
-    /// The function around it; none for constants, and for functions that constants call.
+    /// The function around it; none for constants, for functions that constants call, and for those that return a type without a
+    /// name.
     pub function: Option<Function>,
 }
 
 impl Mutant {
+    /// The room of the library: `linear` of `src/linear/cg.rs`, `spring` of `src/spring.rs`.
+    pub fn room(&self) -> &str {
+        let within = self.file.strip_prefix("src/").unwrap_or(&self.file);
+        within.split(['/', '.']).next().unwrap_or(within)
+    }
+
     /// Name without line and column, which move when the file is edited.
     pub fn change(&self) -> &str {
         self.name.splitn(4, ':').last().unwrap_or(&self.name).trim()
@@ -52,11 +59,15 @@ pub fn all(root: &Path) -> super::Result<Vec<Mutant>> {
         return Err(format!("cargo-mutants is needed, `cargo install cargo-mutants --locked`: {why}").into());
     }
     let mut mutants: Vec<Mutant> = serde_json::from_slice(&list.stdout)?;
+    mutants.retain(|mutant| !mutant.file.ends_with("/tests.rs"));
     for mutant in &mut mutants {
         if let Some(function) = &mutant.function {
             let source = fs::read_to_string(root.join(&mutant.file))?;
             let first = source.lines().skip(function.span.start.line - 1).find(|line| line.contains("fn "));
-            if first.is_some_and(|line| line.contains("const fn ")) {
+            let opaque = function.return_type.strip_prefix("-> impl ");
+            // An arm can be an iterator, and nothing else that has no name.
+            let has_arms = opaque.is_none_or(|of| of.starts_with("Iterator") && !of.contains("Clone") && !of.contains("Send"));
+            if first.is_some_and(|line| line.contains("const fn ")) || !has_arms {
                 mutant.function = None;
             }
         }

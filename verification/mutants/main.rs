@@ -1,12 +1,23 @@
-//! Tries every mutant that cargo-mutants finds in the numerical modules, and records what became of each.
+//! Tries the mutants that cargo-mutants finds in the rooms that compute, and records what became of each.
 //!
-//! `cargo xtask mutants` builds them all behind a switch in a copy below the target folder, runs the
-//! tests with each until one fails, and writes `mutants.md` beside this folder. Only tests that enter the changed function
-//! are run, those first that have caught most mutants of its file for the time they take. Arguments choose mutants by part
-//! of their name; `--survivors` tries only those that no test has caught yet, those of a run that was ended among them, and
-//! `--table` tries none. Those that no test can catch are listed in `equivalent.toml` with the reason; any other survivor,
-//! and one not tried yet, makes the exit status 1.
-//! cargo-mutants must be installed (`cargo install cargo-mutants --locked`), and the system a Unix.
+//! `cargo xtask mutants` builds mutants behind a switch in a copy below the target folder, runs the tests with each until one
+//! fails, keeps the results beside this file, one file a room, and writes `mutants.md` from all of them: so rooms can be tried on
+//! different days, and what was not tried is counted as that. Only tests that enter the changed function are run, one at a
+//! time, those first that have caught most mutants of its file for the time they take.
+//!
+//! | words | |
+//! |---|---|
+//! | `--room NAME` | only this room (`src/NAME/` or `src/NAME.rs`); may stand several times |
+//! | a part of a name | only mutants whose names hold it |
+//! | `--open` | only those of which nothing is settled: not tried, or alive and not listed as equivalent |
+//! | `--seconds N` | tests of so many seconds for each mutant; what is alive then is kept as alive after some tests |
+//! | `--jobs N` | so many at a time, instead of one a processor |
+//! | `--apart` | those in constants too, each of which takes a build of its own |
+//! | `--count` | how many there are and what is known of them, nothing else |
+//! | `--table` | the page from what is known, nothing else |
+//!
+//! Those that no test can catch are listed in `equivalent.toml` with the reason; any other survivor, and one not tried yet,
+//! makes the exit status 1. cargo-mutants must be installed (`cargo install cargo-mutants --locked`), and the system a Unix.
 
 mod build;
 #[path = "../copy.rs"]
@@ -35,6 +46,53 @@ type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 /// After how many mutants what is known of them is kept, so that little is lost if the run is ended.
 const KEPT: usize = 20;
 
+/// What the words ask for.
+#[derive(Default)]
+struct Request {
+    rooms: Vec<String>,
+    parts: Vec<String>,
+    open: bool,
+    apart: bool,
+    count: bool,
+    table: bool,
+    seconds: Option<u64>,
+    jobs: Option<usize>,
+}
+
+impl Request {
+    fn of(words: impl IntoIterator<Item = String>) -> Result<Self> {
+        let mut request = Self::default();
+        let mut words = words.into_iter();
+        while let Some(word) = words.next() {
+            let mut value = || words.next().ok_or_else(|| format!("{word}: a value is missing"));
+            match word.as_str() {
+                "--room" => request.rooms.push(value()?),
+                "--seconds" => request.seconds = Some(value()?.parse()?),
+                "--jobs" => request.jobs = Some(value()?.parse()?),
+                "--open" => request.open = true,
+                "--apart" => request.apart = true,
+                "--count" => request.count = true,
+                "--table" => request.table = true,
+                _ if word.starts_with("--") => {
+                    return Err(format!("{word}: the options are at the head of verification/mutants/main.rs").into());
+                }
+                _ => request.parts.push(word),
+            }
+        }
+        Ok(request)
+    }
+
+    fn wants(&self, mutant: &Mutant) -> bool {
+        let of_room = self.rooms.is_empty() || self.rooms.iter().any(|room| room == mutant.room());
+        of_room && (self.parts.is_empty() || self.parts.iter().any(|part| mutant.name.contains(part.as_str())))
+    }
+
+    /// The name of the folder of the copy: rooms have their own, so that one can be built while another is tried.
+    fn folder(&self) -> String {
+        std::iter::once("mutants").chain(self.rooms.iter().map(String::as_str)).collect::<Vec<_>>().join("-")
+    }
+}
+
 fn main() -> ExitCode {
     match run() {
         Ok(true) => ExitCode::SUCCESS,
@@ -48,35 +106,42 @@ fn main() -> ExitCode {
 
 fn run() -> Result<bool> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let (options, wanted): (Vec<String>, Vec<String>) =
-        std::env::args().skip(1).partition(|word| word.starts_with("--"));
-    if let Some(unknown) = options.iter().find(|option| !["--survivors", "--table"].contains(&option.as_str())) {
-        return Err(format!("{unknown}: the options are --survivors and --table").into());
-    }
+    let request = Request::of(std::env::args().skip(1))?;
     let mutants = listed::all(root)?;
+    if let Some(room) = request.rooms.iter().find(|room| !mutants.iter().any(|mutant| mutant.room() == *room)) {
+        return Err(format!("{room}: no such room").into());
+    }
     let mut record = Record::new(root, &mutants)?;
-    if options.iter().any(|option| option == "--table") {
+    if request.count {
+        print!("{}", record.rooms());
+        return Ok(true);
+    }
+    if request.table {
         return record.write();
     }
     let chosen: BTreeSet<usize> = build::numbered(&mutants)
-        .filter(|(_, mutant)| wanted.is_empty() || wanted.iter().any(|part| mutant.name.contains(part.as_str())))
-        .filter(|(number, _)| options.is_empty() || !record.settled(*number))
+        .filter(|(_, mutant)| request.wants(mutant) && (request.apart || mutant.function.is_some()))
+        .filter(|(number, _)| !request.open || !record.settled(*number))
         .map(|(number, _)| number)
         .collect();
     println!("{} of {} mutants to try", chosen.len(), mutants.len());
-    let copy = Copy::new(root)?;
-    let (unviable, functions) = copy.with_switches(&mutants)?;
+    let copy = Copy::new(root, &request.folder())?;
+    let (unviable, functions) = copy.with_switches(&mutants, &chosen)?;
     unviable.iter().for_each(|&number| record.set(number, Fate::Unviable));
-    println!("building the tests with {} mutants", mutants.len() - unviable.len());
+    println!("building the tests with {} mutants", chosen.len() - unviable.len());
     let parts = trial::parts(copy.tests()?, &copy.folder)?;
     let in_constants = |number: &usize| mutants[number - 1].function.is_none();
     let (apart, switched): (Vec<usize>, Vec<usize>) =
         chosen.difference(&unviable).partition(|number| in_constants(number));
     let record = Mutex::new(record);
+    let jobs = request.jobs.or_else(|| std::thread::available_parallelism().ok().map(Into::into)).unwrap_or(1);
     let tests = Tests { parts, functions, folder: copy.folder.clone() };
-    let left = try_all(&switched, &mutants, &tests, Share::Promising, &record)?;
+    let seconds = request.seconds.map(Duration::from_secs);
+    let trials = Trials { mutants: &mutants, tests: &tests, record: &record, jobs };
+    let promising = seconds.map_or(PROMISING, |seconds| seconds.min(PROMISING));
+    let left = trials.all(&switched, Some(promising))?;
     println!("{} mutants survived the most promising tests", left.len());
-    let left = try_all(&left, &mutants, &tests, Share::All, &record)?;
+    let left = if promising == seconds.unwrap_or(Duration::MAX) { left } else { trials.all(&left, seconds)? };
     println!("{} mutants survived", left.len());
     let mut record = record.into_inner().map_err(|error| error.to_string())?;
     for number in apart {
@@ -92,58 +157,57 @@ fn run() -> Result<bool> {
     record.write()
 }
 
-/// How many of the tests a mutant is tried with.
-#[derive(Clone, Copy, PartialEq)]
-enum Share {
-    /// Those that are likely to catch it, of a few seconds: enough for most, and soon done.
-    Promising,
-    All,
+/// Mutants and what they are tried with.
+struct Trials<'a, 'm> {
+    mutants: &'a [Mutant],
+    tests: &'a Tests,
+    record: &'a Mutex<Record<'m>>,
+    jobs: usize,
 }
 
-/// Tries mutants, as many at a time as there are processors; returns those that survive.
-fn try_all(
-    numbers: &[usize],
-    mutants: &[Mutant],
-    tests: &Tests,
-    share: Share,
-    record: &Mutex<Record>,
-) -> Result<Vec<usize>> {
-    let (next, survivors) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-    let work = || {
-        while let Some(&number) = numbers.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let mutant = &mutants[number - 1];
-            let mut parts = tests.entering(number);
-            record.lock().map_err(|error| error.to_string())?.promising_first(mutant, &mut parts);
-            if share == Share::Promising {
-                parts.truncate(trial::within(&parts, PROMISING));
-            }
-            let fate = trial::fate(parts, number, &tests.folder).map_err(|error| error.to_string())?;
-            tell(mutant, &fate);
-            let mut record = record.lock().map_err(|error| error.to_string())?;
-            if fate == Fate::Survived {
-                survivors.lock().map_err(|error| error.to_string())?.push(number);
-                if share == Share::Promising {
-                    continue;
+impl Trials<'_, '_> {
+    /// Tries mutants, several at a time, each with the most promising tests of so much time, or with all that enter its function;
+    /// returns those that survive.
+    fn all(&self, numbers: &[usize], time: Option<Duration>) -> Result<Vec<usize>> {
+        let (next, survivors) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+        let work = || {
+            while let Some(&number) = numbers.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let fate = self.one(number, time)?;
+                tell(&self.mutants[number - 1], &fate);
+                if matches!(fate, Fate::Survived | Fate::Alive) {
+                    survivors.lock().map_err(|error| error.to_string())?.push(number);
+                }
+                let mut record = self.record.lock().map_err(|error| error.to_string())?;
+                record.set(number, fate);
+                if number.is_multiple_of(KEPT) {
+                    record.keep().map_err(|error| error.to_string())?;
                 }
             }
-            record.set(number, fate);
-            if number.is_multiple_of(KEPT) {
-                record.keep().map_err(|error| error.to_string())?;
-            }
-        }
-        Ok::<(), String>(())
-    };
-    let workers = std::thread::available_parallelism().map_or(1, Into::into);
-    std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
-        workers.into_iter().try_for_each(|worker| worker.join().map_err(|_| "a worker panicked")?)
-    })?;
-    Ok(survivors.into_inner().map_err(|error| error.to_string())?)
+            Ok::<(), String>(())
+        };
+        std::thread::scope(|scope| {
+            let workers: Vec<_> = (0..self.jobs).map(|_| scope.spawn(work)).collect();
+            workers.into_iter().try_for_each(|worker| worker.join().map_err(|_| "a worker panicked")?)
+        })?;
+        Ok(survivors.into_inner().map_err(|error| error.to_string())?)
+    }
+
+    fn one(&self, number: usize, time: Option<Duration>) -> std::result::Result<Fate, String> {
+        let mut parts = self.tests.entering(number);
+        let mutant = &self.mutants[number - 1];
+        self.record.lock().map_err(|error| error.to_string())?.promising_first(mutant, &mut parts);
+        let all = parts.len();
+        parts.truncate(time.map_or(all, |time| trial::within(&parts, time)));
+        let are_all = parts.len() == all;
+        let fate = trial::fate(parts, number, &self.tests.folder).map_err(|error| error.to_string())?;
+        Ok(if fate == Fate::Survived && !are_all { Fate::Alive } else { fate })
+    }
 }
 
 fn tell(mutant: &Mutant, fate: &Fate) {
     match fate {
         Fate::Survived => println!("SURVIVED {}", mutant.name),
+        Fate::Alive => println!("alive    {}", mutant.name),
         Fate::Endless { in_program } => println!("endless  {} in {in_program}", mutant.name),
         Fate::Caught { by, test } => println!("caught   {} by {by} {test}", mutant.name),
         Fate::Unviable => println!("unviable {}", mutant.name),

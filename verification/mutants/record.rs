@@ -1,4 +1,4 @@
-//! What became of the mutants: kept below the target folder, and told in `verification/mutants.md`.
+//! What became of the mutants: kept in `results/`, one file a room, and told in `verification/mutants.md`.
 
 use super::Result;
 use super::listed::Mutant;
@@ -33,9 +33,18 @@ pub struct Record<'m> {
     keys: Vec<Key>,
     fates: HashMap<Key, Fate>,
     equivalents: Vec<Equivalent>,
-    outcomes: PathBuf,
+    results: PathBuf,
     table: PathBuf,
 }
+
+/// Seconds that it takes to start a test and to read what it says.
+const START: f64 = 0.02;
+
+/// What is counted of a file or a room.
+const COLUMNS: &str = "mutants | do not compile | caught by the suite | by other tests | do not end | equivalent | not caught | alive after some tests | not tried |\n|---|---|---|---|---|---|---|---|---|---|\n";
+
+/// A row of the page.
+type Row = [usize; 9];
 
 impl<'m> Record<'m> {
     /// What is known of the mutants from earlier runs.
@@ -53,17 +62,18 @@ impl<'m> Record<'m> {
             *like += 1;
         }
         let folder = root.join("verification");
-        let outcomes = copy::target(root).join("mutants-outcomes.json");
-        let known: Vec<(Key, Fate)> = match fs::read_to_string(&outcomes) {
-            Ok(text) => serde_json::from_str(&text)?,
-            Err(_) => Vec::new(),
-        };
+        let results = folder.join("mutants/results");
+        fs::create_dir_all(&results)?;
+        let mut known: Vec<(Key, Fate)> = Vec::new();
+        for entry in fs::read_dir(&results)? {
+            known.extend(serde_json::from_str::<Vec<(Key, Fate)>>(&fs::read_to_string(entry?.path())?)?);
+        }
         // Of code that is gone nothing need be known.
         let present: HashSet<&Key> = keys.iter().collect();
         let fates = known.into_iter().filter(|(key, _)| present.contains(key)).collect();
         let equivalents: Equivalents = toml::from_str(&fs::read_to_string(folder.join("equivalent.toml"))?)?;
         let (equivalents, table) = (equivalents.equivalent, folder.join("mutants.md"));
-        Ok(Self { mutants, keys, fates, equivalents, outcomes, table })
+        Ok(Self { mutants, keys, fates, equivalents, results, table })
     }
 
     /// Whether a mutant need not be tried again: a test caught it, it does not compile, or it is known to be equivalent.
@@ -71,21 +81,30 @@ impl<'m> Record<'m> {
         let key = &self.keys[number - 1];
         match self.fates.get(key) {
             None => false,
-            Some(Fate::Survived) => self.equivalents.iter().any(|equivalent| equivalent.holds(key)),
+            Some(Fate::Survived | Fate::Alive) => self.equivalents.iter().any(|equivalent| equivalent.holds(key)),
             Some(_) => true,
         }
     }
 
-    /// Sorts parts of the tests for a mutant: first those that have caught most mutants of the same file for their time.
+    /// Sorts parts of the tests for a mutant: first those that have caught most mutants of the same file for their time. What was
+    /// caught in other files counts a little, and so does a name like the file's, as long as nothing is known.
     pub fn promising_first(&self, mutant: &Mutant, parts: &mut [&Part]) {
         let mut caught = HashMap::<&str, f64>::new();
         for (key, fate) in &self.fates {
             if let Fate::Caught { by, .. } = fate {
-                // What was caught in other files counts a little.
                 *caught.entry(by).or_default() += if key.0 == mutant.file { 1.0 } else { 0.03 };
             }
         }
-        let rate = |part: &Part| (caught.get(part.name.as_str()).unwrap_or(&0.0) + 1.0) / part.duration.as_secs_f64();
+        let stem = Path::new(&mutant.file).file_stem().and_then(|stem| stem.to_str()).unwrap_or("");
+        let expected = |part: &Part| match () {
+            () if part.name.contains(stem) => 4.0,
+            () if part.name.contains(mutant.room()) => 1.0,
+            () => 0.1,
+        };
+        let rate = |part: &Part| {
+            let caught = caught.get(part.name.as_str()).unwrap_or(&0.0);
+            (caught + expected(part)) / (part.duration.as_secs_f64() + START)
+        };
         parts.sort_by(|a, b| rate(b).total_cmp(&rate(a)));
     }
 
@@ -93,25 +112,40 @@ impl<'m> Record<'m> {
         self.fates.insert(self.keys[number - 1].clone(), fate);
     }
 
-    /// Keeps what is known so far for a later run.
+    /// Keeps what is known so far for a later run, in the order of the source.
     pub fn keep(&self) -> Result<()> {
-        let outcomes: Vec<(&Key, &Fate)> = self.fates.iter().collect();
-        Ok(fs::write(&self.outcomes, serde_json::to_string(&outcomes)? + "\n")?)
+        let mut rooms = BTreeMap::<&str, String>::new();
+        for (mutant, key) in self.mutants.iter().zip(&self.keys) {
+            let text = rooms.entry(mutant.room()).or_default();
+            if let Some(fate) = self.fates.get(key) {
+                let comma = if text.is_empty() { "" } else { ",\n" };
+                *text += &format!("{comma}{}", serde_json::to_string(&(key, fate))?);
+            }
+        }
+        for (room, text) in rooms.iter().filter(|(_, text)| !text.is_empty()) {
+            copy::write(&self.results.join(format!("{room}.json")), format!("[\n{text}\n]\n").as_bytes())?;
+        }
+        Ok(())
+    }
+
+    /// Whether a mutant is alive, and listed as equivalent if it is.
+    fn alive(&self, key: &Key) -> Option<bool> {
+        matches!(self.fates.get(key), Some(Fate::Survived | Fate::Alive))
+            .then(|| self.equivalents.iter().any(|equivalent| equivalent.holds(key)))
     }
 
     /// Writes the table; whether all mutants were tried, and every survivor is listed as equivalent.
     pub fn write(&self) -> Result<bool> {
         self.keep()?;
-        let outcomes: Vec<(&Key, &Fate)> =
-            self.keys.iter().filter_map(|key| self.fates.get(key).map(|fate| (key, fate))).collect();
-        let untried = self.mutants.len() - outcomes.len();
-        let survivors: Vec<&Key> =
-            outcomes.iter().filter(|(_, fate)| **fate == Fate::Survived).map(|(key, _)| *key).collect();
+        let untried = self.keys.iter().filter(|key| !self.fates.contains_key(*key)).count();
         let (listed, unlisted): (Vec<&Key>, Vec<&Key>) =
-            survivors.iter().partition(|key| self.equivalents.iter().any(|equivalent| equivalent.holds(key)));
+            self.keys.iter().filter(|key| self.alive(key).is_some()).partition(|key| self.alive(key) == Some(true));
         unlisted.iter().for_each(|(file, change, line, _)| println!("not caught: {file}: {change}: {line}"));
+        // What a test catches, what does not compile, and what is not in the source is not equivalent.
         let stale = |(file, (change, line)): &(&String, &(String, String))| {
-            !survivors.iter().any(|key| key.0 == **file && key.1 == *change && key.2.contains(line.as_str()))
+            let mut of =
+                self.keys.iter().filter(|key| key.0 == **file && key.1 == *change && key.2.contains(line.as_str()));
+            of.all(|key| self.fates.contains_key(key) && self.alive(key).is_none())
         };
         let entries = self.equivalents.iter().flat_map(|of| of.mutants.iter().map(|mutant| (&of.file, mutant)));
         let stale: Vec<_> = entries.filter(stale).collect();
@@ -119,7 +153,7 @@ impl<'m> Record<'m> {
         println!(
             "{} mutants, {untried} not tried, {} survived: {} equivalent, {} not caught",
             self.mutants.len(),
-            survivors.len(),
+            listed.len() + unlisted.len(),
             listed.len(),
             unlisted.len()
         );
@@ -127,40 +161,66 @@ impl<'m> Record<'m> {
         Ok(untried == 0 && unlisted.is_empty() && stale.is_empty())
     }
 
-    fn table(&self, unlisted: &[&Key]) -> String {
-        let mut text = String::from(
-            "# Mutants, and what became of them\n\n\
-             Written by `cargo xtask mutants`. The mutants are those that cargo-mutants makes of the \
-             numerical modules: an operator, a condition, a returned value or a term of a sum is another. The tests that \
-             enter its function are run with every one until one fails, those first that caught most like it for their \
-             time. So the columns say which tests were the quickest to see it, not which others would have.\n\n\
-             | file | mutants | do not compile | caught by the suite | by other tests | do not end | equivalent | not caught | not tried |\n\
-             |---|---|---|---|---|---|---|---|---|\n",
-        );
-        let mut rows = BTreeMap::<&str, [usize; 8]>::new();
-        for key in &self.keys {
-            let column = match self.fates.get(key) {
-                None => 7,
-                Some(Fate::Unviable) => 1,
-                Some(Fate::Caught { by, .. }) if by.starts_with("verification") => 2,
-                Some(Fate::Caught { .. }) => 3,
-                Some(Fate::Endless { .. }) => 4,
-                Some(Fate::Survived) if unlisted.contains(&key) => 6,
-                Some(Fate::Survived) => 5,
-            };
-            for file in [key.0.as_str(), "~ all"] {
-                let row = rows.entry(file).or_default();
+    /// In which column of the page a mutant is counted.
+    fn column(&self, key: &Key) -> usize {
+        match (self.fates.get(key), self.alive(key)) {
+            (None, _) => 8,
+            (Some(Fate::Unviable), _) => 1,
+            (Some(Fate::Caught { by, .. }), _) if by.starts_with("verification") => 2,
+            (Some(Fate::Caught { .. }), _) => 3,
+            (Some(Fate::Endless { .. }), _) => 4,
+            (Some(_), Some(true)) => 5,
+            (Some(Fate::Alive), _) => 7,
+            (Some(Fate::Survived), _) => 6,
+        }
+    }
+
+    /// Rows of the page: of what each mutant is counted under, or of nothing.
+    fn rows<'k>(&'k self, name: impl Fn(&'k Mutant) -> Option<&'k str>) -> String {
+        let mut rows = BTreeMap::<&str, Row>::new();
+        let mut all: Row = [0; 9];
+        for (mutant, key) in self.mutants.iter().zip(&self.keys) {
+            let Some(name) = name(mutant) else { continue };
+            for row in [rows.entry(name).or_default(), &mut all] {
                 row[0] += 1;
-                row[column] += 1;
+                row[self.column(key)] += 1;
             }
         }
-        for (file, numbers) in rows {
-            let numbers = numbers.map(|number| number.to_string()).join(" | ");
-            let file = if file == "~ all" { "**all**".to_owned() } else { format!("`{file}`") };
-            let _ = writeln!(text, "| {file} | {numbers} |");
-        }
+        let mut text = String::new();
+        let mut write = |name: &str, row: Row| {
+            let _ = writeln!(text, "| {name} | {} |", row.map(|number| number.to_string()).join(" | "));
+        };
+        rows.into_iter().for_each(|(name, row)| write(&format!("`{name}`"), row));
+        write("**all**", all);
+        text
+    }
+
+    /// The rooms and what is known of them.
+    pub fn rooms(&self) -> String {
+        format!("| room | {COLUMNS}{}", self.rows(|mutant| Some(mutant.room())))
+    }
+
+    fn table(&self, unlisted: &[&Key]) -> String {
+        let tried: HashSet<&str> = self
+            .mutants
+            .iter()
+            .zip(&self.keys)
+            .filter(|(_, key)| self.fates.contains_key(*key))
+            .map(|(m, _)| m.room())
+            .collect();
+        let mut text = String::from(
+            "# Mutants, and what became of them\n\n\
+             Written by `cargo xtask mutants`. The mutants are those that cargo-mutants makes of the rooms that compute: an \
+             operator, a condition, a returned value or a term of a sum is another. The tests that \
+             enter its function are run with every one until one fails, those first that caught most like it for their \
+             time. So the columns say which tests were the quickest to see it, not which others would have. One that is alive \
+             after some tests was not caught by the most promising ones, and has not been tried with the others.\n\n",
+        );
+        text += &self.rooms();
+        let _ = write!(text, "\n## Files of the rooms that were tried\n\n| file | {COLUMNS}");
+        text += &self.rows(|mutant| tried.contains(mutant.room()).then_some(mutant.file.as_str()));
         if !unlisted.is_empty() {
-            text += "\n## Not caught\n\n";
+            text += "\n## Not caught, or not yet\n\n";
         }
         for (file, change, line, _) in unlisted {
             let _ = writeln!(text, "- `{file}`: {change}: `{line}`");

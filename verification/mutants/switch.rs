@@ -13,6 +13,9 @@ pub const VARIABLE: &str = "SPRUNG_MUTANT";
 /// The environment variable that names a file, which gets the number of every function that is entered.
 pub const ENTERED: &str = "SPRUNG_ENTERED";
 
+/// The lints of the copy: a mutant that offends one compiles.
+pub const LINTS: &str = "[lints.rust]\nwarnings = \"allow\"\narithmetic_overflow = \"allow\"\nunconditional_panic = \"allow\"\n";
+
 /// What the library of the copy is given: the number of the mutant that acts, read once a process, and a type for functions
 /// that return `impl Iterator`, whose arms must be of one type. Functions go by the number of their first mutant.
 pub const LIBRARY: &str = r#"
@@ -35,7 +38,7 @@ pub mod mutants {
     // Does not allocate: a test counts that.
     #[cold]
     fn note(function: usize, entered: &str) {
-        static NOTED: [AtomicBool; 10_000] = [const { AtomicBool::new(false) }; 10_000];
+        static NOTED: [AtomicBool; 40_000] = [const { AtomicBool::new(false) }; 40_000];
         if !NOTED[function].swap(true, Ordering::Relaxed) {
             let mut line = [0; 24];
             let mut rest = &mut line[..];
@@ -66,10 +69,11 @@ pub struct Switched {
     pub mutants: Vec<Arm>,
 }
 
-/// A mutant in a source with switches: its number, that of its function, and its lines.
+/// A mutant in a source with switches: its number, that of its function, whether it replaces all of that, and its lines.
 pub struct Arm {
     pub number: usize,
     pub function: usize,
+    pub is_whole: bool,
     pub lines: Range<usize>,
 }
 
@@ -111,7 +115,8 @@ pub fn switched(source: &str, mutants: &[(usize, &Mutant)]) -> Option<Switched> 
             let first = text.lines().count() + 1;
             let (before, after) = (source.get(body.start..place.start)?, source.get(place.end..body.end)?);
             let _ = writeln!(text, "{number} => {open}{before} {} {after}{close}{close},", mutant.replacement);
-            arms.push(Arm { number, function, lines: first..text.lines().count() + 1 });
+            let is_whole = before.trim() == "{" && after.trim() == "}";
+            arms.push(Arm { number, function, is_whole, lines: first..text.lines().count() + 1 });
         }
         let _ = write!(text, "_ => {own}{}{close},\n}} }}", source.get(body.clone())?);
         written = body.end;
@@ -126,14 +131,17 @@ pub fn replaced(source: &str, mutant: &Mutant) -> Option<String> {
     Some(format!("{} {} {}", source.get(..place.start)?, mutant.replacement, source.get(place.end..)?))
 }
 
-/// The body of a function, braces included: from the first brace that stands in no other bracket.
+/// The body of a function, braces included: from the first brace that stands in no other bracket, after the comments on the function.
 fn body(source: &str, function: Range<usize>) -> Option<Range<usize>> {
+    let text = source.get(function.clone())?;
+    let is_comment = |line: &&str| line.trim_start().starts_with("//");
+    let head: usize = text.split_inclusive('\n').take_while(is_comment).map(str::len).sum();
     let mut depth = 0;
-    for (at, character) in source.get(function.clone())?.char_indices() {
+    for (at, character) in text.get(head..)?.char_indices() {
         match character {
             '(' | '[' => depth += 1,
             ')' | ']' => depth -= 1,
-            '{' if depth == 0 => return Some(function.start + at..function.end),
+            '{' if depth == 0 => return Some(function.start + head + at..function.end),
             _ => {}
         }
     }

@@ -4,23 +4,30 @@ use super::{Result, switch};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::{BufRead, BufReader};
-use std::os::unix::process::CommandExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Starts a program with 8 GB of addresses at most: some mutants fill vectors without end.
-const LIMITED: &str = r#"ulimit -v 8000000; exec "$0" "$@""#;
+/// Starts a program with 8 GB of addresses at most, as some mutants fill vectors without end, and with a limit on the time of the
+/// processor that it takes: a busy machine makes nothing endless.
+const LIMITED: &str = r#"ulimit -v 8000000; ulimit -t "$1"; shift; exec "$@""#;
 
-/// Tests of whole scenes and other modules that take long: a mutant that only they would catch counts as a survivor.
-const LEFT_OUT: [&str; 4] = ["bunny", "chart", "culprits", "verify_jacobian"];
+/// The signal that a program gets at its limit.
+const OVER_LIMIT: i32 = 24;
+
+/// Tests that take longer are left out: a mutant that only they would catch counts as a survivor.
+const LONGEST: Duration = Duration::from_secs(60);
+
+/// Programs whose tests draw pages, look at a browser, or take long by themselves.
+const LEFT_OUT: [&str; 5] = ["bunny", "pages", "view_browser", "study", "costs"];
 
 /// A part of the tests: a program and the arguments that choose tests of it.
 pub struct Part {
     pub name: String,
     program: PathBuf,
-    arguments: &'static [&'static str],
+    arguments: Vec<String>,
     /// The time that it takes unchanged, and the functions that it enters.
     pub duration: Duration,
     pub entered: BTreeSet<usize>,
@@ -51,43 +58,57 @@ pub enum Fate {
     Caught { by: String, test: String },
     /// The tests of this program do not end.
     Endless { in_program: String },
-    /// All tests pass.
+    /// All tests that enter its function pass.
     Survived,
+    /// The most promising of them pass, the others were not tried.
+    Alive,
 }
 
-/// The parts of a program, with the arguments that choose their tests. Those of large scenes are parts of their own.
-fn division(program: &str) -> Vec<(&str, &'static [&'static str])> {
-    match program {
-        "verification" => vec![
-            ("verification", &["--skip", "bunny", "--skip", "large_cloth", "--skip", "convergence"]),
+/// The parts of a program, with the arguments that choose their tests: every test by itself; of the suite the scenes.
+fn division(name: &str, program: &Path, folder: &Path) -> Result<Vec<(String, Vec<String>)>> {
+    let words = |words: &[&str]| words.iter().map(ToString::to_string).collect();
+    if name == "verification" {
+        return Ok([
+            ("verification", &["--skip", "bunny", "--skip", "large_cloth", "--skip", "convergence"][..]),
             ("verification of convergence", &["convergence", "--skip", "bunny", "--skip", "large_cloth"]),
-            ("verification of the bunny", &["bunny"]),
-            ("verification of a large cloth", &["large_cloth"]),
-        ],
-        "sprung" => vec![("unit tests", &["--skip", "chart::"])],
-        _ => vec![(program, &[])],
+        ]
+        .map(|(name, arguments)| (name.to_owned(), words(arguments)))
+        .to_vec());
     }
+    let list = Command::new(program).args(["--list", "--format", "terse"]).current_dir(folder).output()?;
+    let tests = String::from_utf8(list.stdout)?;
+    let tests = tests.lines().filter_map(|line| line.strip_suffix(": test"));
+    Ok(tests.map(|test| (format!("{name} {test}"), words(&["--exact", test]))).collect())
 }
 
-/// The tests in parts, small scenes of the suite first.
+/// The tests in parts.
 pub fn parts(programs: Vec<(String, PathBuf)>, folder: &Path) -> Result<Vec<Part>> {
     let mut parts = Vec::new();
     for (program_name, program) in programs.into_iter().filter(|(name, _)| !LEFT_OUT.contains(&name.as_str())) {
-        for (name, arguments) in division(&program_name) {
-            let (name, program) = (name.to_owned(), program.clone());
-            let mut part = Part { name, program, arguments, duration: Duration::ZERO, entered: BTreeSet::new() };
-            let entered = folder.with_file_name("mutants-entered");
+        let all = Instant::now();
+        for (name, arguments) in division(&program_name, &program, folder)? {
+            let mut part =
+                Part { name, program: program.clone(), arguments, duration: Duration::ZERO, entered: BTreeSet::new() };
+            let entered = folder.with_file_name("entered");
             fs::write(&entered, "")?;
             let started = Instant::now();
-            let fate = part.run(0, folder, Duration::from_secs(600), Some(&entered))?;
-            if fate != Fate::Survived {
-                return Err(format!("{} fails without a mutant", part.name).into());
+            match part.run(0, folder, LONGEST * 4, Some(&entered))? {
+                Fate::Survived => {}
+                Fate::Endless { .. } => {
+                    println!("left out, as it takes long: {}", part.name);
+                    continue;
+                }
+                _ => return Err(format!("{} fails without a mutant", part.name).into()),
             }
             part.duration = started.elapsed();
             part.entered = fs::read_to_string(&entered)?.lines().filter_map(|line| line.parse().ok()).collect();
-            println!("{:6.2} s  {}", part.duration.as_secs_f64(), part.name);
-            parts.push(part);
+            if part.duration < LONGEST {
+                parts.push(part);
+            } else {
+                println!("left out, as it takes long: {}", part.name);
+            }
         }
+        println!("{:6.2} s  {program_name}", all.elapsed().as_secs_f64());
     }
     Ok(parts)
 }
@@ -105,7 +126,7 @@ pub fn within(parts: &[&Part], duration: Duration) -> usize {
 /// Runs parts until one fails.
 pub fn fate<'p>(parts: impl IntoIterator<Item = &'p Part>, number: usize, folder: &Path) -> Result<Fate> {
     for part in parts {
-        let fate = part.run(number, folder, part.duration * 3 + Duration::from_secs(5), None)?;
+        let fate = part.run(number, folder, part.duration * 6 + Duration::from_secs(3), None)?;
         if fate != Fate::Survived {
             return Ok(fate);
         }
@@ -114,13 +135,14 @@ pub fn fate<'p>(parts: impl IntoIterator<Item = &'p Part>, number: usize, folder
 }
 
 impl Part {
-    /// Runs the tests of this part until one fails or the patience ends. A file, if given, gets the functions entered.
+    /// Runs the tests of this part until one fails or has taken so much time of the processor, or waited twenty times as long.
+    /// A file, if given, gets the functions entered.
     fn run(&self, number: usize, folder: &Path, patience: Duration, entered: Option<&Path>) -> Result<Fate> {
         let mut command = Command::new("sh");
         command
-            .args(["-c", LIMITED])
+            .args(["-c", LIMITED, "sh", &patience.as_secs().to_string()])
             .arg(&self.program)
-            .args(self.arguments)
+            .args(&self.arguments)
             .args(["--color", "never", "--test-threads", "1"])
             .env(switch::VARIABLE, number.to_string())
             // The same cases as without a mutant, and none that another mutant has left behind.
@@ -139,7 +161,7 @@ impl Part {
         let (failed, last) = std::thread::scope(|scope| {
             // Ends the program when its time is over, which closes the output that is read below.
             let child = &mut child;
-            let watch = scope.spawn(|| watch(child, patience, &ended, &late));
+            let watch = scope.spawn(|| watch(child, patience * 20, &ended, &late));
             let (mut failed, mut last) = (None, String::new());
             for line in BufReader::new(output).lines().map_while(std::result::Result::ok) {
                 let words: Vec<&str> = line.split_whitespace().collect();
@@ -158,7 +180,9 @@ impl Part {
         let status = child.wait()?;
         Ok(match failed {
             Some(test) => Fate::Caught { by: self.name.clone(), test },
-            None if late.into_inner() => Fate::Endless { in_program: self.name.clone() },
+            None if late.into_inner() || status.signal() == Some(OVER_LIMIT) => {
+                Fate::Endless { in_program: self.name.clone() }
+            }
             None if status.success() => Fate::Survived,
             // Not every way to fail leaves a line: an overflow of the stack or the memory ends the program.
             None => Fate::Caught { by: self.name.clone(), test: format!("the program ended after {last}") },

@@ -11,7 +11,7 @@ use std::process::Command;
 pub enum Tool {
     /// Plant every fault and see which check catches it: verification/faults.json, faults.md; a quarter of an hour
     Faults(Words),
-    /// Make every mutant and see what becomes of it: verification/mutants.md; half an hour
+    /// Make every mutant of a room and see what becomes of it: verification/mutants.md; from minutes to hours a room
     Mutants(Words),
     /// A thousand random scenes against an independent reference: verification/study.md; ten minutes
     Study(Words),
