@@ -1,7 +1,9 @@
 //! Systems with nothing in them, or nothing that moves, work with every method and solver.
 
+use nalgebra::Vector3;
 use sprung::integrate::*;
 use sprung::linear::{SolverChoice, SolverOptions};
+use sprung::system::{Axes, Constraint, Motion};
 use sprung::{Spring, State, Stiffness, System, SystemBuilder};
 use std::ops::ControlFlow;
 
@@ -101,4 +103,21 @@ fn a_run_that_collapses_a_spring_names_it_and_keeps_the_last_state() {
     let message = outcome.end.unwrap_err().failure.to_string();
     assert_eq!(message, "spring 0 has length zero: its ends, particles 0 and 1, coincide");
     assert_eq!((state.time, state.positions[0].x, state.positions[1].x), (0.5, 0.5, 0.5));
+}
+
+/// A place and an offset that may each be so large add up to one that no state may have: the squares of its distances are no numbers.
+#[test]
+fn offsets_that_lead_out_of_the_range_of_numbers_are_refused() {
+    let built = |x: f64, offset: f64| {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([x, 0.0, 0.0], 1.0);
+        let offsets = vec![Vector3::new(offset, 0.0, 0.0), Vector3::zeros()];
+        let motion = Motion::Path { times: vec![0.0, 1.0], offsets };
+        builder.constrain(Constraint { particles: vec![1], axes: Axes::ALL, motion });
+        builder.build().map(|(_, state)| state).map_err(|error| error.to_string())
+    };
+    let error = built(6e149, 8e149).unwrap_err();
+    assert!(error.starts_with("constraints[0].path.offsets = 1.4") && error.contains("particle 1 axis x"), "{error}");
+    assert!(built(-9e149, 9e149).is_ok_and(|state| state.is_finite()));
 }

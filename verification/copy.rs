@@ -23,6 +23,36 @@ pub fn program(root: &Path, copy: &Path) -> io::Result<()> {
     Ok(())
 }
 
+/// Gives a target folder of a copy the dependencies that are built already, by links: they are the same, and take minutes. What is built
+/// of the program itself stays apart, as Cargo cannot tell a copy from the original.
+pub fn dependencies(root: &Path, folder: &Path) -> io::Result<()> {
+    let built = target(root).join("faults");
+    if !built.exists() || folder.exists() {
+        return Ok(());
+    }
+    for part in ["deps", "build", ".fingerprint"] {
+        link(&built.join(part), &folder.join("faults").join(part))?;
+    }
+    Ok(())
+}
+
+fn link(from: &Path, to: &Path) -> io::Result<()> {
+    fs::create_dir_all(to)?;
+    for entry in fs::read_dir(from)? {
+        let entry = entry?;
+        let name = entry.file_name();
+        if name.to_string_lossy().trim_start_matches("lib").starts_with("sprung-") {
+            continue;
+        }
+        if entry.file_type()?.is_dir() {
+            link(&entry.path(), &to.join(name))?;
+        } else {
+            fs::hard_link(entry.path(), to.join(name))?;
+        }
+    }
+    Ok(())
+}
+
 /// Makes a copy the same as the original, leaving alone what already is, so that a build sees no change.
 fn synchronise(from: &Path, to: &Path) -> io::Result<()> {
     if from.is_dir() {

@@ -1,7 +1,7 @@
 //! Plants faults in a copy of the program, one after the other, and records which checks of the suite catch each.
 //!
 //! `cargo xtask faults` applies every fault of `faults.toml` to a copy below the target folder, runs the
-//! verification suite on it, and writes `faults.json` (for programs) and `faults.md` (for readers) beside the list.
+//! verification suite on it, or the tests of a room that the suite does not see, and writes `faults.json` (for programs) and `faults.md` (for readers) beside the list.
 //! Arguments choose faults by part of their name; then only their rows are renewed. Every fault costs a build: a quarter of an
 //! hour for all. A fault that survives, does not compile or no longer finds its place makes the exit status 1.
 
@@ -32,6 +32,8 @@ struct Fault {
     file: String,
     find: String,
     replace: String,
+    /// A room whose own tests are to catch it, as the suite does not see it: unit tests, and the program of this name in `tests`.
+    room: Option<String>,
 }
 
 /// A fault and the tests that failed because of it, by family.
@@ -69,11 +71,18 @@ fn run() -> Result<bool> {
     let folder = root.join("verification");
     let list: List = toml::from_str(&fs::read_to_string(folder.join("faults.toml"))?)?;
     let wanted: Vec<String> = std::env::args().skip(1).collect();
-    let target = copy::target(root).join("faults");
+    let target = copy::target(root).join("faults-planted");
     let copy = target.join("program");
     copy::program(root, &copy)?;
-    if let Verdict::Failed(tests) = verdict(&copy, &target)? {
-        return Err(format!("the program fails without a fault: {}", tests.join(", ")).into());
+    copy::dependencies(root, &target.join("build"))?;
+    let mut rooms: Vec<Option<&str>> =
+        list.fault.iter().filter(|fault| chosen(&wanted, fault)).map(|fault| fault.room.as_deref()).collect();
+    rooms.sort_unstable();
+    rooms.dedup();
+    for room in rooms {
+        if let Verdict::Failed(tests) = verdict(&copy, &target, room)? {
+            return Err(format!("the program fails without a fault: {}", tests.join(", ")).into());
+        }
     }
     let record = folder.join("faults.json");
     let mut caught: Vec<Caught> =
@@ -107,7 +116,7 @@ fn plant(fault: &Fault, copy: &Path, target: &Path) -> Result<Caught> {
         return Err(format!("{}: its place is not found exactly once in {}", fault.name, fault.file).into());
     }
     fs::write(&place, source.replacen(&fault.find, &fault.replace, 1))?;
-    let verdict = verdict(copy, target);
+    let verdict = verdict(copy, target, fault.room.as_deref());
     fs::write(&place, source)?;
     let tests = match verdict? {
         Verdict::Failed(tests) => tests,
@@ -116,7 +125,11 @@ fn plant(fault: &Fault, copy: &Path, target: &Path) -> Result<Caught> {
     };
     let mut families = BTreeMap::<String, usize>::new();
     for test in &tests {
-        let family = test.rsplit_once("::").map_or(test.as_str(), |(family, _)| family);
+        let family = match test.rsplit_once("::") {
+            // A room's tests have names of their own.
+            Some((family, _)) if fault.room.is_none() => family,
+            _ => test.as_str(),
+        };
         *families.entry(family.to_owned()).or_default() += 1;
     }
     let mut by: Vec<(String, usize)> = families.into_iter().collect();
@@ -124,10 +137,12 @@ fn plant(fault: &Fault, copy: &Path, target: &Path) -> Result<Caught> {
     Ok(Caught { fault: fault.name.clone(), file: fault.file.clone(), tests: tests.len(), by })
 }
 
-/// Builds the suite in the copy and runs it.
-fn verdict(copy: &Path, target: &Path) -> Result<Verdict> {
+/// Builds the suite in the copy, or the tests of a room, and runs them.
+fn verdict(copy: &Path, target: &Path, room: Option<&str>) -> Result<Verdict> {
+    let chosen = room.map_or(vec!["--test", "verification"], |room| vec!["--lib", "--test", room]);
     let build = Command::new(env!("CARGO"))
-        .args(["test", "--profile", "faults", "--test", "verification", "--no-run", "--message-format", "json"])
+        .args(["test", "--profile", "faults", "--no-run", "--message-format", "json"])
+        .args(chosen)
         .arg("--target-dir")
         .arg(target.join("build"))
         .current_dir(copy)
@@ -138,15 +153,33 @@ fn verdict(copy: &Path, target: &Path) -> Result<Verdict> {
     }
     let messages = String::from_utf8(build.stdout)?;
     let messages = messages.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
-    let is_suite = |message: &serde_json::Value| message["target"]["name"] == "verification";
-    let suite = messages.filter(is_suite).find_map(|message| message["executable"].as_str().map(PathBuf::from));
-    let output = target.join("output.txt");
-    let mut child = Command::new(suite.ok_or("no executable of the suite")?)
-        .args(["--color", "never"])
-        .current_dir(copy)
-        .stdout(fs::File::create(&output)?)
-        .stderr(Stdio::null())
-        .spawn()?;
+    let tests = messages.filter(|message| message["profile"]["test"] == true);
+    let mut failed = Vec::new();
+    for message in tests {
+        let (Some(name), Some(program)) = (message["target"]["name"].as_str(), message["executable"].as_str()) else {
+            continue;
+        };
+        let mut command = Command::new(program);
+        command.args(["--color", "never"]).current_dir(copy);
+        if let Some(room) = room.filter(|_| name == "sprung") {
+            command.arg(format!("{room}::"));
+        }
+        match outcome(&mut command, &target.join("output.txt"))? {
+            Verdict::Passed => {}
+            // What a program of tests is called stands before its tests, as the suite's families do.
+            Verdict::Failed(tests) if room.is_some_and(|room| room == name) => {
+                failed.extend(tests.into_iter().map(|test| format!("tests::{name}::{test}")));
+            }
+            Verdict::Failed(tests) => failed.extend(tests),
+            broke @ Verdict::Broke(_) => return Ok(broke),
+        }
+    }
+    Ok(if failed.is_empty() { Verdict::Passed } else { Verdict::Failed(failed) })
+}
+
+/// Runs a program of tests.
+fn outcome(command: &mut Command, output: &Path) -> Result<Verdict> {
+    let mut child = command.stdout(fs::File::create(output)?).stderr(Stdio::null()).spawn()?;
     let started = Instant::now();
     let status = loop {
         if let Some(status) = child.try_wait()? {
@@ -159,7 +192,7 @@ fn verdict(copy: &Path, target: &Path) -> Result<Verdict> {
         }
         std::thread::sleep(Duration::from_millis(50));
     };
-    let output = String::from_utf8_lossy(&fs::read(&output)?).into_owned();
+    let output = String::from_utf8_lossy(&fs::read(output)?).into_owned();
     let failed = output.lines().filter(|line| line.starts_with("test ") && line.ends_with("FAILED"));
     let tests: Vec<String> = failed.filter_map(|line| line.split_whitespace().nth(1).map(str::to_owned)).collect();
     Ok(match (status.success(), tests.is_empty()) {

@@ -7,11 +7,15 @@ mod system;
 use sprung::Scene;
 use sprung::force::Extensions;
 use sprung::inspect::Inspection;
-use sprung::integrate::{ImplicitOptions, StepMatrices, TimeStepper};
+use sprung::integrate::{
+    Adaptivity, ImplicitOptions, Monitor, MonitorOptions, Sampling, Schedule, StepMatrices, TimeStepper,
+    run_adaptive_monitored, run_monitored,
+};
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::output::{Checkpoint, write_symmetric};
 use sprung::scene::MeshGeometry;
 use sprung::{State, Stiffness, System};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::OnceLock;
 use system::Bytes;
@@ -21,10 +25,11 @@ type Body = fn(&[u8]);
 
 /// A body by its name.
 pub fn body(name: &str) -> Option<Body> {
-    let bodies: [(&str, Body); 8] = [
+    let bodies: [(&str, Body); 9] = [
         ("scene_toml", scene_toml),
         ("scene_json", scene_json),
         ("steps", steps),
+        ("runs", runs),
         ("inspect", inspect),
         ("mesh", mesh),
         ("matrix_market", matrix_market),
@@ -123,6 +128,48 @@ pub fn steps(data: &[u8]) {
     let [one, three] = pools();
     assert_eq!(run(one), run(three), "the bits depend on the number of threads: {} {options:?} {dt:e}", method.name());
     symmetric(&system, &state, dt);
+}
+
+/// A few steps of a run that a monitor accompanies, adaptive ones where the method has an error estimate and the bytes say so: every
+/// state that is shown is finite, so is the last, its indicators are numbers, and all of it is the same for one thread and three.
+pub fn runs(data: &[u8]) {
+    let mut bytes = Bytes::new(data);
+    let Some((system, start)) = bytes.system() else { return };
+    let (method, options, dt) = (bytes.method(), bytes.options(), bytes.number(1e-6, 1e6));
+    let rtol = bytes.pick(&[None, Some(1e-1), Some(1e-3), Some(1e-6)]);
+    let run = |pool: &rayon::ThreadPool| {
+        pool.install(|| {
+            let mut state = start.clone();
+            let how_monitored = MonitorOptions::of(method, options.stiffness);
+            let mut monitor = Monitor::new(&system, &state, how_monitored).ok()?;
+            let mut seen = 0;
+            let watch = |_: u64, state: &State, _: &Monitor| {
+                assert!(state.is_finite(), "{} {options:?} {dt:e}", method.name());
+                seen += 1;
+                if seen < 6 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            };
+            let outcome = match rtol.zip(method.adaptive_stepper(&system, &state, &options).ok()?) {
+                Some((rtol, mut stepper)) => {
+                    let how = Adaptivity { duration: 6.0 * dt, rtol, first_step: None, sampling: Sampling::Steps };
+                    run_adaptive_monitored(&mut *stepper, &system, &mut state, &how, &mut monitor, watch)
+                }
+                None => {
+                    let mut stepper = method.stepper(&system, &state, &options).ok()?;
+                    let schedule = Schedule::duration(dt, 4.5 * dt);
+                    run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, watch)
+                }
+            };
+            assert!(state.is_finite(), "{} {options:?} {dt:e} {rtol:?}: {outcome:?} {state:?}", method.name());
+            let figures = monitor.figures(&state);
+            let estimate = figures.estimate(method);
+            assert!(estimate.is_none_or(|estimate| estimate >= 0.0), "{estimate:?}: {figures:?}");
+            let warnings = figures.warnings(method, rtol).len();
+            Some((bits(&state), outcome.steps, estimate.map(f64::to_bits), warnings))
+        })
+    };
+    let [one, three] = pools();
+    let name = method.name();
+    assert_eq!(run(one), run(three), "the run depends on the number of threads: {name} {options:?} {dt:e} {rtol:?}");
 }
 
 fn bits(state: &State) -> Vec<u64> {

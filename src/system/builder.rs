@@ -130,6 +130,7 @@ impl SystemBuilder {
         };
         let mut state = State { time: 0.0, positions: self.positions, velocities: self.velocities };
         state.prescribe(&system);
+        check_prescribed(&system, &state)?;
         check_energies(&system, &state)?;
         Ok((system, state))
     }
@@ -240,6 +241,18 @@ impl SystemBuilder {
         let components: Vec<f64> = v.iter().take(self.dimension).copied().collect();
         Err(Invalid { index, ..Invalid::new(key, format!("{components:?}"), rule) })
     }
+}
+
+/// A particle and an offset may each be at most so far away, and their sum too.
+fn check_prescribed(system: &System, state: &State) -> Result<(), Invalid> {
+    for (dof, _, motion) in system.prescribed.iter() {
+        let at = state.positions[dof.particle][dof.axis];
+        if at.abs() > State::LARGEST {
+            let rule = format!("is where {dof} would start: must be at most 1e150 in size");
+            return Err(Invalid::new(format!("constraints[{motion}].path.offsets"), format!("{at:?}"), rule));
+        }
+    }
+    Ok(())
 }
 
 /// What everything has at the start, or changes by in a moment, must be a number, and their sum too.

@@ -66,7 +66,8 @@ pub fn all(root: &Path) -> super::Result<Vec<Mutant>> {
             let first = source.lines().skip(function.span.start.line - 1).find(|line| line.contains("fn "));
             let opaque = function.return_type.strip_prefix("-> impl ");
             // An arm can be an iterator, and nothing else that has no name.
-            let has_arms = opaque.is_none_or(|of| of.starts_with("Iterator") && !of.contains("Clone") && !of.contains("Send"));
+            let has_arms =
+                opaque.is_none_or(|of| of.starts_with("Iterator") && !of.contains("Clone") && !of.contains("Send"));
             if first.is_some_and(|line| line.contains("const fn ")) || !has_arms {
                 mutant.function = None;
             }

@@ -14,7 +14,8 @@ pub const VARIABLE: &str = "SPRUNG_MUTANT";
 pub const ENTERED: &str = "SPRUNG_ENTERED";
 
 /// The lints of the copy: a mutant that offends one compiles.
-pub const LINTS: &str = "[lints.rust]\nwarnings = \"allow\"\narithmetic_overflow = \"allow\"\nunconditional_panic = \"allow\"\n";
+pub const LINTS: &str =
+    "[lints.rust]\nwarnings = \"allow\"\narithmetic_overflow = \"allow\"\nunconditional_panic = \"allow\"\n";
 
 /// What the library of the copy is given: the number of the mutant that acts, read once a process, and a type for functions
 /// that return `impl Iterator`, whose arms must be of one type. Functions go by the number of their first mutant.
@@ -100,6 +101,15 @@ pub fn switched(source: &str, mutants: &[(usize, &Mutant)]) -> Option<Switched> 
         }
     }
     functions.sort_by_key(|function| function.body.start);
+    // A function within another one is a part of its body.
+    let mut outermost: Vec<Switch> = Vec::new();
+    for function in functions {
+        match outermost.last_mut().filter(|outer| function.body.start < outer.body.end) {
+            Some(outer) => outer.mutants.extend(function.mutants),
+            None => outermost.push(function),
+        }
+    }
+    let functions = outermost;
     let (mut text, mut arms, mut written) = (String::new(), Vec::new(), 0);
     for Switch { body, is_opaque, mutants } in functions {
         text += source.get(written..body.start)?;
@@ -122,6 +132,9 @@ pub fn switched(source: &str, mutants: &[(usize, &Mutant)]) -> Option<Switched> 
         written = body.end;
     }
     text += source.get(written..)?;
+    // Inlined, a function with a hundred bodies would be compiled wherever it is called.
+    let text =
+        ["#[inline]", "#[inline(always)]"].iter().fold(text, |text, often| text.replace(often, "#[inline(never)]"));
     Some(Switched { source: text, mutants: arms })
 }
 
