@@ -108,9 +108,16 @@ impl Copy {
             .collect())
     }
 
-    /// Builds all tests; returns the test programs, the verification suite first, each with its name.
-    pub fn tests(&self) -> Result<Vec<(String, PathBuf)>> {
-        let messages = self.cargo(&["test", "--no-run", "--lib", "--tests"])?;
+    /// Builds the tests of these names, or all; returns the test programs, the verification suite first, each with its name.
+    pub fn tests(&self, names: &[String]) -> Result<Vec<(String, PathBuf)>> {
+        let mut arguments = vec!["test", "--no-run"];
+        if names.is_empty() {
+            arguments.extend(["--lib", "--tests"]);
+        }
+        for name in names {
+            arguments.extend(if name == "lib" { vec!["--lib"] } else { vec!["--test", name] });
+        }
+        let messages = self.cargo(&arguments)?;
         let mut programs: Vec<(String, PathBuf)> = Vec::new();
         for message in messages.iter().filter(|message| message["profile"]["test"] == true) {
             let (name, program) = (message["target"]["name"].as_str(), message["executable"].as_str());

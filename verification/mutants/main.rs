@@ -11,6 +11,7 @@
 //! | a part of a name | only mutants whose names hold it |
 //! | `--open` | only those of which nothing is settled: not tried, or alive and not listed as equivalent |
 //! | `--seconds N` | tests of so many seconds for each mutant; what is alive then is kept as alive after some tests |
+//! | `--tests NAME` | only the tests of this program in `tests/`, or `lib` for the unit tests; may stand several times; what is alive then is kept as alive after some tests |
 //! | `--jobs N` | so many at a time, instead of one a processor |
 //! | `--apart` | those in constants too, each of which takes a build of its own |
 //! | `--count` | how many there are and what is known of them, nothing else |
@@ -51,6 +52,7 @@ const KEPT: usize = 20;
 struct Request {
     rooms: Vec<String>,
     parts: Vec<String>,
+    tests: Vec<String>,
     open: bool,
     apart: bool,
     count: bool,
@@ -67,6 +69,7 @@ impl Request {
             let mut value = || words.next().ok_or_else(|| format!("{word}: a value is missing"));
             match word.as_str() {
                 "--room" => request.rooms.push(value()?),
+                "--tests" => request.tests.push(value()?),
                 "--seconds" => request.seconds = Some(value()?.parse()?),
                 "--jobs" => request.jobs = Some(value()?.parse()?),
                 "--open" => request.open = true,
@@ -129,7 +132,7 @@ fn run() -> Result<bool> {
     let (unviable, functions) = copy.with_switches(&mutants, &chosen)?;
     unviable.iter().for_each(|&number| record.set(number, Fate::Unviable));
     println!("building the tests with {} mutants", chosen.len() - unviable.len());
-    let parts = trial::parts(copy.tests()?, &copy.folder)?;
+    let parts = trial::parts(copy.tests(&request.tests)?, &copy.folder)?;
     let in_constants = |number: &usize| mutants[number - 1].function.is_none();
     let (apart, switched): (Vec<usize>, Vec<usize>) =
         chosen.difference(&unviable).partition(|number| in_constants(number));
@@ -137,7 +140,8 @@ fn run() -> Result<bool> {
     let jobs = request.jobs.or_else(|| std::thread::available_parallelism().ok().map(Into::into)).unwrap_or(1);
     let tests = Tests { parts, functions, folder: copy.folder.clone() };
     let seconds = request.seconds.map(Duration::from_secs);
-    let trials = Trials { mutants: &mutants, tests: &tests, record: &record, jobs };
+    let has_all = request.tests.is_empty();
+    let trials = Trials { mutants: &mutants, tests: &tests, has_all, record: &record, jobs };
     let promising = seconds.map_or(PROMISING, |seconds| seconds.min(PROMISING));
     let left = trials.all(&switched, Some(promising))?;
     println!("{} mutants survived the most promising tests", left.len());
@@ -146,7 +150,7 @@ fn run() -> Result<bool> {
     let mut record = record.into_inner().map_err(|error| error.to_string())?;
     for number in apart {
         let mutant = &mutants[number - 1];
-        let compiles = copy.with_one(mutant)? && copy.tests().is_ok();
+        let compiles = copy.with_one(mutant)? && copy.tests(&request.tests).is_ok();
         let mut parts = tests.entering(number);
         record.promising_first(mutant, &mut parts);
         let fate = if compiles { trial::fate(parts, 0, &copy.folder)? } else { Fate::Unviable };
@@ -161,6 +165,8 @@ fn run() -> Result<bool> {
 struct Trials<'a, 'm> {
     mutants: &'a [Mutant],
     tests: &'a Tests,
+    /// Whether there are all tests.
+    has_all: bool,
     record: &'a Mutex<Record<'m>>,
     jobs: usize,
 }
@@ -198,7 +204,7 @@ impl Trials<'_, '_> {
         self.record.lock().map_err(|error| error.to_string())?.promising_first(mutant, &mut parts);
         let all = parts.len();
         parts.truncate(time.map_or(all, |time| trial::within(&parts, time)));
-        let are_all = parts.len() == all;
+        let are_all = parts.len() == all && self.has_all;
         let fate = trial::fate(parts, number, &self.tests.folder).map_err(|error| error.to_string())?;
         Ok(if fate == Fate::Survived && !are_all { Fate::Alive } else { fate })
     }

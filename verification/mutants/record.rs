@@ -32,6 +32,8 @@ pub struct Record<'m> {
     mutants: &'m [Mutant],
     keys: Vec<Key>,
     fates: HashMap<Key, Fate>,
+    /// Rooms that something new is known of. The files of the others are left alone: another run may be writing them.
+    renewed: HashSet<&'m str>,
     equivalents: Vec<Equivalent>,
     results: PathBuf,
     table: PathBuf,
@@ -73,7 +75,7 @@ impl<'m> Record<'m> {
         let fates = known.into_iter().filter(|(key, _)| present.contains(key)).collect();
         let equivalents: Equivalents = toml::from_str(&fs::read_to_string(folder.join("equivalent.toml"))?)?;
         let (equivalents, table) = (equivalents.equivalent, folder.join("mutants.md"));
-        Ok(Self { mutants, keys, fates, equivalents, results, table })
+        Ok(Self { mutants, keys, fates, renewed: HashSet::new(), equivalents, results, table })
     }
 
     /// Whether a mutant need not be tried again: a test caught it, it does not compile, or it is known to be equivalent.
@@ -109,6 +111,7 @@ impl<'m> Record<'m> {
     }
 
     pub fn set(&mut self, number: usize, fate: Fate) {
+        self.renewed.insert(self.mutants[number - 1].room());
         self.fates.insert(self.keys[number - 1].clone(), fate);
     }
 
@@ -122,7 +125,7 @@ impl<'m> Record<'m> {
                 *text += &format!("{comma}{}", serde_json::to_string(&(key, fate))?);
             }
         }
-        for (room, text) in rooms.iter().filter(|(_, text)| !text.is_empty()) {
+        for (room, text) in rooms.iter().filter(|(room, _)| self.renewed.contains(*room)) {
             copy::write(&self.results.join(format!("{room}.json")), format!("[\n{text}\n]\n").as_bytes())?;
         }
         Ok(())
