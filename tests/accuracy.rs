@@ -83,6 +83,42 @@ fn agreement_of_steps_that_resolve_nothing_is_not_believed() {
     }
 }
 
+/// A vibration of 1000 periods and a few millionths of the spring's length. Long steps of DOP853 calm it, and two runs without it agree: only
+/// its energy is missing.
+#[test]
+fn vibrations_that_die_out_in_long_steps_are_missed() {
+    let (amplitude, omega) = (4e-6, 1000.0 * std::f64::consts::TAU);
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([1.0 + amplitude, 0.0, 0.0], 1.0);
+    builder.spring(0, 1, Spring { stiffness: omega * omega, rest_length: 1.0, damping: 0.0 });
+    builder.hold(0);
+    let (system, start) = builder.build().unwrap();
+    let exact = [start.positions[0], start.positions[1]];
+    let found = found(&system, &start, &requirement(1e-6, 1.0));
+    let error = relative_position_error(&found.state.positions, &exact, &start.positions);
+    assert_eq!(found.verdict, Verdict::Confirmed);
+    assert!(error <= 1e-6, "{error:e}, said {:e}", found.estimated_error.unwrap());
+}
+
+/// Where the fastest vibration sets the steps, a few runs with steps of one length are enough.
+#[test]
+fn many_digits_take_few_runs_with_equal_steps() {
+    let (system, start, duration) = scene("tetrahedron.toml");
+    let exact = fine_answer(&system, &start, duration);
+    for accuracy in [1e-5, 1e-6, 1e-8] {
+        let found = found(&system, &start, &requirement(accuracy, duration));
+        let error = relative_position_error(&found.state.positions, &exact.positions, &start.positions);
+        assert!(
+            matches!((found.configuration.method, found.pace), (Method::Dop853, Pace::Step(_))),
+            "{:?}",
+            found.pace
+        );
+        assert!(error <= accuracy && found.runs <= 4, "{accuracy:e}: {error:e} in {} runs", found.runs);
+        assert!(found.total_cost <= 3.0 * found.cost, "{accuracy:e}: {} {}", found.total_cost, found.cost);
+    }
+}
+
 /// Three particles that hang on springs of ω = 1000/s and more, where their weight holds them, the lowest pulled down by `stretch` m.
 fn hanging(stretch: f64) -> (System, State) {
     let mut builder = SystemBuilder::new();

@@ -15,8 +15,10 @@ mod study;
 
 use clap::Parser;
 use cpu_time::ThreadTime;
-use sprung::accuracy::{Configuration, Pace, Requirement, Verdict, answer, reduce, relative_position_error, trial};
-use sprung::integrate::{Equations, ImplicitOptions, Method, Status, StiffnessPolicy};
+use sprung::accuracy::{
+    Audience, Configuration, Pace, Requirement, SearchProgress, Verdict, answer, reduce, relative_position_error, trial,
+};
+use sprung::integrate::{Equations, ImplicitOptions, Method, Monitor, Status, StiffnessPolicy};
 use sprung::linear::{CostModel, SolverChoice, SolverOptions};
 use sprung::scene::Scene;
 use sprung::{State, Stiffness, System};
@@ -47,6 +49,10 @@ struct Arguments {
     /// Ready scenes too
     #[arg(long)]
     ready: bool,
+
+    /// Says what was done for every answer, and what it has cost
+    #[arg(long)]
+    runs: bool,
 
     /// Writes the page
     #[arg(long)]
@@ -79,12 +85,50 @@ struct Single {
     cost: f64,
 }
 
+/// Says what a search does.
+#[derive(Default)]
+struct Runs {
+    doing: String,
+    before: f64,
+    spent: f64,
+}
+
+impl Runs {
+    /// Says what the run that is over has cost.
+    fn say(&self) {
+        if !self.doing.is_empty() {
+            eprintln!("    {:>9.0}  {}", self.spent - self.before, self.doing);
+        }
+    }
+}
+
+impl Audience for Runs {
+    type Records = ();
+
+    fn begin(&mut self, _: &Monitor) -> sprung::Result<()> {
+        Ok(())
+    }
+
+    fn record(&mut self, (): &mut (), _: u64, _: &State, _: &Monitor) -> sprung::Result<()> {
+        Ok(())
+    }
+
+    fn progress(&mut self, now: &SearchProgress<'_>) {
+        if now.doing != self.doing {
+            self.say();
+            (self.doing, self.before) = (now.doing.into(), self.spent);
+        }
+        self.spent = now.spent;
+    }
+}
+
 struct Motion<'a> {
     system: &'a System,
     start: &'a State,
     duration: f64,
     costs: CostModel,
     reference: &'a Reference,
+    says_runs: bool,
 }
 
 /// An answer beside the cheapest single run.
@@ -198,8 +242,13 @@ impl Motion<'_> {
         let (mut best, mut answers) = (BTreeMap::new(), Vec::new());
         for (ask, accuracy) in self.asks().into_iter().enumerate() {
             let requirement = self.requirement(accuracy);
-            let Some(found) = answer(self.system, self.start, &requirement, &mut (), &|| true)? else { continue };
+            let mut runs = Runs::default();
+            let Some(found) = answer(self.system, self.start, &requirement, &mut runs, &|| true)? else { continue };
             let error = self.error(&found.state);
+            if self.says_runs {
+                runs.say();
+                eprintln!("    {:>9.0}  in all for {accuracy:e}", found.total_cost);
+            }
             // The answer itself is a single run.
             let cost = if error <= accuracy { found.cost } else { found.total_cost };
             best.insert(ask, Single { configuration: found.configuration, pace: found.pace, cost });
@@ -246,13 +295,13 @@ fn shortest(mut work: impl FnMut() -> sprung::Result<()>) -> sprung::Result<f64>
     Ok(least)
 }
 
-fn rows(scene: &Scene, store: &Store) -> Result<Vec<Row>, Box<dyn Error>> {
+fn rows(scene: &Scene, store: &Store, says_runs: bool) -> Result<Vec<Row>, Box<dyn Error>> {
     let (system, start) = scene.build()?;
     let duration = scene.time.duration.unwrap_or(1.0);
     let Some(reference) = store.reference(scene, duration)? else { return Ok(Vec::new()) };
     let system = reduce(&system, &start).system;
     let costs = CostModel::of(&system);
-    Motion { system: &system, start: &start, duration, costs, reference: &reference }.rows()
+    Motion { system: &system, start: &start, duration, costs, reference: &reference, says_runs }.rows()
 }
 
 /// The scenes of the repository and those with names of the study.
@@ -336,7 +385,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let wanted = |scene: &Scene| arguments.named.as_ref().is_none_or(|name| *name == scene.name);
     let ready = if arguments.ready || arguments.named.is_some() { ready()? } else { Vec::new() };
     for scene in ready.iter().filter(|scene| wanted(scene)) {
-        for row in rows(scene, &store)? {
+        for row in rows(scene, &store, arguments.runs)? {
             eprintln!("{}", line(&scene.name, &row));
             writeln!(lines, "{}", line(&scene.name, &row))?;
             of_ready.push(row);
@@ -346,7 +395,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let seeds = if arguments.named.is_some() { 0..0 } else { arguments.first..arguments.first + arguments.count };
     for seed in seeds {
         let scene = random::scene(seed).scene;
-        for row in rows(&scene, &store)? {
+        for row in rows(&scene, &store, arguments.runs)? {
             eprintln!("{}", line(&scene.name, &row));
             drawn.push((scene.name.clone(), row));
         }

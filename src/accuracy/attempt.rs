@@ -7,8 +7,8 @@ use super::samples::{Between, Grid};
 use super::{Configuration, Pace};
 use crate::error::Result;
 use crate::integrate::{
-    Adaptivity, Monitor, MonitorOptions, Outcome, Sampling, Schedule, Statistics, Status, TimeStepper,
-    run_adaptive_monitored, run_monitored,
+    Adaptivity, Dop853, Method, Monitor, MonitorOptions, Outcome, Sampling, Schedule, Statistics, Status, TimeStepper,
+    run_adaptive_monitored, run_equal_monitored, run_monitored,
 };
 use crate::linear::{CostModel, FactorReport, LinearSolver};
 use crate::system::{State, System};
@@ -60,6 +60,10 @@ pub(super) struct Tried<R> {
     pub cost: f64,
     /// Whether it was ended because it became too expensive.
     pub is_too_expensive: bool,
+    /// What steps have estimated of their errors, added up, in m.
+    pub local_errors: f64,
+    /// The amplitude of what the energy that appeared or vanished would be in vibrations of one radian a step, relative to the extent.
+    pub strayed: f64,
 }
 
 /// Runs a configuration as far as `limit` force evaluations go.
@@ -90,6 +94,16 @@ pub(super) fn attempt<A: Audience>(
         start: start.time,
     };
     let (outcome, stepper): (Outcome, Box<dyn TimeStepper>) = match pace {
+        // Its long steps need its own interpolant.
+        Pace::Step(dt) if *method == Method::Dop853 => {
+            let mut stepper = Box::new(Dop853::new(system, start)?);
+            let mut metered = Metered { stepper: &mut *stepper, meter: &meter };
+            let sampling = Sampling::Every(grid.spacing);
+            let see = |number, state: &State, monitor: &Monitor| watch.see(number, state, monitor);
+            let lengths = [dt, duration];
+            let outcome = run_equal_monitored(&mut metered, system, &mut state, lengths, sampling, &mut monitor, see);
+            (outcome, stepper)
+        }
         Pace::Step(dt) => {
             let mut stepper = method.stepper(system, start, options)?;
             let mut metered = Metered { stepper: &mut *stepper, meter: &meter };
@@ -124,6 +138,8 @@ pub(super) fn attempt<A: Audience>(
     let statistics = *stepper.statistics();
     let cost = task.costs.cost(&statistics.work, factor.map(|factor| factor.size));
     let interrupted = !(task.go_on)();
+    let figures = monitor.figures(&state);
+    let strayed = (figures.lost_way + figures.gained_way) / figures.steps.max(1) as f64;
     let status = if interrupted { Status::Interrupted } else { outcome.status() };
     let attempt = (status == Status::Completed).then(|| Attempt {
         configuration,
@@ -142,7 +158,8 @@ pub(super) fn attempt<A: Audience>(
         reversed: 0,
         records,
     });
-    Ok(Tried { attempt, status, cost, is_too_expensive: meter.has_refused() && !interrupted })
+    let is_too_expensive = meter.has_refused() && !interrupted;
+    Ok(Tried { attempt, status, cost, is_too_expensive, local_errors: meter.local_errors(), strayed })
 }
 
 /// Records and compares.

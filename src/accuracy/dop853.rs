@@ -1,5 +1,6 @@
-//! Answers by DOP853, where the steps of Verlet's method that the accuracy needs would cost more. Its first run is compared with the
-//! extrapolation of Verlet's pair, which errs for other reasons; further ones have smaller tolerances.
+//! Answers by DOP853 with steps that follow an error estimate, for motions too uneven for steps of [one length](super::equal). Its first run is
+//! compared with what went before, the last run with equal steps or the extrapolation of Verlet's pair, which err for other reasons; further
+//! ones have smaller tolerances.
 //!
 //! Every run begins with a step that its tolerance decides about. Where all of them began with the same step they would share its error,
 //! which a motion that amplifies can make the largest of all, and agree on it.
@@ -46,7 +47,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price, othe
     let mut other = other;
     let mut failures = 0;
     loop {
-        search.left = 1.5 * price.dop853(accuracy);
+        search.left = price.dop853(accuracy);
         // Of eighth order.
         let first_step = (FIRST_STEP / price.radius * tolerance.powf(0.125)).min(FIRST_PART * duration);
         let pace = Pace::Adaptive { rtol: tolerance, first_step: Some(first_step) };

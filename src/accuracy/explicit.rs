@@ -1,16 +1,23 @@
-//! Answers by explicit methods: a pair of runs of [Verlet's method](super::verlet), or of [DOP853](super::dop853) where that is
-//! not fine enough.
+//! Answers by explicit methods: a pair of runs of [Verlet's method](super::verlet), or of DOP853 where that is not fine enough, with
+//! steps of [one length](super::equal) or, where these do not do, with steps that follow [an error estimate](super::dop853).
 
 use super::audience::Audience;
-use super::price::Price;
+use super::price::{FEW_DIGITS, Price};
 use super::search::{Search, Verdict};
-use super::{dop853, verlet};
+use super::{dop853, equal, verlet};
 use crate::error::Result;
 
 /// An answer by explicit methods.
 pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> Result<Verdict> {
-    match verlet::answer(search, price)? {
+    let mut other = None;
+    if search.requirement.accuracy >= FEW_DIGITS {
+        match verlet::answer(search, price)? {
+            Ok(verdict) => return Ok(verdict),
+            Err(extrapolated) => other = extrapolated.0,
+        }
+    }
+    match equal::answer(search, price, other)? {
         Ok(verdict) => Ok(verdict),
-        Err(extrapolated) => dop853::answer(search, price, extrapolated.0),
+        Err(left) => dop853::answer(search, price, left.0),
     }
 }

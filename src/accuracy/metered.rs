@@ -11,6 +11,8 @@ pub(super) struct Meter<'a> {
     costs: CostModel,
     limit: f64,
     spent: Cell<f64>,
+    /// The errors that steps have estimated of themselves, added up, in m.
+    local_errors: Cell<f64>,
     refused: Cell<bool>,
     go_on: &'a dyn Fn() -> bool,
 }
@@ -18,12 +20,17 @@ pub(super) struct Meter<'a> {
 impl<'a> Meter<'a> {
     /// For a run that may cost `limit`.
     pub fn new(costs: CostModel, limit: f64, go_on: &'a dyn Fn() -> bool) -> Self {
-        Self { costs, limit, spent: Cell::new(0.0), refused: Cell::new(false), go_on }
+        Self { costs, limit, spent: Cell::new(0.0), local_errors: Cell::new(0.0), refused: Cell::new(false), go_on }
     }
 
     /// What the run has cost so far.
     pub fn spent(&self) -> f64 {
         self.spent.get()
+    }
+
+    /// What steps have estimated of their errors, added up, in m.
+    pub fn local_errors(&self) -> f64 {
+        self.local_errors.get()
     }
 
     /// Whether the limit has been reached.
@@ -90,6 +97,12 @@ impl<S: AdaptiveStepper + ?Sized> AdaptiveStepper for Metered<'_, S> {
 
     fn accept(&mut self, state: &mut State) {
         self.stepper.accept(state);
+        let error = self.stepper.local_error().unwrap_or(0.0);
+        self.meter.local_errors.set(self.meter.local_errors.get() + error);
+    }
+
+    fn braked(&self) -> f64 {
+        self.stepper.braked()
     }
 
     fn reject(&mut self) {

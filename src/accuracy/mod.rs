@@ -9,6 +9,7 @@ mod audience;
 mod believed;
 mod course;
 mod dop853;
+mod equal;
 mod explicit;
 mod horizon;
 mod metered;

@@ -8,21 +8,32 @@ use crate::integrate::{ImplicitOptions, Method};
 const STABLE: f64 = 0.93;
 
 /// A run has at least this many steps.
-const FEWEST_STEPS: f64 = 6.0;
+const FEWEST_STEPS: f64 = 4.0;
+
+/// Accuracies from this on are for Verlet's method to try first.
+pub(super) const FEW_DIGITS: f64 = 2e-5;
 
 /// From the first run of a pair by Verlet's method to the second.
-pub(super) const FIRST_RATIO: f64 = 1.35;
+pub(super) const FIRST_RATIO: f64 = 1.25;
 
-/// A step of DOP853 takes twelve evaluations and spans six radians of the fastest motion; a quarter more for rejected ones.
-const DOP853_COST: f64 = 12.0 / 6.0 * 1.25;
+/// Radians of the fastest motion in the longest steps of DOP853. Stable are 5.9.
+const DOP853_RADIANS: f64 = 5.4;
+
+/// Its shortest runs, in steps, and what a step takes with what is seen of it, in force evaluations.
+const DOP853_FEWEST_STEPS: f64 = 3.0;
+pub(super) const DOP853_STEP: f64 = 15.0;
+
+/// An answer by it takes so many times the work of the longest steps, as a rule, where three digits are asked for; four for every
+/// further thousandth, steps being shorter.
+const DOP853_ANSWER: f64 = 2.3;
 
 /// What explicit answers are said to cost, in force evaluations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Price {
     /// A run of Verlet's method with the longest steps.
     pub verlet: f64,
-    /// A run of DOP853, as far as stability decides.
-    dop853: f64,
+    /// The longest steps of DOP853, as far as stability decides.
+    pub steps: f64,
     /// The spectral radius, in 1/s.
     pub radius: f64,
 }
@@ -31,17 +42,23 @@ impl Price {
     pub fn of(rates: &Rates, duration: f64) -> Self {
         let verlet = (duration / (STABLE * rates.verlet_step())).max(FEWEST_STEPS);
         let radius = rates.radius();
-        Self { verlet, dop853: DOP853_COST * duration * radius, radius }
+        let steps = (duration * radius / DOP853_RADIANS).max(DOP853_FEWEST_STEPS).ceil();
+        Self { verlet, steps, radius }
+    }
+
+    /// The longest stable steps of Verlet's method that a run makes use of, in s.
+    pub fn longest(duration: f64) -> f64 {
+        duration / (STABLE * FEWEST_STEPS)
     }
 
     /// An answer of this accuracy, as a rule.
     pub fn answer(&self, accuracy: f64) -> f64 {
-        if accuracy >= 2e-5 { (1.0 + FIRST_RATIO) * self.verlet } else { 1.6 * self.dop853(accuracy) }
+        if accuracy >= FEW_DIGITS { (1.0 + FIRST_RATIO) * self.verlet } else { self.dop853(accuracy) }
     }
 
-    /// A run of DOP853 that accuracy may decide about too: some fifteen steps for 1e-3.
+    /// An answer of this accuracy by DOP853, as a rule.
     pub fn dop853(&self, accuracy: f64) -> f64 {
-        self.dop853.max(150.0 * (1e-3 / accuracy).powf(0.125))
+        DOP853_ANSWER * DOP853_STEP * self.steps * (1e-3 / accuracy).max(1.0).powf(0.1)
     }
 }
 

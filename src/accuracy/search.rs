@@ -4,7 +4,7 @@ use super::attempt::{Attempt, SolverReport, Task, Tried, attempt};
 use super::audience::{Audience, SearchProgress};
 use super::course::{Course, Difference};
 use super::horizon::Horizon;
-use super::{Configuration, Pace, Requirement};
+use super::{Configuration, Pace, Requirement, extent};
 use crate::error::Result;
 use crate::integrate::{Statistics, Status};
 use crate::system::State;
@@ -89,6 +89,10 @@ pub(super) enum Went {
 pub(super) struct Run {
     pub cost: f64,
     pub steps: u64,
+    /// What steps have estimated of their errors, added up, relative to the extent at the end; for methods that estimate them.
+    pub local_errors: f64,
+    /// The amplitude of what the energy that appeared or vanished would be in vibrations of one radian a step, relative to the extent.
+    pub strayed: f64,
     /// Whether forces have jumped on the way: springs of a one-dimensional system that pass the length zero.
     pub jumps: bool,
 }
@@ -123,7 +127,7 @@ impl<'s, A: Audience> Search<'s, A> {
         };
         let limit = limit.min(MOST_COST - self.spent);
         let tried = attempt(self.task, configuration, pace, limit, self.audience, &mut progress)?;
-        let Tried { attempt, status, cost, is_too_expensive } = tried;
+        let Tried { attempt, status, cost, is_too_expensive, local_errors, strayed } = tried;
         self.runs += 1;
         self.spent += cost;
         let Some(mut attempt) = attempt else {
@@ -138,7 +142,8 @@ impl<'s, A: Audience> Search<'s, A> {
         if system.dimension() == 1 {
             attempt.reversed = course.reversed(system.pairs(), &self.task.start.positions);
         }
-        let run = Run { cost, steps: attempt.steps, jumps: attempt.reversed > 0 };
+        let local_errors = local_errors / extent(course.end(), &self.task.start.positions);
+        let run = Run { cost, steps: attempt.steps, local_errors, strayed, jumps: attempt.reversed > 0 };
         self.latest = Some(attempt);
         Ok(Went::Well(course, run))
     }

@@ -12,13 +12,18 @@ use crate::integrate::{ImplicitOptions, Method};
 use crate::linear::{CostModel, SolverOptions};
 use crate::system::System;
 
-/// Explicit answers that cost less than this many implicit steps are not worth a try.
+/// Explicit answers that cost less than this many implicit steps are not worth a try: for one digit, and by what power of the accuracy
+/// they are more.
 const FEWEST_STEPS: f64 = 12.0;
+const MORE_STEPS: f64 = 0.3;
 
 /// The tolerance of the first run, and by what the next is smaller.
 const FIRST_TOLERANCE: f64 = 4.0;
 const COARSEST: f64 = 0.3;
 const FIRST_RATIO: f64 = 6.7;
+
+/// The part of what explicit answers cost that the first run may.
+const FIRST_PART: f64 = 0.2;
 
 /// The power of the tolerance by which runs become more expensive.
 const GROWTH: f64 = 0.35;
@@ -36,7 +41,8 @@ pub(super) fn step_price(system: &System, costs: &CostModel) -> f64 {
 pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> Result<Option<Verdict>> {
     let (accuracy, duration, system) = (search.requirement.accuracy, search.task.duration, search.task.system);
     let explicit = price.answer(accuracy);
-    if explicit <= FEWEST_STEPS * step_price(system, &search.task.costs) {
+    let fewest = FEWEST_STEPS * (0.1 / accuracy).powf(MORE_STEPS);
+    if explicit <= fewest * step_price(system, &search.task.costs) {
         return Ok(None);
     }
     let linear = linear_options(search);
@@ -44,7 +50,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
     let configuration = Configuration { method: Method::Rodas4, options };
     let mut tolerance = (FIRST_TOLERANCE * accuracy).min(COARSEST);
     let mut next = tolerance / FIRST_RATIO;
-    let mut limit = explicit / (1.0 + FIRST_RATIO.powf(GROWTH));
+    let mut limit = FIRST_PART * explicit;
     let mut coarse: Option<Course> = None;
     let mut last = f64::INFINITY;
     loop {

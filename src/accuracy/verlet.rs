@@ -1,9 +1,9 @@
-//! Answers by Verlet's method: it goes first, with the longest stable steps and with steps 1.35 times shorter.
+//! Answers by Verlet's method: it goes first, with the longest stable steps and with steps 1.25 times shorter.
 //!
 //! **The law.** Its error is `C h²`, C a motion of its own. So the difference d of runs with steps h and h/r leaves `d/(r² − 1)`
 //! of the finer one. Where that is too much, steps follow that are shorter by what the estimate says, each compared with the
-//! one before, and never by so much that the difference shows the coarser run's error alone: then two runs would not
-//! disagree about the finer one.
+//! one before. Of steps much shorter the difference shows the coarser run's error alone, and two runs could not disagree about the
+//! finer one: a way that long is believed only where the third run is where it should be.
 //!
 //! **Whether it holds** two runs do not tell, three do: from the first two it follows where the third will be,
 //!
@@ -34,7 +34,7 @@ const CONTRACTION: f64 = 2.0;
 const STRAYED: f64 = 0.4;
 
 /// Steps become shorter by at least and at most this from run to run; longer ways are made in two.
-const SHORTER: [f64; 2] = [1.4, 2.5];
+const SHORTER: [f64; 2] = [1.4, 4.0];
 
 /// Runs that are apart by more than ten times the extent have blown up.
 const BLOWN_UP: f64 = 10.0;
@@ -42,8 +42,11 @@ const BLOWN_UP: f64 = 10.0;
 /// The part of the accuracy that the next run aims at.
 const AIM: f64 = 0.5;
 
-/// The part of what DOP853 costs that Verlet's method may.
-const WORTH: f64 = 0.9;
+/// Steps shorter than this from one run to the next are a long way.
+const FAR: f64 = 2.5;
+
+/// What ways that are made in two cost more.
+const IN_TWO: f64 = 1.6;
 
 /// What Verlet's method leaves to DOP853.
 pub(super) struct Extrapolated(pub Option<Course>);
@@ -71,7 +74,7 @@ pub(super) fn answer<A: Audience>(
     price: Price,
 ) -> Result<std::result::Result<Verdict, Extrapolated>> {
     let (accuracy, duration) = (search.requirement.accuracy, search.task.duration);
-    let too_dear = WORTH * price.dop853(accuracy);
+    let too_dear = price.dop853(accuracy);
     let [least, largest] = SHORTER;
     let mut steps = price.verlet.ceil();
     let mut coarse: Option<Ran> = None;
@@ -81,7 +84,7 @@ pub(super) fn answer<A: Audience>(
     for failures in 0.. {
         // Between here and the next failure every run is compared with the one before.
         loop {
-            search.left = (FIRST_RATIO * steps).max(2.0 * price.dop853(accuracy));
+            search.left = (FIRST_RATIO * steps).max(price.dop853(accuracy));
             if !search.affords(steps) {
                 return Ok(Ok(Verdict::Unconfirmed("it would take too many steps".into())));
             }
@@ -106,17 +109,18 @@ pub(super) fn answer<A: Audience>(
                 break;
             }
             let mut strays = 0.0;
+            // A long way is not believed to its end, unless it leads where it should.
+            let mut distrust = (gain / (FAR.powi(2) - 1.0)).max(1.0);
             let by_law = match &expected {
                 None => UNPROVEN * apart / believed,
                 Some(law) if apart <= CONTRACTION * law.apart => {
                     strays = STRAYED * search.difference(&fine.course, &law.course).envelope();
+                    distrust = 1.0;
                     PROVEN * apart.max(CHANCE * law.apart) / believed
                 }
                 Some(_) => history.iter().fold(apart, |a, b| a.max(*b)) * PROVEN,
             };
-            // A long way is not believed to its end.
-            let most_gain = largest.powi(2) - 1.0;
-            let estimate = by_law * (gain / most_gain).max(1.0) + strays;
+            let estimate = by_law * distrust + strays;
             search.estimate(estimate);
             if estimate <= USABLE * accuracy {
                 return Ok(Ok(Verdict::Confirmed));
@@ -124,7 +128,8 @@ pub(super) fn answer<A: Audience>(
             history.push(apart);
             extrapolated = Some(fine.course.extrapolated(&before.course, 1.0 / gain));
             let shorter = (by_law / (AIM * accuracy)).sqrt().max(least);
-            if steps * shorter > too_dear || !shorter.is_finite() {
+            let cost = steps * shorter * if shorter > largest { IN_TWO } else { 1.0 };
+            if cost > too_dear || !shorter.is_finite() {
                 return Ok(Err(Extrapolated(extrapolated)));
             }
             let shorter = if shorter > largest { shorter.sqrt().max(shorter / largest) } else { shorter };

@@ -160,7 +160,8 @@ pub fn run_adaptive(
     how: &Adaptivity,
     mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
 ) -> Outcome {
-    drive(stepper, system, state, how, None, |count, state, _| observe(count, state))
+    let pacing = Pacing::by_error(stepper, system, state, how);
+    drive(stepper, system, state, pacing, None, |count, state, _| observe(count, state))
 }
 
 /// As [`run_adaptive`], with a monitor that enters every accepted step before `observe` sees samples of it, and ends the run
@@ -173,30 +174,64 @@ pub fn run_adaptive_monitored(
     monitor: &mut Monitor,
     mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
 ) -> Outcome {
-    drive(stepper, system, state, how, Some(monitor), |count, state, monitor| {
+    let pacing = Pacing::by_error(stepper, system, state, how);
+    drive(stepper, system, state, pacing, Some(monitor), |count, state, monitor| {
         monitor.map_or(ControlFlow::Continue(()), |monitor| observe(count, state, monitor))
     })
+}
+
+/// As [`run_adaptive_monitored`], with steps of `dt` seconds whatever their errors; those before a stop may be shorter. For what a
+/// method with an interpolant tells between its steps. A step that fails ends the run.
+pub(crate) fn run_equal_monitored(
+    stepper: &mut dyn AdaptiveStepper,
+    system: &System,
+    state: &mut State,
+    [dt, duration]: [f64; 2],
+    sampling: Sampling,
+    monitor: &mut Monitor,
+    mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
+) -> Outcome {
+    let pacing = Pacing { duration, sampling, control: Control::equal(dt), scales: None };
+    drive(stepper, system, state, pacing, Some(monitor), |count, state, monitor| {
+        monitor.map_or(ControlFlow::Continue(()), |monitor| observe(count, state, monitor))
+    })
+}
+
+/// How long a run's steps are, and when it is observed.
+struct Pacing {
+    duration: f64,
+    sampling: Sampling,
+    control: Control,
+    /// What errors are measured with; without them no error is too large.
+    scales: Option<Scales>,
+}
+
+impl Pacing {
+    fn by_error(stepper: &mut dyn AdaptiveStepper, system: &System, state: &State, how: &Adaptivity) -> Self {
+        let orders = [stepper.order(), stepper.estimate_order()];
+        let (scales, forces) = Scales::at_start(system, state, how, orders);
+        stepper.statistics_mut().work.force_evaluations += forces;
+        let first = how.first_step.unwrap_or_else(|| {
+            let (step, forces) = scales.first_step(system, state, how, stepper.estimate_order());
+            stepper.statistics_mut().work.force_evaluations += forces;
+            step
+        });
+        let Adaptivity { duration, sampling, .. } = *how;
+        Self { duration, sampling, control: Control::new(first, duration), scales: Some(scales) }
+    }
 }
 
 fn drive(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
     state: &mut State,
-    how: &Adaptivity,
+    pacing: Pacing,
     mut monitor: Option<&mut Monitor>,
     mut observe: impl FnMut(u64, &State, Option<&Monitor>) -> ControlFlow<()>,
 ) -> Outcome {
-    let end = state.time + how.duration;
-    let orders = [stepper.order(), stepper.estimate_order()];
-    let (mut scales, forces) = Scales::at_start(system, state, how, orders);
-    stepper.statistics_mut().work.force_evaluations += forces;
-    let first = how.first_step.unwrap_or_else(|| {
-        let (step, forces) = scales.first_step(system, state, how, stepper.estimate_order());
-        stepper.statistics_mut().work.force_evaluations += forces;
-        step
-    });
-    let mut control = Control::new(first, how.duration);
-    let mut samples = Samples::new(how.sampling, state);
+    let Pacing { duration, sampling, mut control, mut scales } = pacing;
+    let end = state.time + duration;
+    let mut samples = Samples::new(sampling, state);
     let mut before = state.clone();
     let mut steps = 0;
     let stiffness = stiffness(system);
@@ -204,13 +239,15 @@ fn drive(
     while state.time < end {
         let stop = system.prescribed().next_kink(state.time).map_or(end, |kink| kink.min(end));
         let (h, lands) = control.step_towards(stop - state.time);
-        let failure = match try_step(stepper, system, &stiffness, &scales, state, h) {
+        let failure = match try_step(stepper, system, &stiffness, scales.as_ref(), state, h) {
             Ok(Tried { error, doubt }) if error <= 1.0 => {
                 before.copy_from(state);
                 stepper.accept(state);
                 steps += 1;
                 control.accepted(error, h, stepper);
-                scales.see(state);
+                if let Some(scales) = &mut scales {
+                    scales.see(state);
+                }
                 if lands {
                     state.time = stop;
                     state.prescribe(system);
@@ -247,7 +284,7 @@ fn drive(
         };
         stepper.reject();
         stepper.statistics_mut().rejected_steps += 1;
-        if control.h < SHORTEST * how.duration {
+        if control.h < SHORTEST * duration {
             return Outcome::failed(steps + 1, state.time, failure, steps, state, monitor);
         }
     }
@@ -266,12 +303,14 @@ fn try_step(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
     stiffness: &[f64],
-    scales: &Scales,
+    scales: Option<&Scales>,
     state: &State,
     h: f64,
 ) -> Result<Tried, StepFailure> {
     let estimate = stepper.try_step(state, h)?;
-    let (fine, doubt) = (scales.error(&estimate, state), doubt(system, stiffness, &estimate, state));
+    let doubt = doubt(system, stiffness, &estimate, state);
+    let Some(scales) = scales else { return Ok(Tried { error: 0.0, doubt }) };
+    let fine = scales.error(&estimate, state);
     let coarse = stepper.coarser_estimate().map(|estimate| scales.error(&estimate, state));
     let error = stepper.caution() * coarse.map_or(fine, |coarse| scales::joint(fine, coarse));
     let error = error.hypot(scales.lag(stepper.braked(), h, state));

@@ -31,8 +31,8 @@ mod terms;
 mod verlet;
 mod w_method;
 
-pub(crate) use adaptive::hermite;
 pub use adaptive::{AdaptiveStepper, Adaptivity, ErrorEstimate, Sampling, run_adaptive, run_adaptive_monitored};
+pub(crate) use adaptive::{hermite, run_equal_monitored};
 pub use backward_euler::BackwardEuler;
 pub use bdf2::Bdf2;
 pub use dop853::Dop853;

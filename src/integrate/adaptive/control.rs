@@ -22,11 +22,18 @@ pub(super) struct Control {
     was_rejected: bool,
     /// No step longer than this.
     ceiling: f64,
+    /// Whether all steps but those before stops are equal; none is tried again then.
+    is_equal: bool,
 }
 
 impl Control {
     pub fn new(first: f64, duration: f64) -> Self {
-        Self { h: first.min(duration), last_error: 1.0, was_rejected: false, ceiling: duration }
+        Self { h: first.min(duration), last_error: 1.0, was_rejected: false, ceiling: duration, is_equal: false }
+    }
+
+    /// Steps of h seconds.
+    pub fn equal(h: f64) -> Self {
+        Self { h, last_error: 1.0, was_rejected: false, ceiling: h, is_equal: true }
     }
 
     /// The step to take when a stop is `distance` ahead, and whether it lands there. The last two steps share what is
@@ -43,6 +50,9 @@ impl Control {
 
     /// After a step of h seconds with an error of at most one.
     pub fn accepted(&mut self, error: f64, h: f64, stepper: &dyn AdaptiveStepper) {
+        if self.is_equal {
+            return;
+        }
         let power = f64::from(stepper.estimate_order() + 1);
         let error = error.max(1e-6);
         let factor = (0.9 / error).powf(0.7 / power) * (self.last_error / error).powf(0.4 / power);
@@ -68,7 +78,7 @@ impl Control {
     pub fn failed(&mut self, h: f64) {
         self.was_rejected = true;
         self.ceiling = BELOW_FAILURE * h;
-        self.h = 0.5 * h;
+        self.h = if self.is_equal { 0.0 } else { 0.5 * h };
     }
 }
 

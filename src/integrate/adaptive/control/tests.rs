@@ -2,7 +2,7 @@ use super::super::tests::Still;
 use super::{APPROACH, BELOW_FAILURE, Control, SHRINKAGE};
 
 fn control(h: f64) -> Control {
-    Control { h, last_error: 1.0, was_rejected: false, ceiling: f64::MAX }
+    Control { h, last_error: 1.0, was_rejected: false, ceiling: f64::MAX, is_equal: false }
 }
 
 fn close(a: f64, b: f64) -> bool {
