@@ -1,0 +1,130 @@
+//! Makes `verification/accuracy.md`: what `--accuracy` answers on random and on ready scenes, how wrong the answers are, and what they cost
+//! against the cheapest single run that a sweep over all methods, options, solvers and steps finds.
+//!
+//! ```sh
+//! cargo xtask accuracy --ready --write         # the page; sweeps of ready scenes take an hour
+//! cargo xtask accuracy --count 20 --first 500  # other random scenes
+//! cargo xtask accuracy --named cloth-of-6      # one scene with a name, answer by answer
+//! ```
+//!
+//! References are those of the study, kept in `target/study`.
+
+mod motion;
+mod runs;
+#[allow(dead_code, reason = "only scenes and references of the study are used")]
+#[path = "../study/mod.rs"]
+mod study;
+mod table;
+
+use clap::Parser;
+use motion::{Motion, REPEATS, Row};
+use sprung::accuracy::reduce;
+use sprung::linear::CostModel;
+use sprung::scene::Scene;
+use std::error::Error;
+use std::fmt::Write;
+use std::path::Path;
+use study::store::Store;
+use study::{named, random};
+use table::{HEADER, line, table};
+
+/// Compares the cost of answers with that of the cheapest single run.
+#[derive(Parser)]
+struct Arguments {
+    /// How many random scenes
+    #[arg(long, default_value_t = 150)]
+    count: u64,
+
+    /// The first seed
+    #[arg(long, default_value_t = 0)]
+    first: u64,
+
+    /// Only this one of the scenes with names
+    #[arg(long, value_name = "NAME")]
+    named: Option<String>,
+
+    /// Ready scenes too
+    #[arg(long)]
+    ready: bool,
+
+    /// Says what was done for every answer, and what it has cost
+    #[arg(long)]
+    runs: bool,
+
+    /// Writes the page
+    #[arg(long)]
+    write: bool,
+}
+
+fn rows(scene: &Scene, store: &Store, says_runs: bool) -> Result<Vec<Row>, Box<dyn Error>> {
+    let (system, start) = scene.build()?;
+    let duration = scene.time.duration.unwrap_or(1.0);
+    let Some(reference) = store.reference(scene, duration)? else { return Ok(Vec::new()) };
+    let system = reduce(&system, &start).system;
+    let costs = CostModel::of(&system);
+    Motion { system: &system, start: &start, duration, costs, reference: &reference, says_runs }.rows()
+}
+
+/// The scenes of the repository and those with names of the study.
+fn ready() -> Result<Vec<Scene>, Box<dyn Error>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/scenes");
+    let mut paths: Vec<_> = std::fs::read_dir(folder)?.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.sort();
+    paths.retain(|path| path.extension().is_some_and(|end| end == "toml" || end == "json"));
+    let mut scenes = paths.iter().map(Scene::load).collect::<Result<Vec<_>, _>>()?;
+    scenes.extend(named::scenes()?);
+    Ok(scenes)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments = Arguments::parse();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let store = Store::open(&root.join("target/study/references"))?;
+    let (mut lines, mut of_ready) = (String::new(), Vec::new());
+    let wanted = |scene: &Scene| arguments.named.as_ref().is_none_or(|name| *name == scene.name);
+    let ready = if arguments.ready || arguments.named.is_some() { ready()? } else { Vec::new() };
+    for scene in ready.iter().filter(|scene| wanted(scene)) {
+        for row in rows(scene, &store, arguments.runs)? {
+            eprintln!("{}", line(&scene.name, &row));
+            writeln!(lines, "{}", line(&scene.name, &row))?;
+            of_ready.push(row);
+        }
+    }
+    let mut drawn: Vec<(String, Row)> = Vec::new();
+    let seeds = if arguments.named.is_some() { 0..0 } else { arguments.first..arguments.first + arguments.count };
+    for seed in seeds {
+        let scene = random::scene(seed).scene;
+        for row in rows(&scene, &store, arguments.runs)? {
+            eprintln!("{}", line(&scene.name, &row));
+            drawn.push((scene.name.clone(), row));
+        }
+    }
+    drawn.sort_by(|(_, a), (_, b)| (b.total / b.least).total_cmp(&(a.total / a.least)));
+    let dearest: String = drawn.iter().take(20).map(|(scene, row)| line(scene, row) + "\n").collect();
+    let of_random: Vec<Row> = drawn.into_iter().map(|(_, row)| row).collect();
+    let ready = if of_ready.is_empty() {
+        String::new()
+    } else {
+        format!("## Ready scenes\n\n{}\n{HEADER}{lines}", table(&of_ready)?)
+    };
+    let page = format!(
+        "# What `--accuracy` answers\n\n\
+         Made by `cargo xtask accuracy --first {} --count {}{} --write`. Errors are relative position errors at the end of the\n\
+         motion, against the references of [the study](study.md), of scenes whose reference is ten times better than the accuracy. Work is\n\
+         counted in force evaluations of the scene: that of the run handed out, and of everything done to find and confirm it\n\
+         (`effort.run` and `effort.total` of `summary.json`). The cheapest run is that of a sweep over all methods with their stiffness options\n\
+         and solvers, three steps to a power of two and three tolerances to a decade, and is cheapest with hindsight: also one that\n\
+         is good enough by chance counts. Times are those of the search, with what recording asks of it, and of that run alone: of one thread, the shortest of {REPEATS}.\n\n\
+         ## {} random scenes\n\n{}\nDearest first:\n\n{HEADER}{dearest}\n{ready}",
+        arguments.first,
+        arguments.count,
+        if arguments.ready { " --ready" } else { "" },
+        arguments.count,
+        table(&of_random)?,
+    );
+    println!("{page}");
+    if arguments.write {
+        std::fs::write(root.join("verification/accuracy.md"), page)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,42 @@
+//! What a search does, run by run.
+
+use sprung::State;
+use sprung::accuracy::{Audience, SearchProgress};
+use sprung::integrate::Monitor;
+
+/// Says what a search does.
+#[derive(Default)]
+pub struct Runs {
+    doing: String,
+    before: f64,
+    spent: f64,
+}
+
+impl Runs {
+    /// Says what the run that is over has cost.
+    pub fn say(&self) {
+        if !self.doing.is_empty() {
+            eprintln!("    {:>9.0}  {}", self.spent - self.before, self.doing);
+        }
+    }
+}
+
+impl Audience for Runs {
+    type Records = ();
+
+    fn begin(&mut self, _: &Monitor) -> sprung::Result<()> {
+        Ok(())
+    }
+
+    fn record(&mut self, (): &mut (), _: u64, _: &State, _: &Monitor) -> sprung::Result<()> {
+        Ok(())
+    }
+
+    fn progress(&mut self, now: &SearchProgress<'_>) {
+        if now.doing != self.doing {
+            self.say();
+            (self.doing, self.before) = (now.doing.into(), self.spent);
+        }
+        self.spent = now.spent;
+    }
+}
