@@ -62,6 +62,14 @@ mod tests {
     use super::Interrupt;
     use std::sync::atomic::{AtomicBool, Ordering};
 
+    /// Options with a flag and without one are written the same, and those without are equal.
+    #[test]
+    fn flags_do_not_show() {
+        static FLAG: AtomicBool = AtomicBool::new(false);
+        assert!(Interrupt::NEVER == Interrupt::default());
+        assert_eq!([Interrupt::NEVER, Interrupt::on(&FLAG)].map(|flag| format!("{flag:?}")), ["Interrupt"; 2]);
+    }
+
     #[test]
     fn a_raised_flag_is_a_request() {
         static FLAG: AtomicBool = AtomicBool::new(false);

@@ -160,6 +160,18 @@ mod tests {
     }
 
     #[test]
+    #[cfg(target_os = "linux")]
+    fn what_is_held_counts() {
+        let list = filled(1_u8, 32 << 20, "a list").unwrap();
+        let [size, resident] = held();
+        // Every page of the list was written to, and is in memory that this process may hold.
+        assert!(list.len() as u64 <= resident && resident <= size, "{resident} of {size}");
+        assert!(limit().is_some_and(|limit| resident < limit) && physical().is_some());
+        assert!(ensure(1000, "little").is_ok() && ensure(u64::MAX, "much").is_err());
+        assert!(ensure_with_dense_products(u64::MAX, "much").is_err());
+    }
+
+    #[test]
     fn what_fits_is_filled_and_what_does_not_is_an_error() {
         assert_eq!(filled(1.5, 3, "a list").unwrap(), [1.5; 3]);
         for length in [usize::MAX, usize::MAX / 16, 1 << 55] {

@@ -36,3 +36,24 @@ fn halve<T: Send, E: Send>(
     let (left, right) = rayon::join(|| halve(first, left, work), || halve(first + middle, right, work));
     left.and(right)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_piece_knows_where_it_begins() {
+        let mut items = vec![0; 5 * PIECE + 3];
+        pieces(&mut items, &|first, piece| {
+            piece.iter_mut().enumerate().for_each(|(index, item)| *item += first + index);
+        });
+        assert!(items.iter().enumerate().all(|(index, &item)| item == index));
+    }
+
+    #[test]
+    fn the_first_error_is_told() {
+        let mut items = vec![(); 5 * PIECE];
+        let failed = try_pieces(&mut items, &|first, _| if first > 0 { Err(first) } else { Ok(()) });
+        assert!(failed.is_err_and(|first| first > 0 && first <= PIECE), "{failed:?}");
+    }
+}

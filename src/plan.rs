@@ -274,3 +274,22 @@ impl Stepper<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::system::SystemBuilder;
+
+    /// Threads decide nothing, the number of unknowns does.
+    #[test]
+    fn large_factorizations_are_split() {
+        for (particles, is_split) in [(10, false), (LARGE / 3 - 1, false), (LARGE / 3, true)] {
+            let mut builder = SystemBuilder::new();
+            (0..particles).for_each(|i| {
+                builder.particle([i as f64, 0.0, 0.0], 1.0);
+            });
+            let (system, _) = builder.build().unwrap();
+            assert_eq!(matches!(parallelism(&system), Par::Rayon(_)), is_split, "{particles}");
+        }
+    }
+}

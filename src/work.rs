@@ -67,3 +67,28 @@ impl Work {
         self.newton_iterations += newton_iterations;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Work;
+
+    #[test]
+    fn every_counter_is_added() {
+        let counted = |number: u64| Work {
+            force_evaluations: number,
+            assemblies: 2 * number,
+            symbolic_factorizations: 3 * number,
+            factorizations: 4 * number,
+            solves: 5 * number,
+            iterative_solves: 6 * number,
+            cg_iterations: 7 * number,
+            multigrid_iterations: 8 * number,
+            warm_starts: 9 * number,
+            multigrid_setups: 10 * number,
+            newton_iterations: 11 * number,
+        };
+        let mut work = counted(5);
+        work.add(&counted(2));
+        assert_eq!(work, counted(7));
+    }
+}

@@ -205,3 +205,40 @@ fn active_springs(pairs: &[[u32; 2]], dofs: &DofMap) -> Vec<u32> {
     let is_free = |&p: &u32| dofs.free_axes(p as usize) != Axes::NONE;
     (0u32..).zip(pairs).filter(|(_, pair)| pair.iter().any(is_free)).map(|(s, _)| s).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three particles in a plane, the first held, the last on a rail along y that moves.
+    #[test]
+    fn held_coordinates_stay_and_others_keep_their_motion() {
+        let mut builder = SystemBuilder::new();
+        builder.dimension = 2;
+        for x in [0.0, 1.0, 3.0] {
+            builder.particle([x, 0.0, 0.0], 1.0);
+        }
+        for i in 0..2 {
+            builder.spring(i, i + 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        builder.hold(0);
+        let motion = Motion::Velocity(Vector3::new(0.5, 0.0, 0.0));
+        builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[0]), motion });
+        let (system, _) = builder.build().unwrap();
+        assert_eq!((system.dofs().len(), system.active_springs().len()), (3, 2));
+        assert!(!system.has_spring_law() && !system.has_external_forces());
+
+        let places = [[9.0, 9.0, 0.0], [1.0, 7.0, 0.0], [9.0, 8.0, 0.0]].map(Vector3::from);
+        // What is prescribed, not modelled or not there is passed over.
+        let asked = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 2), (3, 0), (99, 1)];
+        let asked = asked.map(|(particle, axis)| Dof { particle, axis });
+        let held = system.with_held(&asked, &places);
+        let free: Vec<Dof> = held.dofs().iter().collect();
+        assert_eq!(free, [Dof { particle: 2, axis: 1 }]);
+        assert_eq!((held.prescribed().len(), held.active_springs()), (5, &[1][..]));
+        let mut positions = places.to_vec();
+        held.prescribed().set_positions(2.0, &mut positions);
+        let expected = [[0.0, 0.0, 0.0], [1.0, 7.0, 0.0], [4.0, 8.0, 0.0]].map(Vector3::from);
+        assert_eq!(positions, expected);
+    }
+}

@@ -132,7 +132,8 @@ fn run() -> Result<bool> {
     let (unviable, functions) = copy.with_switches(&mutants, &chosen)?;
     unviable.iter().for_each(|&number| record.set(number, Fate::Unviable));
     println!("building the tests with {} mutants", chosen.len() - unviable.len());
-    let parts = trial::parts(copy.tests(&request.tests)?, &copy.folder)?;
+    let seconds = request.seconds.map(Duration::from_secs);
+    let parts = trial::parts(copy.tests(&request.tests)?, &copy.folder, seconds)?;
     let in_constants = |number: &usize| mutants[number - 1].function.is_none();
     let (apart, switched): (Vec<usize>, Vec<usize>) =
         chosen.difference(&unviable).partition(|number| in_constants(number));
