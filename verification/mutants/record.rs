@@ -217,7 +217,8 @@ impl<'m> Record<'m> {
              operator, a condition, a returned value or a term of a sum is another. The tests that \
              enter its function are run with every one until one fails, those first that caught most like it for their \
              time. So the columns say which tests were the quickest to see it, not which others would have. One that is alive \
-             after some tests was not caught by the most promising ones, and has not been tried with the others.\n\n",
+             after some tests was not caught by the most promising ones, and has not been tried with the others. A room of which nothing \
+             is known here, or not all, is counted as that, whatever was known of it before results were kept.\n\n",
         );
         text += &self.rooms();
         let _ = write!(text, "\n## Files of the rooms that were tried\n\n| file | {COLUMNS}");
