@@ -1,6 +1,5 @@
 //! Answers by DOP853 with steps that follow an error estimate, for motions too uneven for steps of [one length](super::equal). Its first run is
-//! compared with what went before, the last run with equal steps or the extrapolation of Verlet's pair, which err for other reasons; further
-//! ones have smaller tolerances.
+//! compared with the extrapolation of Verlet's pair, which errs for other reasons; further ones have smaller tolerances.
 //!
 //! Every run begins with a step that its tolerance decides about. Where all of them began with the same step they would share its error,
 //! which a motion that amplifies can make the largest of all, and agree on it.

@@ -22,8 +22,8 @@
 //! the lesser of the two is added to what is believed of the difference. (Damping takes energy too, and the ledger's account
 //! of that is rough in long steps; the second bound is the better one then.)
 //!
-//! Where six digits would take steps four times shorter than is stable, or errors are so large that they say nothing, the motion is
-//! not as even as that: steps had better follow [an error estimate](super::dop853).
+//! Where six digits would take steps five times shorter than is stable, errors are so large that they say nothing, or the motion magnifies
+//! them, it is not as even as that: steps had better follow [an error estimate](super::dop853).
 
 use super::Pace;
 use super::audience::Audience;
@@ -60,8 +60,19 @@ const SHORTER_WHERE_LOST: f64 = 1.5;
 /// The part of the accuracy that the next run aims at.
 const AIM: f64 = 0.3;
 
-/// Where steps would have to be so many times shorter than is stable, for six digits, they had better follow an error estimate.
-const SHORTEST: f64 = 4.0;
+/// Where steps would have to be so many times shorter than is stable, for three digits, they had better follow an error estimate; and by what
+/// power of the accuracy they may be shorter for more.
+const SHORTEST: f64 = 2.5;
+const SHORTER_FOR_MORE: f64 = 0.1;
+
+/// So many steps may be tried in any case.
+const FEW_STEPS: f64 = 24.0;
+
+/// Motions that magnify errors by more than this forget how they began, or have moments that steps of one length miss.
+const MAGNIFIED: f64 = 20.0;
+
+/// Differences of further runs become smaller by this at least, where it is the steps that they come from.
+const CONTRACTION: f64 = 0.5;
 
 /// Errors that say nothing any more.
 const HOPELESS: f64 = 0.3;
@@ -75,11 +86,11 @@ struct Ran {
     steps: f64,
     course: Course,
     local_errors: f64,
-    /// What the law makes of its difference from the run before.
-    law: Option<f64>,
+    /// Its difference from the run before, and what the law makes of that.
+    apart: Option<[f64; 2]>,
 }
 
-/// What steps of one length leave to others.
+/// What steps of one length leave to others: what went before them. Of a motion that is not for them their own runs prove nothing.
 pub(super) struct Left(pub Option<Course>);
 
 /// An answer, or what other runs may be compared with.
@@ -91,14 +102,14 @@ pub(super) fn answer<A: Audience>(
     let (accuracy, duration) = (search.requirement.accuracy, search.task.duration);
     let [least, most] = SHORTER;
     let mut steps = price.steps;
-    let most_steps = SHORTEST * steps * (1e-6 / accuracy).max(1.0).powf(0.125);
+    let most_steps = (SHORTEST * steps * (1e-3 / accuracy).max(1.0).powf(SHORTER_FOR_MORE)).max(FEW_STEPS);
     let (mut other, mut coarse): (Option<Course>, Option<Ran>) = (other, None);
     let mut breakdowns = 0;
     loop {
         let cost = DOP853_STEP * steps;
         search.left = 2.2 * cost;
         if steps > most_steps || breakdowns > MOST_BREAKDOWNS || !search.affords(cost) {
-            return Ok(Err(Left(coarse.map(|ran| ran.course).or(other))));
+            return Ok(Err(Left(other)));
         }
         let pace = Pace::Step(duration / steps);
         let (course, run) = match search.run(of(Method::Dop853), pace, f64::INFINITY)? {
@@ -116,7 +127,7 @@ pub(super) fn answer<A: Audience>(
         if jumps || local_errors > HOPELESS {
             return Ok(Err(Left(other)));
         }
-        let mut fine = Ran { steps, course, local_errors, law: None };
+        let mut fine = Ran { steps, course, local_errors, apart: None };
         let (expected, is_lost) = match &coarse {
             None => {
                 let apart = other.take().map(|other| search.difference(&fine.course, &other).envelope());
@@ -129,9 +140,9 @@ pub(super) fn answer<A: Audience>(
             Some(coarse) => {
                 let apart = search.difference(&fine.course, &coarse.course).envelope();
                 let law = (coarse.steps / fine.steps).powi(8) * apart;
-                fine.law = Some(law);
+                fine.apart = Some([apart, law]);
                 let known = apart / coarse.local_errors;
-                let differs = if coarse.law.is_some_and(|law| apart <= FOLLOWS * law) {
+                let differs = if coarse.apart.is_some_and(|[_, law]| apart <= FOLLOWS * law) {
                     (FOLLOWS * law).max(CHANCE * apart).min(LOST * apart)
                 } else if (1.0 / AGREE..=AGREE).contains(&known) {
                     (AGREE * law.max(known * fine.local_errors)).min(LOST * apart)
@@ -142,6 +153,10 @@ pub(super) fn answer<A: Audience>(
                 search.estimate(differs + lost);
                 if differs + lost <= USABLE_BY_LAW * accuracy {
                     return Ok(Ok(Verdict::Confirmed));
+                }
+                let stays = coarse.apart.is_some_and(|[before, _]| apart > CONTRACTION * before);
+                if known > MAGNIFIED || (stays && lost < differs) {
+                    return Ok(Err(Left(None)));
                 }
                 (law + lost, lost > differs)
             }

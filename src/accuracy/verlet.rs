@@ -48,6 +48,9 @@ const FAR: f64 = 2.5;
 /// What ways that are made in two cost more.
 const IN_TWO: f64 = 1.6;
 
+/// What runs that do not follow the law are said to cost more: they are seldom the last.
+const ASTRAY: f64 = 3.0;
+
 /// What Verlet's method leaves to DOP853.
 pub(super) struct Extrapolated(pub Option<Course>);
 
@@ -128,7 +131,9 @@ pub(super) fn answer<A: Audience>(
             history.push(apart);
             extrapolated = Some(fine.course.extrapolated(&before.course, 1.0 / gain));
             let shorter = (by_law / (AIM * accuracy)).sqrt().max(least);
-            let cost = steps * shorter * if shorter > largest { IN_TWO } else { 1.0 };
+            let follows = expected.as_ref().is_none_or(|law| apart <= CONTRACTION * law.apart);
+            let cost =
+                steps * shorter * if shorter > largest { IN_TWO } else { 1.0 } * if follows { 1.0 } else { ASTRAY };
             if cost > too_dear || !shorter.is_finite() {
                 return Ok(Err(Extrapolated(extrapolated)));
             }
