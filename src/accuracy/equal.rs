@@ -8,13 +8,15 @@
 //! **Runs.** The first has the longest stable steps. Each that follows has steps so much shorter as the estimates of the one before say, by the
 //! eighth root, and 1.2 times at least. Errors of eighth order make caution cheap: twice the accuracy costs a tenth more.
 //!
-//! **What is believed** of the difference d of two runs is 0.7: so much the finer run errs where fast vibrations have lost their phases
-//! in both. It is less where d is what should be expected:
+//! **What is believed.** Where two runs differ by d, the finer one is believed to err by 0.7 d: that is its error where fast vibrations have
+//! lost their phases in both. It is believed to err by less where d is what had to be expected:
 //!
-//! - about the sum L₁ of the errors that the coarser run's steps have [estimated of themselves](crate::integrate::Dop853). Then those estimates
-//!   are right for this motion, and the way errors grow with it is `d/L₁`; the finer run errs by about `L₂ d/L₁`, and by the
-//!   law of eighth order by `d (N₁/N₂)⁸`. Five times the larger of both is believed.
-//! - what the law makes of the difference before. Then twice what it makes of this one is believed.
+//! - about the sum L₁ of the errors that the coarser run's N₁ steps have [estimated of themselves](crate::integrate::Dop853). Then those
+//!   estimates are right for this motion, and errors grow on the way by `d/L₁`. The finer run errs by about `L₂ d/L₁`, or by the
+//!   law of eighth order `d (N₁/N₂)⁸`; five times the larger of both is believed.
+//! - at most twice what the law made of the difference before. Then twice what it makes of this one is believed.
+//!
+//! Half of the accuracy asked for must be left.
 //!
 //! **What no difference shows.** Vibrations of more than about three radians a step die out in long steps, |R(iz)| being 0.9985, 0.93 and 0.70
 //! at z = 3, 4.5 and 5.5. Two runs without them agree. But their energy E is missing in the [ledger](crate::integrate::Balance): it was that of an
@@ -50,8 +52,8 @@ const AGREE: f64 = 5.0;
 const FOLLOWS: f64 = 2.0;
 const CHANCE: f64 = 0.1;
 
-/// The part of the accuracy that an estimate may use: of the study's scenes some amplify what both runs have wrong.
-const USABLE_BY_LAW: f64 = 0.5;
+/// The part of the accuracy that an estimate may use: some of the study's scenes amplify what both runs have wrong.
+const USABLE_PART: f64 = 0.5;
 
 /// Steps become shorter by at least and at most this, and by at least the third where vibrations have vanished.
 const SHORTER: [f64; 2] = [1.2, 2.5];
@@ -151,7 +153,7 @@ pub(super) fn answer<A: Audience>(
                 };
                 let lost = DAMPED * fine.local_errors.min(strayed / LOST_RADIANS);
                 search.estimate(differs + lost);
-                if differs + lost <= USABLE_BY_LAW * accuracy {
+                if differs + lost <= USABLE_PART * accuracy {
                     return Ok(Ok(Verdict::Confirmed));
                 }
                 let stays = coarse.apart.is_some_and(|[before, _]| apart > CONTRACTION * before);

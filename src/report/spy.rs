@@ -13,7 +13,7 @@ const SHADES: [f64; 5] = [0.25, 0.4, 0.6, 0.8, 1.0];
 /// Side of the square in pixels.
 const SIDE: f64 = 720.0;
 
-/// Draws a pattern as one SVG element, 800 pixels wide: the lower triangle, darker where more entries are not zero.
+/// Draws a pattern as one SVG element, 800 pixels wide: the lower triangle, stronger where more entries are not zero.
 pub fn svg(spy: &Spy) -> String {
     let heading = Heading::new(&spy.title, &spy.conclusion);
     // The frame keeps clear of the letters above it.
@@ -31,7 +31,7 @@ pub fn svg(spy: &Spy) -> String {
             }
         }
     }
-    let note = "the lower triangle; darker where more is filled";
+    let note = "the lower triangle; stronger where more is filled";
     let alt = format!("{}. {}", spy.title, spy.conclusion);
     let height = top + SIDE as i32 + 24 + LINE;
     let markup = html! {
