@@ -31,7 +31,7 @@ pub(super) fn section() -> Markup {
                 td { (fault.fault) }
                 td data-of="in" { code { (fault.file) } }
                 td.number data-of="tests that fail" { (fault.tests) }
-                td data-of="among them" { (families.join(", ")) @if more > 0 { " and " (more) " more" } }
+                td.names data-of="among them" { (families.join(", ")) @if more > 0 { " and " (more) " more" } }
             }
         }
     };
