@@ -31,33 +31,34 @@ use super::Pace;
 use super::audience::Audience;
 use super::believed::USABLE;
 use super::course::Course;
-use super::price::{DOP853_STEP, Price, of};
+use super::price::{DOP853_ANSWER, DOP853_STEP, Price, of};
 use super::search::{Run, Search, Verdict, Went};
+use super::verlet::Extrapolated;
 use crate::error::Result;
 use crate::integrate::Method;
 
-/// A difference is multiplied with this.
-const LOST: f64 = 0.7;
+/// The part of a difference that the finer run errs by where fast vibrations have lost their phases in both.
+const OUT_OF_PHASE: f64 = 0.7;
 
-/// What vanished is multiplied with this.
-const DAMPED: f64 = 1.5;
+/// What died out is multiplied with this.
+const CAUTION: f64 = 1.5;
 
-/// Radians of vibrations that may vanish in a step.
-const LOST_RADIANS: f64 = 3.0;
+/// Vibrations of so many radians a step, and more, die out.
+const RADIANS: f64 = 3.0;
 
-/// The first difference is that of the estimates up to this factor, and what then follows for the finer run is multiplied with it.
+/// A first difference is what the local errors say up to this factor, and what then follows for the finer run is multiplied with it.
 const AGREE: f64 = 5.0;
 
-/// A difference follows the law up to this factor; then that leaves of it at least this part.
+/// A difference follows the law up to this factor; then the finer run errs by at least the second part of it.
 const FOLLOWS: f64 = 2.0;
 const CHANCE: f64 = 0.1;
 
 /// The part of the accuracy that an estimate may use: some of the study's scenes amplify what both runs have wrong.
 const USABLE_PART: f64 = 0.5;
 
-/// Steps become shorter by at least and at most this, and by at least the third where vibrations have vanished.
+/// Steps become shorter by at least and at most this, and by at least the third where vibrations have died out.
 const SHORTER: [f64; 2] = [1.2, 2.5];
-const SHORTER_WHERE_LOST: f64 = 1.5;
+const SHORTER_WHERE_DEAD: f64 = 1.5;
 
 /// The part of the accuracy that the next run aims at.
 const AIM: f64 = 0.3;
@@ -83,41 +84,101 @@ const HOPELESS: f64 = 0.3;
 const MOST_BREAKDOWNS: u32 = 3;
 const AFTER_BREAKDOWN: f64 = 1.2;
 
-/// One run.
+/// What is known of one run beside its course. Errors are relative to the extent.
+#[derive(Debug, Clone, Copy)]
 struct Ran {
+    /// N.
     steps: f64,
-    course: Course,
+    /// L.
     local_errors: f64,
-    /// Its difference from the run before, and what the law makes of that.
-    apart: Option<[f64; 2]>,
+    /// See [`Run::strayed`].
+    strayed: f64,
+    /// What the difference from the run before shows.
+    shown: Option<Shown>,
 }
 
-/// What steps of one length leave to others: what went before them. Of a motion that is not for them their own runs prove nothing.
-pub(super) struct Left(pub Option<Course>);
+/// What the difference of two runs shows of the finer one.
+#[derive(Debug, Clone, Copy)]
+struct Shown {
+    /// d.
+    apart: f64,
+    /// `d (N₁/N₂)⁸`.
+    law: f64,
+    /// `d/L₁`.
+    growth: f64,
+    /// What is believed of its error as far as the runs could disagree about it.
+    disagreed: f64,
+    /// What died out in both.
+    died_out: f64,
+}
 
-/// An answer, or what other runs may be compared with.
+impl Ran {
+    /// That this run is `apart` from a coarser one.
+    fn shows(&self, coarse: &Self, apart: f64) -> Shown {
+        let law = apart * (coarse.steps / self.steps).powi(8);
+        let growth = apart / coarse.local_errors;
+        let expected = if coarse.shown.is_some_and(|before| apart <= FOLLOWS * before.law) {
+            (FOLLOWS * law).max(CHANCE * apart)
+        } else if (1.0 / AGREE..=AGREE).contains(&growth) {
+            AGREE * law.max(growth * self.local_errors)
+        } else {
+            f64::INFINITY
+        };
+        let disagreed = expected.min(OUT_OF_PHASE * apart);
+        let died_out = CAUTION * self.local_errors.min(self.strayed / RADIANS);
+        Shown { apart, law, growth, disagreed, died_out }
+    }
+
+    /// Whether steps of one length are not the reason for its error, or not alone.
+    fn is_uneven(&self, before: &Self) -> bool {
+        self.shown.is_some_and(|shown| {
+            let stays = before.shown.is_some_and(|before| shown.apart > CONTRACTION * before.apart);
+            shown.growth > MAGNIFIED || (stays && shown.died_out < shown.disagreed)
+        })
+    }
+
+    /// How much shorter the steps of the next run are.
+    fn shorter(&self, accuracy: f64) -> f64 {
+        let [least, most] = SHORTER;
+        let (expected, least) = match self.shown {
+            None => (self.local_errors, least),
+            Some(Shown { law, died_out, disagreed, .. }) if died_out > disagreed => {
+                (law + died_out, SHORTER_WHERE_DEAD)
+            }
+            Some(Shown { law, died_out, .. }) => (law + died_out, least),
+        };
+        (expected / (AIM * accuracy)).powf(0.125).clamp(least, most)
+    }
+}
+
+impl Shown {
+    fn error(&self) -> f64 {
+        self.disagreed + self.died_out
+    }
+}
+
+/// An answer, or what other runs may be compared with: what went before these. Of a motion that is not for equal steps their runs prove nothing.
 pub(super) fn answer<A: Audience>(
     search: &mut Search<'_, A>,
     price: Price,
     other: Option<Course>,
-) -> Result<std::result::Result<Verdict, Left>> {
+) -> Result<std::result::Result<Verdict, Extrapolated>> {
     let (accuracy, duration) = (search.requirement.accuracy, search.task.duration);
-    let [least, most] = SHORTER;
     let mut steps = price.steps;
     let most_steps = (SHORTEST * steps * (1e-3 / accuracy).max(1.0).powf(SHORTER_FOR_MORE)).max(FEW_STEPS);
-    let (mut other, mut coarse): (Option<Course>, Option<Ran>) = (other, None);
+    let (mut other, mut coarse): (Option<Course>, Option<(Ran, Course)>) = (other, None);
     let mut breakdowns = 0;
     loop {
         let cost = DOP853_STEP * steps;
-        search.left = 2.2 * cost;
+        search.left = DOP853_ANSWER * cost;
         if steps > most_steps || breakdowns > MOST_BREAKDOWNS || !search.affords(cost) {
-            return Ok(Err(Left(other)));
+            return Ok(Err(Extrapolated(other)));
         }
         let pace = Pace::Step(duration / steps);
         let (course, run) = match search.run(of(Method::Dop853), pace, f64::INFINITY)? {
             Went::Well(course, run) => (course, run),
             Went::Stopped => return Ok(Ok(Verdict::Interrupted)),
-            Went::TooFar => return Ok(Err(Left(None))),
+            Went::TooFar => return Ok(Err(Extrapolated(None))),
             Went::Wrong => {
                 breakdowns += 1;
                 coarse = None;
@@ -127,45 +188,87 @@ pub(super) fn answer<A: Audience>(
         };
         let Run { local_errors, strayed, jumps, .. } = run;
         if jumps || local_errors > HOPELESS {
-            return Ok(Err(Left(other)));
+            return Ok(Err(Extrapolated(other)));
         }
-        let mut fine = Ran { steps, course, local_errors, apart: None };
-        let (expected, is_lost) = match &coarse {
-            None => {
-                let apart = other.take().map(|other| search.difference(&fine.course, &other).envelope());
-                if let Some(apart) = apart.filter(|apart| *apart <= USABLE * accuracy) {
-                    search.estimate(apart);
-                    return Ok(Ok(Verdict::Confirmed));
-                }
-                (local_errors, false)
+        let mut fine = Ran { steps, local_errors, strayed, shown: None };
+        if let Some((before, coarser)) = &coarse {
+            let shown = fine.shows(before, search.difference(&course, coarser).envelope());
+            search.estimate(shown.error());
+            if shown.error() <= USABLE_PART * accuracy {
+                return Ok(Ok(Verdict::Confirmed));
             }
-            Some(coarse) => {
-                let apart = search.difference(&fine.course, &coarse.course).envelope();
-                let law = (coarse.steps / fine.steps).powi(8) * apart;
-                fine.apart = Some([apart, law]);
-                let known = apart / coarse.local_errors;
-                let differs = if coarse.apart.is_some_and(|[_, law]| apart <= FOLLOWS * law) {
-                    (FOLLOWS * law).max(CHANCE * apart).min(LOST * apart)
-                } else if (1.0 / AGREE..=AGREE).contains(&known) {
-                    (AGREE * law.max(known * fine.local_errors)).min(LOST * apart)
-                } else {
-                    LOST * apart
-                };
-                let lost = DAMPED * fine.local_errors.min(strayed / LOST_RADIANS);
-                search.estimate(differs + lost);
-                if differs + lost <= USABLE_PART * accuracy {
-                    return Ok(Ok(Verdict::Confirmed));
-                }
-                let stays = coarse.apart.is_some_and(|[before, _]| apart > CONTRACTION * before);
-                if known > MAGNIFIED || (stays && lost < differs) {
-                    return Ok(Err(Left(None)));
-                }
-                (law + lost, lost > differs)
+            fine.shown = Some(shown);
+            if fine.is_uneven(before) {
+                return Ok(Err(Extrapolated(None)));
             }
-        };
-        let least = if is_lost { SHORTER_WHERE_LOST } else { least };
-        let shorter = (expected / (AIM * accuracy)).powf(0.125).clamp(least, most);
-        steps = (shorter * steps).ceil();
-        coarse = Some(fine);
+        } else if let Some(other) = other.take() {
+            let apart = search.difference(&course, &other).envelope();
+            if apart <= USABLE * accuracy {
+                search.estimate(apart);
+                return Ok(Ok(Verdict::Confirmed));
+            }
+        }
+        steps = (fine.shorter(accuracy) * steps).ceil();
+        coarse = Some((fine, course));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ran(steps: f64, local_errors: f64, strayed: f64) -> Ran {
+        Ran { steps, local_errors, strayed, shown: None }
+    }
+
+    fn is_close(a: f64, b: f64) -> bool {
+        (a / b - 1.0).abs() < 1e-12
+    }
+
+    /// Twice as many steps leave 1/256 by the law, and here 1/100 by their own estimates.
+    #[test]
+    fn differences_that_were_expected_leave_little() {
+        let (coarse, fine) = (ran(100.0, 1e-3, 0.0), ran(200.0, 1e-5, 0.0));
+        let shown = fine.shows(&coarse, 2e-3);
+        assert!(is_close(shown.law, 2e-3 / 256.0) && is_close(shown.growth, 2.0));
+        assert!(is_close(shown.error(), 5.0 * 2.0 * 1e-5), "{shown:?}");
+        // Neither much larger nor much smaller ones were.
+        for apart in [6e-3, 1e-4] {
+            assert!(is_close(fine.shows(&coarse, apart).error(), 0.7 * apart));
+        }
+        // With the law seen to hold once, twice what it leaves, and no less than a tenth.
+        let finer = ran(240.0, 1e-9, 0.0);
+        let before = Ran { shown: Some(shown), ..fine };
+        let apart = 1.9 * shown.law;
+        assert!(is_close(finer.shows(&before, apart).error(), 2.0 * apart * (200.0f64 / 240.0).powi(8)));
+        assert!(is_close(ran(400.0, 1e-9, 0.0).shows(&before, apart).error(), 0.1 * apart));
+        assert!(is_close(finer.shows(&before, 2.1 * shown.law).error(), 0.7 * 2.1 * shown.law));
+    }
+
+    /// Runs may agree to rounding: what died out in both counts, by the lesser of its two bounds, and the next steps are much shorter.
+    #[test]
+    fn what_died_out_counts_where_runs_agree() {
+        let coarse = ran(100.0, 1e-5, 3e-6);
+        for (local_errors, strayed, error) in [(1e-5, 3e-6, 1.5e-6), (4e-7, 3e-6, 6e-7)] {
+            let mut fine = ran(120.0, local_errors, strayed);
+            let shown = fine.shows(&coarse, 1e-15);
+            assert!((shown.error() / error - 1.0).abs() < 1e-8, "{shown:?}");
+            fine.shown = Some(shown);
+            assert!(fine.shorter(1e-6) == SHORTER_WHERE_DEAD && !fine.is_uneven(&coarse));
+        }
+    }
+
+    #[test]
+    fn motions_that_magnify_errors_are_not_for_equal_steps() {
+        let (coarse, mut fine, mut finer) = (ran(100.0, 1e-6, 0.0), ran(120.0, 1e-7, 0.0), ran(150.0, 1e-8, 0.0));
+        fine.shown = Some(fine.shows(&coarse, 1.9e-5));
+        assert!(!fine.is_uneven(&coarse));
+        // Runs that do not come nearer to each other.
+        finer.shown = Some(Shown { growth: 1.0, ..finer.shows(&fine, 1e-5) });
+        assert!(finer.is_uneven(&fine));
+        finer.shown = Some(Shown { growth: 1.0, ..finer.shows(&fine, 9e-6) });
+        assert!(!finer.is_uneven(&fine));
+        fine.shown = Some(fine.shows(&coarse, 2.1e-5));
+        assert!(fine.is_uneven(&coarse));
     }
 }

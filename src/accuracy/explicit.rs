@@ -4,6 +4,7 @@
 use super::audience::Audience;
 use super::price::{FEW_DIGITS, Price};
 use super::search::{Search, Verdict};
+use super::verlet::Extrapolated;
 use super::{dop853, equal, verlet};
 use crate::error::Result;
 
@@ -13,11 +14,11 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
     if search.requirement.accuracy >= FEW_DIGITS {
         match verlet::answer(search, price)? {
             Ok(verdict) => return Ok(verdict),
-            Err(extrapolated) => other = extrapolated.0,
+            Err(Extrapolated(course)) => other = course,
         }
     }
     match equal::answer(search, price, other)? {
         Ok(verdict) => Ok(verdict),
-        Err(left) => dop853::answer(search, price, left.0),
+        Err(Extrapolated(other)) => dop853::answer(search, price, other),
     }
 }

@@ -51,7 +51,7 @@ const IN_TWO: f64 = 1.6;
 /// What runs that do not follow the law are said to cost more: they are seldom the last.
 const ASTRAY: f64 = 3.0;
 
-/// What Verlet's method leaves to DOP853.
+/// What Verlet's method leaves to DOP853: the motion without its leading error.
 pub(super) struct Extrapolated(pub Option<Course>);
 
 /// A run, and how many steps it had.
@@ -114,9 +114,10 @@ pub(super) fn answer<A: Audience>(
             let mut strays = 0.0;
             // A long way is not believed to its end, unless it leads where it should.
             let mut distrust = (gain / (FAR.powi(2) - 1.0)).max(1.0);
+            let follows = expected.as_ref().is_none_or(|law| apart <= CONTRACTION * law.apart);
             let by_law = match &expected {
                 None => UNPROVEN * apart / believed,
-                Some(law) if apart <= CONTRACTION * law.apart => {
+                Some(law) if follows => {
                     strays = STRAYED * search.difference(&fine.course, &law.course).envelope();
                     distrust = 1.0;
                     PROVEN * apart.max(CHANCE * law.apart) / believed
@@ -131,7 +132,6 @@ pub(super) fn answer<A: Audience>(
             history.push(apart);
             extrapolated = Some(fine.course.extrapolated(&before.course, 1.0 / gain));
             let shorter = (by_law / (AIM * accuracy)).sqrt().max(least);
-            let follows = expected.as_ref().is_none_or(|law| apart <= CONTRACTION * law.apart);
             let cost =
                 steps * shorter * if shorter > largest { IN_TWO } else { 1.0 } * if follows { 1.0 } else { ASTRAY };
             if cost > too_dear || !shorter.is_finite() {

@@ -163,9 +163,8 @@ fn how(duration: f64, first_step: f64) -> Adaptivity {
     Adaptivity { duration, rtol: 1e-3, first_step: Some(first_step), sampling: Sampling::Steps }
 }
 
-/// A step that still fails when it is shorter than 1e-13 of the run ends it, and is told with its number and time.
-/// A particle of 1 kg on 10 N/m, 1 m from rest. Of 0.3 s each three steps make 0.9 s, and what is left shares itself with the last; between
-/// them the method's interpolant is right to its order.
+/// A particle of 1 kg on 10 N/m, 1 m from rest. After two steps of 0.3 s the last two share what is left of 1 s. Between their ends the
+/// method's interpolant is right to its order.
 #[test]
 fn equal_steps_are_equal_and_seen_between_their_ends() {
     let mut builder = SystemBuilder::new();
@@ -194,6 +193,7 @@ fn equal_steps_are_equal_and_seen_between_their_ends() {
     assert!(error < 1e-5 && less < 1e-8, "{error:e}, {less:e}");
 }
 
+/// A step that still fails when it is shorter than 1e-13 of the run ends it, and is told with its number and time.
 #[test]
 fn runs_end_where_no_step_is_short_enough() {
     let (system, start) = particles(&[0.0, 1.0]);
