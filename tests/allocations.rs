@@ -2,7 +2,7 @@
 
 use sprung::integrate::*;
 use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions};
-use sprung::scene::builtin;
+use sprung::scene::{Scene, builtin};
 use sprung::{Spring, Stiffness, SystemBuilder};
 
 const PRECONDITIONERS: [PreconditionerKind; 4] = [
@@ -72,4 +72,19 @@ fn multigrid_allocates_nothing_after_the_first_step() {
     let counted = allocation_counter::measure(|| (0..10).for_each(|_| stepper.step(&mut state, 0.01).unwrap()));
     assert_eq!(counted.count_total, 0);
     assert!(stepper.statistics().work.multigrid_setups > 1);
+}
+
+/// Reading and building allocate for lists, not for what is in them: sixteen times as many springs are four more doublings of every list.
+#[test]
+fn a_scene_is_read_and_built_without_allocating_for_every_spring() {
+    let [small, large] = [10, 40].map(|size| {
+        let json = builtin::cloth(size).unwrap().to_json();
+        let counted = allocation_counter::measure(|| {
+            let (system, _) = Scene::from_json(&json).unwrap().build().unwrap();
+            assert_eq!(system.particles(), size * size);
+        });
+        counted.count_total
+    });
+    println!("{small} allocations, {large} for sixteen times as many springs");
+    assert!(large <= small + 16, "{large}, {small}");
 }

@@ -58,13 +58,14 @@ impl Scene {
         let gravity = self.gravity.as_ref().map(|row| vector("gravity", None, row, dimension)).transpose()?;
         let masses = Quantity { key: "particles.masses", count: n, of: "particles", rule: Rule::Positive };
         let springs = self.springs(&positions, &pairs)?;
+        let masses = masses.required(self.particles.masses.as_ref())?;
         let constraints = self.constraints.iter().enumerate();
         let constraints = constraints.map(|(index, entry)| constraint(index, entry, dimension));
         let builder = SystemBuilder {
             dimension,
             gravity: gravity.unwrap_or_default(),
             velocities,
-            masses: masses.required(self.particles.masses.as_ref())?,
+            masses: (0..n).map(|p| masses.get(p)).collect(),
             constraints: constraints.collect::<Result<_, _>>()?,
             positions,
             pairs,
@@ -97,14 +98,17 @@ impl Scene {
     fn springs(&self, positions: &[Vector3<f64>], pairs: &[[u32; 2]]) -> Result<Vec<Spring>, Invalid> {
         let quantity = |key, rule| Quantity { key, count: pairs.len(), of: "springs", rule };
         let stiffness = quantity("springs.stiffness", Rule::Positive).required(self.springs.stiffness.as_ref())?;
-        let rest_lengths = match &self.springs.rest_lengths {
-            Some(values) => quantity("springs.rest_lengths", Rule::Positive).spread(values)?,
-            None => pairs.iter().map(|pair| distance(positions, pair)).collect(),
-        };
+        let rest_lengths = self.springs.rest_lengths.as_ref();
+        let rest_lengths =
+            rest_lengths.map(|values| quantity("springs.rest_lengths", Rule::Positive).checked(values)).transpose()?;
         let damping = self.springs.damping.as_ref().unwrap_or(&Values::Uniform(0.0));
-        let damping = quantity("springs.damping", Rule::NotNegative).spread(damping)?;
-        let springs = stiffness.into_iter().zip(rest_lengths).zip(damping);
-        Ok(springs.map(|((stiffness, rest_length), damping)| Spring { stiffness, rest_length, damping }).collect())
+        let damping = quantity("springs.damping", Rule::NotNegative).checked(damping)?;
+        let spring = |(s, pair): (usize, &[u32; 2])| Spring {
+            stiffness: stiffness.get(s),
+            rest_length: rest_lengths.as_ref().map_or_else(|| distance(positions, pair), |lengths| lengths.get(s)),
+            damping: damping.get(s),
+        };
+        Ok(pairs.iter().enumerate().map(spring).collect())
     }
 }
 
@@ -159,29 +163,46 @@ struct Quantity {
 }
 
 impl Quantity {
-    /// One number each. A number given for all is checked here, where it has no index; those of a list by the builder.
-    fn spread(&self, values: &Values) -> Result<Vec<f64>, Invalid> {
+    /// One number each, as many as there must be. A number given for all is checked here, where it has no index; those of a list by the
+    /// builder.
+    fn checked<'v>(&self, values: &'v Values) -> Result<Spread<'v>, Invalid> {
         match values {
             Values::Uniform(value) => {
                 self.rule.check(self.key, *value)?;
-                Ok(vec![*value; self.count])
+                Ok(Spread::Uniform(*value))
             }
             Values::Each(values) => {
                 check_length(self.key, values.len(), self.count, self.of)?;
-                Ok(values.clone())
+                Ok(Spread::Each(values))
             }
         }
     }
 
-    fn required(&self, values: Option<&Values>) -> Result<Vec<f64>, Invalid> {
+    fn required<'v>(&self, values: Option<&'v Values>) -> Result<Spread<'v>, Invalid> {
         match values {
-            Some(values) => self.spread(values),
-            None if self.count == 0 => Ok(Vec::new()),
+            Some(values) => self.checked(values),
+            None if self.count == 0 => Ok(Spread::Each(&[])),
             None => {
                 let rule =
                     format!("must be given, one number for all or one for each of the {} {}", self.count, self.of);
                 Err(Invalid::new(self.key, "absent", rule))
             }
+        }
+    }
+}
+
+/// A number for each of as many as there must be.
+enum Spread<'v> {
+    Uniform(f64),
+    Each(&'v [f64]),
+}
+
+impl Spread<'_> {
+    /// The number of one of them; NaN, which the builder refuses, of one that there is not.
+    fn get(&self, index: usize) -> f64 {
+        match self {
+            Self::Uniform(value) => *value,
+            Self::Each(values) => values.get(index).copied().unwrap_or(f64::NAN),
         }
     }
 }

@@ -166,17 +166,16 @@ impl SystemBuilder {
         let n = self.positions.len();
         check_length("springs.stiffness", self.springs.len(), self.pairs.len(), "springs")?;
         for (s, (&[i, j], spring)) in self.pairs.iter().zip(&self.springs).enumerate() {
-            let pair = format!("[{i}, {j}]");
+            let wrong = |rule: String| Invalid::new("springs.pairs", format!("[{i}, {j}]"), rule).at(s);
             let (i, j) = (i as usize, j as usize);
             if i >= n || j >= n {
-                let rule = format!("names a particle that does not exist (there are {n})");
-                return Err(Invalid::new("springs.pairs", pair, rule).at(s));
+                return Err(wrong(format!("names a particle that does not exist (there are {n})")));
             }
             if i == j {
-                return Err(Invalid::new("springs.pairs", pair, "joins a particle to itself").at(s));
+                return Err(wrong("joins a particle to itself".into()));
             }
             if Extension::between(&self.positions[i], &self.positions[j]).is_none() {
-                return Err(Invalid::new("springs.pairs", pair, "is a spring of zero current length").at(s));
+                return Err(wrong("is a spring of zero current length".into()));
             }
             check_positive("springs.stiffness", s, spring.stiffness)?;
             check_positive("springs.rest_lengths", s, spring.rest_length)?;
