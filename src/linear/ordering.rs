@@ -1,10 +1,15 @@
 //! Orderings that keep a factor sparse, found on the graph of particles.
 //!
 //! The degrees of freedom of a particle have the same neighbours, so ordering particles and expanding them by their free
-//! axes gives the fill of ordering scalars at a ninth of the entries. Two methods are tried: approximate minimum degree
-//! (Amestoy, Davis and Duff 1996), the better one for most cloths, and nested dissection by multilevel bisection (George
+//! axes gives the fill of ordering scalars at a ninth of the entries. Two methods are there: approximate minimum degree
+//! (Amestoy, Davis and Duff 1996), the better one for cloths, and nested dissection by multilevel bisection (George
 //! 1973; Karypis and Kumar 1998), which lattices need. The elimination tree and the exact column counts of either (Liu
 //! 1990) say what it costs; the cheaper one is put into postorder, so that columns of one structure lie side by side.
+//!
+//! A dissection takes ten to twenty times as long as a minimum degree, and for surfaces never pays: it is tried only on what is like a
+//! [volume].
+
+mod volume;
 
 use crate::assembly::BlockPattern;
 use feral_amd::CscPattern;
@@ -47,6 +52,7 @@ impl Ordering {
         };
         let mut best = (method, Elimination::new(&graph, order));
         if best.1.flops > DISSECTION_FLOPS
+            && graph.is_like_a_volume(&best.1)
             && let Some(order) = graph.nested_dissection()
         {
             let dissection = Elimination::new(&graph, order);
@@ -130,6 +136,16 @@ impl ParticleGraph {
 
     fn nested_dissection(&self) -> Option<Vec<u32>> {
         checked(feral_metis::metis_order(&self.as_columns()?).ok()?, self.len())
+    }
+
+    fn is_like_a_volume(&self, elimination: &Elimination) -> bool {
+        let rows = self.weights.iter().map(|&weight| f64::from(weight)).sum::<f64>();
+        let neighbours = |v: u32| self.neighbours(v);
+        volume::is_costly(elimination.flops, self.len(), rows)
+            || elimination
+                .order
+                .last()
+                .is_some_and(|&last| volume::dimension(self.len(), last, neighbours) > volume::SURFACE)
     }
 
     fn as_columns(&self) -> Option<CscPattern<'_>> {
@@ -232,7 +248,7 @@ fn elimination_tree<I: Iterator<Item = u32>>(count: usize, earlier: impl Fn(u32)
 mod tests {
     use super::*;
     use crate::assembly::SpringPattern;
-    use crate::scene::builtin::{cloth, lattice, network};
+    use crate::scene::builtin::{cloth, column, lattice, network};
     use std::collections::BTreeSet;
 
     fn graph(scene: crate::Scene) -> (ParticleGraph, BlockPattern) {
@@ -320,6 +336,28 @@ mod tests {
     fn lattices_are_dissected() {
         let (_, pattern) = graph(lattice(14).unwrap());
         assert_eq!(Ordering::of(&pattern).method, OrderingMethod::NestedDissection);
+    }
+
+    /// What is not dissected would not take a tenth less work; what is like a volume is, and takes that much less.
+    #[test]
+    fn surfaces_are_not_dissected_and_would_not_gain_by_it() {
+        let scenes = [
+            (cloth(32), false),
+            (cloth(60), false),
+            (column(300), false),
+            (lattice(10), true),
+            (network(3000, 3), true),
+        ];
+        for (scene, is_volume) in scenes {
+            let (graph, pattern) = graph(scene.unwrap());
+            let minimum_degree = Elimination::new(&graph, graph.minimum_degree().unwrap());
+            let dissection = Elimination::new(&graph, graph.nested_dissection().unwrap());
+            assert_eq!(graph.is_like_a_volume(&minimum_degree), is_volume, "{} vertices", graph.len());
+            let gain = 1.0 - dissection.flops / minimum_degree.flops;
+            assert_eq!(gain > 0.1, is_volume, "{} vertices: {gain}", graph.len());
+            let method = if is_volume { OrderingMethod::NestedDissection } else { OrderingMethod::MinimumDegree };
+            assert_eq!(Ordering::of(&pattern).method, method);
+        }
     }
 
     /// Where all particles are joined every order costs the same, the sum of the first n squares; minimum degree then stays.

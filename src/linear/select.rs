@@ -179,18 +179,29 @@ mod tests {
     use crate::system::SystemBuilder;
     use nalgebra::Vector3;
 
-    /// Half a million free particles are the most that are analysed; one more, and the matrix is not even looked at.
+    /// Half a million free particles are the most that are analysed; one more, and the matrix is not even looked at, whatever is known of it.
     #[test]
     fn what_is_too_large_is_not_analysed() {
-        for (particles, analyses) in [(500_001, 0), (500_000, 1)] {
+        let system = |particles: usize| {
             let mut builder = SystemBuilder::new();
             builder.positions = vec![Vector3::zeros(); particles];
             builder.velocities = builder.positions.clone();
             builder.masses = vec![1.0; particles];
-            let (system, _) = builder.build().unwrap();
+            builder.build().unwrap().0
+        };
+        let chosen = |system: &System, assurance| {
             let mut work = Work::default();
-            let solver = select(&system, &SolverOptions::default(), Assurance::Unknown, &mut work).unwrap();
-            assert_eq!((solver.name(), work.symbolic_factorizations), ("cg", analyses));
+            let solver = select(system, &SolverOptions::default(), assurance, &mut work).unwrap();
+            (solver.name(), work.symbolic_factorizations, solver.choice().is_some())
+        };
+        let (large, too_large) = (system(500_000), system(500_001));
+        assert_eq!(chosen(&large, Assurance::Unknown), ("cg", 1, false));
+        for assurance in [Assurance::Definite, Assurance::MadeDefinite, Assurance::Unknown] {
+            assert_eq!(chosen(&too_large, assurance), ("cg", 0, false));
+        }
+        // Of what is sure or made to be definite factorizations are looked at only when they may pay.
+        for assurance in [Assurance::Definite, Assurance::MadeDefinite] {
+            assert_eq!(chosen(&large, assurance), ("cg", 0, true));
         }
     }
 }
