@@ -88,3 +88,57 @@ impl Aggregates {
 fn stiffest(edges: &mut dyn Iterator<Item = (usize, f64)>) -> Option<(usize, f64)> {
     edges.reduce(|best, edge| if edge.1 > best.1 { edge } else { best })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Aggregates, Graph};
+
+    fn aggregates(nodes: usize, edges: &[(u32, u32, f64)]) -> (usize, Vec<Option<u32>>) {
+        let aggregates = Aggregates::of(&Graph::new(nodes, edges.iter().copied()));
+        (aggregates.count(), (0..nodes).map(|node| aggregates.of_node(node)).collect())
+    }
+
+    /// Two stiff pairs with a soft edge of weight 3 between them: 3² against θ² = 10⁻⁴ times the product of their weights, which is
+    /// 8 and 10. Where it is strong the first neighbourhood has three nodes, and the fourth joins it.
+    #[test]
+    fn an_edge_is_strong_beside_the_largest_at_both_ends() {
+        let pairs = |first, second| aggregates(4, &[(0, 1, first), (0, 2, 3.0), (2, 3, second)]);
+        assert_eq!(pairs(400.0, 200.0), (1, vec![Some(0); 4]));
+        let apart = [Some(0), Some(0), Some(1), Some(1)];
+        assert_eq!(pairs(1000.0, 100.0), (2, apart.to_vec()));
+        assert_eq!(pairs(100.0, 1000.0), (2, apart.to_vec()));
+    }
+
+    /// Two stiff chains of three; the third node of each is between neighbourhoods and joins its chain. Soft edges lead from there to
+    /// nodes 6 to 9, all of them weak: 6 and 7 have each other and become an aggregate, 8 joins what it is coupled to most stiffly,
+    /// and 9, which has a choice, the first. Node 10 has no neighbours.
+    #[test]
+    fn what_is_far_from_every_neighbourhood_is_aggregated_last() {
+        let stiff = 1e6;
+        let chains = [(0, 1, stiff), (1, 2, stiff), (3, 4, stiff), (4, 5, stiff)];
+        let soft = [(2, 6, 1.0), (5, 7, 1.0), (6, 7, 1e-3), (2, 8, 0.5), (5, 8, 1.0), (2, 9, 1.0), (5, 9, 1.0)];
+        let (count, of_node) = aggregates(11, &[&chains[..], &soft[..]].concat());
+        assert_eq!(count, 3);
+        let expected = [0, 0, 0, 1, 1, 1, 2, 2, 1, 0].map(Some);
+        assert_eq!(of_node, [&expected[..], &[None]].concat());
+    }
+
+    /// Between two neighbourhoods a node joins the one to which it is coupled more stiffly.
+    #[test]
+    fn what_lies_between_joins_its_stiffest_neighbour() {
+        let (count, of_node) = aggregates(5, &[(0, 1, 1.0), (1, 2, 1.0), (2, 3, 2.0), (3, 4, 1.0)]);
+        assert_eq!((count, of_node), (2, [0, 0, 1, 1, 1].map(Some).to_vec()));
+    }
+
+    #[test]
+    fn couplings_are_undirected_and_those_of_groups_are_added_up() {
+        let graph = Graph::new(4, [(2, 0, 1.0), (0, 1, 2.0), (1, 0, 4.0), (3, 3, 9.0), (3, 2, 8.0)].into_iter());
+        let edges = |graph: &Graph, node| graph.edges(node).collect::<Vec<_>>();
+        assert_eq!((graph.nodes(), graph.neighbours(0)), (4, &[1, 2][..]));
+        assert_eq!(edges(&graph, 0), [(1, 6.0), (2, 1.0)]);
+        assert_eq!((edges(&graph, 2), edges(&graph, 3)), (vec![(0, 1.0), (3, 8.0)], vec![(2, 8.0)]));
+        // 0 in one group, 1 and 2 in another, 3 in none.
+        let groups = graph.quotient(2, |node| [Some(0), Some(1), Some(1), None][node]);
+        assert_eq!((groups.nodes(), edges(&groups, 0), edges(&groups, 1)), (2, vec![(1, 7.0)], vec![(0, 7.0)]));
+    }
+}

@@ -166,3 +166,48 @@ pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, Ba
     add_transposed_product(&mut inverse, &l_inverse, &l_inverse);
     Ok(inverse)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{
+        BadPivot, add_product, add_transposed_apply, add_transposed_product, inverse, norm_squared, subtract_apply,
+    };
+
+    #[test]
+    fn products_are_those_of_small_numbers() {
+        let (a, b) = ([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]], [[1.0, -1.0], [10.0, 0.0]]);
+        let mut c = [[100.0; 2]; 3];
+        add_product(&mut c, &a, &b);
+        assert_eq!(c, [[121.0, 99.0], [143.0, 97.0], [165.0, 95.0]]);
+        let mut c = [[100.0; 2]; 2];
+        add_transposed_product(&mut c, &a, &[[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]);
+        assert_eq!(c, [[106.0, 108.0], [108.0, 110.0]]);
+        let mut y = [10.0; 3];
+        subtract_apply(&mut y, &a, &[1.0, 10.0]);
+        assert_eq!(y, [-11.0, -33.0, -55.0]);
+        let mut y = [10.0; 2];
+        add_transposed_apply(&mut y, &a, &[1.0, 10.0, 100.0]);
+        assert_eq!(y, [541.0, 652.0]);
+        assert_eq!(norm_squared(&[3.0, -4.0]), 25.0);
+    }
+
+    /// [[4, 2, 2], [2, 5, 3], [2, 3, 6]] = L Lᵀ with L = [[2], [1, 2], [1, 1, 2]]; its determinant is 64.
+    #[test]
+    fn the_inverse_is_that_of_the_lower_triangle() {
+        let ignored = f64::NAN;
+        let found = inverse(&[[4.0, ignored, ignored], [2.0, 5.0, ignored], [2.0, 3.0, 6.0]]).unwrap();
+        let expected =
+            [[21.0, -6.0, -4.0], [-6.0, 20.0, -8.0], [-4.0, -8.0, 16.0]].map(|row| row.map(|entry| entry / 64.0));
+        for (found, expected) in found.as_flattened().iter().zip(expected.as_flattened()) {
+            assert!((found - expected).abs() < 1e-15, "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn pivots_that_are_not_positive_are_told() {
+        assert_eq!(inverse(&[[1.0, 0.0], [2.0, 4.0]]), Err(BadPivot { index: 1, pivot: 0.0 }));
+        assert_eq!(inverse(&[[-1.0]]), Err(BadPivot { index: 0, pivot: -1.0 }));
+        assert_eq!(inverse(&[[f64::INFINITY]]), Err(BadPivot { index: 0, pivot: f64::INFINITY }));
+        assert!(inverse(&[[f64::NAN]]).is_err_and(|bad| bad.pivot.is_nan()));
+    }
+}

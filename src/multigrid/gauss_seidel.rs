@@ -68,9 +68,12 @@ impl<const N: usize> GaussSeidel<N> {
     /// # Errors
     /// More blocks than 32-bit indices can count.
     pub fn new(pattern: &Pattern) -> Result<Self> {
+        Self::with_domains(pattern, domain(pattern.rows()))
+    }
+
+    /// With so many rows a domain.
+    fn with_domains(pattern: &Pattern, domain: usize) -> Result<Self> {
         let rows = pattern.rows();
-        let domains = (rows / LEAST_ROWS).clamp(1, MOST_DOMAINS);
-        let domain = rows.div_ceil(domains).max(1);
         let part = |belongs: &dyn Fn(usize, usize) -> bool| {
             Pattern::build(rows, |row, columns| {
                 columns.extend(pattern.columns(row).iter().filter(|&&column| belongs(row, column as usize)));
@@ -212,6 +215,11 @@ impl<const N: usize> GaussSeidel<N> {
     }
 }
 
+/// Rows of a domain.
+fn domain(rows: usize) -> usize {
+    rows.div_ceil((rows / LEAST_ROWS).clamp(1, MOST_DOMAINS)).max(1)
+}
+
 /// `D̃⁻¹` of a row of `factor·A`.
 fn damped<const N: usize>(
     block: &Block<N, N>,
@@ -227,3 +235,6 @@ fn damped<const N: usize>(
     }
     inverse(&damped)
 }
+
+#[cfg(test)]
+mod tests;

@@ -53,3 +53,27 @@ fn search(graph: &Graph, from: u32, order: &mut Vec<u32>, ordered: &mut [bool]) 
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{order, span};
+    use crate::multigrid::graph::Graph;
+
+    fn graph(nodes: usize, edges: &[(u32, u32)]) -> Graph {
+        Graph::new(nodes, edges.iter().map(|&(i, j)| (i, j, 1.0)))
+    }
+
+    /// Each edge is seen from both ends.
+    #[test]
+    fn a_path_is_followed_from_its_end_if_that_is_nearer() {
+        let path = graph(5, &[(0, 3), (3, 1), (1, 4), (4, 2)]);
+        assert_eq!(span(&path, &[0, 1, 2, 3, 4]), 20.0);
+        assert_eq!(span(&path, &[2, 4, 1, 3, 0]), 8.0);
+        assert_eq!(order(&path), [2, 4, 1, 3, 0]);
+        // What is in order, or as near in another one, stays.
+        assert_eq!(order(&graph(3, &[(0, 1), (1, 2)])), [0, 1, 2]);
+        // From a node in the middle a search ends at an end, and each part is ordered by itself.
+        assert_eq!(order(&graph(6, &[(0, 4), (0, 2), (1, 5), (5, 3)])), [4, 0, 2, 3, 5, 1]);
+        assert_eq!(order(&graph(0, &[])), [0u32; 0]);
+    }
+}

@@ -82,3 +82,49 @@ fn split<T: Send, U: Send>(
         );
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{GRAIN, for_chunks, for_each_row, for_each_row_of, for_each_sparse_row};
+    use crate::multigrid::sparse::Pattern;
+
+    /// However many pieces there are, every row is visited once and knows its number.
+    #[test]
+    fn every_row_is_visited_with_what_is_its_own() {
+        for rows in [0, 1, GRAIN, GRAIN + 1, 5 * GRAIN + 3] {
+            let mut values = vec![0; rows];
+            for_each_row(&mut values, |row, value| *value += row + 1);
+            assert!(values.iter().enumerate().all(|(row, &value)| value == row + 1), "{rows}");
+
+            let (mut first, mut second) = (vec![0; rows], vec![0; rows]);
+            for_chunks(&mut first, &mut second, 1000, |start, first, second| {
+                assert!(first.len() == second.len() && first.len() <= 1000);
+                (start..).zip(first).for_each(|(row, value)| *value += row + 1);
+                (start..).zip(second).for_each(|(row, value)| *value += row + 2);
+            });
+            let are_own = first.iter().zip(&second).enumerate().all(|(row, pair)| pair == (&(row + 1), &(row + 2)));
+            assert!(are_own, "{rows}");
+
+            // A row has as many blocks as its number modulo three.
+            let pattern = Pattern::build(rows, |row, columns| columns.extend(0..row as u32 % 3)).unwrap();
+            let mut values = vec![0; pattern.blocks()];
+            let mut beside = vec![0; rows];
+            for_each_sparse_row(&pattern, &mut values, &mut beside, &|row, values, beside| {
+                assert_eq!(values.len(), row % 3);
+                values.iter_mut().for_each(|value| *value += row + 1);
+                *beside += row + 1;
+            });
+            let own = |row: usize, values: &[usize]| values[pattern.row(row)].iter().all(|&value| value == row + 1);
+            assert!((0..rows).all(|row| own(row, &values) && beside[row] == row + 1), "{rows}");
+
+            let some = rows / 3..rows;
+            let mut values = vec![0; pattern.positions(&some).len()];
+            for_each_row_of(&pattern, some.clone(), 7, &mut values, &|row, values| {
+                values.iter_mut().for_each(|value| *value += row + 1);
+            });
+            let mut all = vec![0; pattern.positions(&(0..some.start)).len()];
+            all.extend(values);
+            assert!(some.into_iter().all(|row| own(row, &all)), "{rows}");
+        }
+    }
+}

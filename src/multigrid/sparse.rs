@@ -180,3 +180,27 @@ impl<const N: usize> Rows<N> for BlockMatrix<N, N> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Pattern;
+
+    /// Rows [1, 2], none, [0, 1].
+    #[test]
+    fn transposes_have_the_rows_of_every_column() {
+        let columns: [&[u32]; 3] = [&[2, 1], &[], &[0, 1]];
+        let pattern = Pattern::build(3, |row, into| into.extend(columns[row])).unwrap();
+        assert_eq!((pattern.rows(), pattern.blocks()), (3, 4));
+        assert_eq!([0, 1, 2].map(|row| pattern.columns(row)), [&[1, 2][..], &[], &[0, 1]]);
+        assert_eq!(([0, 1, 2, 3].map(|row| pattern.row(row))), [0..2, 2..2, 2..4, 4..4]);
+        assert_eq!([0..1, 0..3, 1..3, 2..2].map(|rows| pattern.positions(&rows)), [0..2, 0..4, 2..4, 2..2]);
+        let transpose = pattern.transpose(4);
+        let entries = [0, 1, 2, 3].map(|column| transpose.entries(transpose.column(column)).to_vec());
+        assert_eq!(entries, [vec![(2, 2)], vec![(0, 0), (2, 3)], vec![(0, 1)], vec![]]);
+        assert_eq!(transpose.entry(2), (2, 3));
+        let within = [0..3, 1..3, 0..2, 1..2].map(|rows| transpose.column_within(1, rows));
+        assert_eq!(within, [1..3, 2..3, 1..2, 2..2]);
+        // Offsets are usize, columns u32, entries of the transpose pairs of u32.
+        assert_eq!((pattern.bytes(), transpose.bytes()), (4 * 8 + 4 * 4, 5 * 8 + 4 * 8));
+    }
+}

@@ -205,3 +205,6 @@ impl<const N: usize, const M: usize> Level<N, M> {
             + self.next.bytes()
     }
 }
+
+#[cfg(test)]
+mod tests;

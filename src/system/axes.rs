@@ -59,3 +59,21 @@ impl Axes {
         Self(self.0 & !other.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Axes;
+
+    #[test]
+    fn sets_are_what_their_members_are() {
+        let ends = Axes::of(&[0, 2]);
+        assert_eq!([0, 1, 2].map(|axis| ends.contains(axis)), [true, false, true]);
+        assert_eq!([0, 1, 2].map(|axis| ends.rank(axis)), [0, 1, 1]);
+        assert_eq!((ends.count(), ends.iter().collect::<Vec<_>>()), (2, vec![0, 2]));
+        assert_eq!([0, 1, 2, 3, 4].map(|dimension| Axes::first(dimension).count()), [0, 1, 2, 3, 3]);
+        // What is a member already stays one, and there is no fourth axis.
+        assert_eq!((ends.with(0), ends.with(1), ends.with(3)), (ends, Axes::ALL, ends));
+        assert_eq!((Axes::of(&[2, 0, 0, 3]), Axes::NONE.with(1)), (ends, Axes::of(&[1])));
+        assert_eq!((Axes::ALL.without(ends), ends.without(Axes::of(&[1, 2]))), (Axes::of(&[1]), Axes::of(&[0])));
+    }
+}

@@ -146,10 +146,7 @@ impl SystemBuilder {
 
     fn check_particles(&self) -> Result<(), Invalid> {
         let n = self.positions.len();
-        // Rows are numbered in u32 (as in the sparse matrices), three to a particle.
-        if n > u32::MAX as usize / 3 {
-            return Err(Invalid::new("particles.positions", n, "more particles than can be numbered"));
-        }
+        check_count(n)?;
         check_length("particles.velocities", self.velocities.len(), n, "particles")?;
         check_length("particles.masses", self.masses.len(), n, "particles")?;
         self.check_vector("gravity", None, &self.gravity)?;
@@ -242,6 +239,14 @@ impl SystemBuilder {
     }
 }
 
+/// Rows are numbered in u32 (as in the sparse matrices), three to a particle.
+fn check_count(particles: usize) -> Result<(), Invalid> {
+    if particles > u32::MAX as usize / 3 {
+        return Err(Invalid::new("particles.positions", particles, "more particles than can be numbered"));
+    }
+    Ok(())
+}
+
 /// A particle and an offset may each be at most so far away, and their sum too.
 fn check_prescribed(system: &System, state: &State) -> Result<(), Invalid> {
     for (dof, _, motion) in system.prescribed.iter() {
@@ -287,3 +292,6 @@ fn check_positive(key: &str, index: usize, value: f64) -> Result<(), Invalid> {
     }
     Err(Invalid::new(key, value, "must be finite and positive").at(index))
 }
+
+#[cfg(test)]
+mod tests;

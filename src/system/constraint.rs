@@ -218,3 +218,92 @@ impl Prescribed {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Axes, Constraint, Motion};
+    use crate::system::{System, SystemBuilder};
+    use nalgebra::Vector3;
+
+    /// At 10, 30 and 40 s; along x 0.2 m/s and then −0.1, along y 0 and 0.6.
+    fn path() -> Motion {
+        let offsets = [[5.0, 1.0, 0.0], [9.0, 1.0, 0.0], [8.0, 7.0, 0.0]].map(Vector3::from);
+        Motion::Path { times: vec![10.0, 30.0, 40.0], offsets: offsets.to_vec() }
+    }
+
+    #[test]
+    fn paths_are_piecewise_linear_and_clamped() {
+        let path = path();
+        for (t, offset, velocity) in [
+            (-20.0, [5.0, 1.0], [0.0, 0.0]),
+            (10.0, [5.0, 1.0], [0.2, 0.0]),
+            (15.0, [6.0, 1.0], [0.2, 0.0]),
+            (30.0, [9.0, 1.0], [-0.1, 0.6]),
+            (35.0, [8.5, 4.0], [-0.1, 0.6]),
+            (40.0, [8.0, 7.0], [0.0, 0.0]),
+            (90.0, [8.0, 7.0], [0.0, 0.0]),
+        ] {
+            assert_eq!([0, 1].map(|axis| path.offset(t, axis)), offset, "{t}");
+            assert_eq!([0, 1].map(|axis| path.velocity(t, axis)), velocity, "{t}");
+        }
+        // A sum of steps that ends just before a kink is at it, one that ends clearly before is not.
+        assert_eq!([5e-13, 5e-12].map(|off| path.velocity(30.0 * (1.0 - off), 0)), [-0.1, 0.2]);
+    }
+
+    /// Particle 1 follows the path along x, moves at 0.5 m/s along y and, as the later word counts, is held along z; particle 0 is free,
+    /// particle 2 is on a rail of its own.
+    fn system() -> System {
+        let mut builder = SystemBuilder::new();
+        for x in [-1.0, 1.0, 2.0] {
+            builder.particle([x, 2.0, 3.0], 1.0);
+        }
+        let motions = [
+            (vec![1], Axes::ALL, Motion::Velocity(Vector3::new(7.0, 0.5, 7.0))),
+            (vec![1], Axes::of(&[0]), path()),
+            (vec![1, 2], Axes::of(&[2]), Motion::Held),
+        ];
+        for (particles, axes, motion) in motions {
+            builder.constrain(Constraint { particles, axes, motion });
+        }
+        builder.build().unwrap().0
+    }
+
+    #[test]
+    fn prescribed_coordinates_follow_their_motions() {
+        let system = system();
+        let prescribed = system.prescribed();
+        assert_eq!((prescribed.len(), prescribed.is_empty(), prescribed.motions().len()), (4, false, 3));
+        let found: Vec<_> =
+            prescribed.iter().map(|(dof, start, motion)| (dof.particle, dof.axis, start, motion)).collect();
+        assert_eq!(found, [(1, 0, 1.0, 1), (1, 1, 2.0, 0), (1, 2, 3.0, 2), (2, 2, 3.0, 2)]);
+
+        let nine = [Vector3::repeat(9.0); 3];
+        let mut set = nine;
+        prescribed.set_positions(15.0, &mut set);
+        assert_eq!(set, [[9.0; 3], [7.0, 9.5, 3.0], [9.0, 9.0, 3.0]].map(Vector3::from));
+        let mut set = nine;
+        prescribed.set_velocities(15.0, &mut set);
+        assert_eq!(set, [[9.0; 3], [0.2, 0.5, 0.0], [9.0, 9.0, 0.0]].map(Vector3::from));
+        // From (8, 8, 8) to (7, 9.5, 3) and to z = 3: displacements, and over half a second velocities.
+        let places = [Vector3::repeat(8.0); 3];
+        let mut set = nine;
+        prescribed.displacement(15.0, &places, &mut set);
+        assert_eq!(set, [[0.0; 3], [-1.0, 1.5, -5.0], [0.0, 0.0, -5.0]].map(Vector3::from));
+        let mut set = nine;
+        prescribed.set_mean_velocities(15.0, 0.5, &places, &mut set);
+        assert_eq!(set, [[9.0; 3], [-2.0, 3.0, -10.0], [9.0, 9.0, -10.0]].map(Vector3::from));
+    }
+
+    #[test]
+    fn kinks_are_those_of_paths_and_what_is_held_does_not_move() {
+        let system = system();
+        let kinks = [0.0, 10.0, 29.0, 30.0, 40.0].map(|t| system.prescribed().next_kink(t));
+        assert_eq!(kinks, [Some(10.0), Some(30.0), Some(30.0), Some(40.0), None]);
+        assert!(system.prescribed().moves());
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        assert!(builder.clone().build().unwrap().0.prescribed().is_empty());
+        builder.hold(0);
+        assert!(!builder.build().unwrap().0.prescribed().moves());
+    }
+}

@@ -83,3 +83,57 @@ fn cut(system: &System, count: usize) -> Vec<Range<usize>> {
     ranges.push(start..ends.len());
     ranges
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{LEAST_SPRINGS, count, shares};
+    use crate::spring::Spring;
+    use crate::system::{System, SystemBuilder};
+
+    fn chain(springs: usize, held: &[usize]) -> System {
+        let mut builder = SystemBuilder::new();
+        for i in 0..=springs {
+            builder.particle([i as f64, 0.0, 0.0], 1.0);
+        }
+        for i in 0..springs {
+            builder.spring(i, i + 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        held.iter().for_each(|&particle| _ = builder.hold(particle));
+        builder.build().unwrap().0
+    }
+
+    /// One, two, two, two and one springs end in five particles in a row: eight ends.
+    #[test]
+    fn shares_have_about_as_many_ends_each_and_springs_between_two_are_in_both() {
+        let found = |system: &System, count| {
+            let shares = shares(system, count).into_iter();
+            shares.map(|share| (share.particles, share.springs.to_vec())).collect::<Vec<_>>()
+        };
+        let system = chain(4, &[]);
+        assert_eq!(found(&system, 1), [(0..5, vec![0, 1, 2, 3])]);
+        assert_eq!(found(&system, 2), [(0..3, vec![0, 1, 2]), (3..5, vec![2, 3])]);
+        assert_eq!(found(&system, 3), [(0..2, vec![0, 1]), (2..4, vec![1, 2, 3]), (4..5, vec![3])]);
+        // Between the two that are held there is a spring that is not active: positions are among the others.
+        let held = chain(4, &[0, 1]);
+        assert_eq!(found(&held, 2), [(0..3, vec![0, 1]), (3..5, vec![1, 2])]);
+    }
+
+    #[test]
+    fn two_shares_take_twice_the_springs_of_one() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        pool.install(|| {
+            for (springs, expected) in
+                [(1, 1), (2 * LEAST_SPRINGS - 1, 1), (2 * LEAST_SPRINGS, 2), (4 * LEAST_SPRINGS, 3)]
+            {
+                let system = chain(springs, &[]);
+                let several = system.several_shares();
+                assert_eq!(
+                    (count(&system), several.map_or(1, |shares| shares.len())),
+                    (expected, expected),
+                    "{springs}"
+                );
+                assert_eq!(system.shares().len(), expected);
+            }
+        });
+    }
+}

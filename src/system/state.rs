@@ -77,3 +77,35 @@ impl State {
         self.velocities.copy_from_slice(&other.velocities);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::State;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn states_are_finite_up_to_the_largest_coordinate() {
+        let state = |time, x, v| State {
+            time,
+            positions: vec![Vector3::new(0.0, x, 0.0)],
+            velocities: vec![Vector3::new(0.0, 0.0, v)],
+        };
+        for (state, is_finite) in [
+            (state(1.0, State::LARGEST, -State::LARGEST), true),
+            (state(f64::INFINITY, 0.0, 0.0), false),
+            (state(0.0, -State::LARGEST.next_up(), 0.0), false),
+            (state(0.0, 0.0, State::LARGEST.next_up()), false),
+            (state(0.0, f64::NAN, 0.0), false),
+        ] {
+            assert_eq!(state.is_finite(), is_finite, "{state:?}");
+        }
+    }
+
+    #[test]
+    fn a_copy_has_everything() {
+        let mut copy = State { time: 0.0, positions: vec![Vector3::zeros()], velocities: vec![Vector3::zeros()] };
+        let state = State { time: 3.0, positions: vec![Vector3::x()], velocities: vec![Vector3::y()] };
+        copy.copy_from(&state);
+        assert_eq!(copy, state);
+    }
+}

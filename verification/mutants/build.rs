@@ -13,22 +13,25 @@ use std::{fs, mem};
 /// Where lints stand in the manifest.
 const LINTS: &str = "[lints.rust]\nunsafe_code = \"forbid\"\nmissing_docs = \"deny\"\n";
 
-/// A folder with a copy of the program, and the original that it is copied from.
+/// A folder with a copy of the program, to be changed.
 pub struct Copy {
-    pub root: PathBuf,
+    /// Another copy, which stays as the program was when the run began: the program itself may be worked on meanwhile.
+    original: PathBuf,
     pub folder: PathBuf,
 }
 
 impl Copy {
     pub fn new(root: &Path, name: &str) -> Result<Self> {
-        let copy = Self { root: root.to_owned(), folder: copy::target(root).join(name).join("program") };
+        let beside = copy::target(root).join(name);
+        let copy = Self { original: beside.join("original"), folder: beside.join("program") };
+        copy::program(root, &copy.original)?;
         copy.restore()?;
         copy::dependencies(root, &copy.folder.with_file_name("build"))?;
         Ok(copy)
     }
 
     fn restore(&self) -> Result<()> {
-        Ok(copy::program(&self.root, &self.folder)?)
+        Ok(copy::program(&self.original, &self.folder)?)
     }
 
     /// Gives the copy the chosen mutants but those left out, behind switches, and the lines that they take in each file.
@@ -47,14 +50,14 @@ impl Copy {
         }
         let mut written = BTreeMap::new();
         for (file, within) in files {
-            let source = fs::read_to_string(self.root.join(file))?;
+            let source = fs::read_to_string(self.original.join(file))?;
             let switched = switch::switched(&source, &within).ok_or_else(|| format!("{file}: cannot be switched"))?;
             copy::write(&self.folder.join(file), switched.source.as_bytes())?;
             written.insert(file.to_owned(), switched);
         }
-        let library = fs::read_to_string(self.root.join("src/lib.rs"))? + switch::LIBRARY;
+        let library = fs::read_to_string(self.original.join("src/lib.rs"))? + switch::LIBRARY;
         copy::write(&self.folder.join("src/lib.rs"), library.as_bytes())?;
-        let manifest = fs::read_to_string(self.root.join("Cargo.toml"))?;
+        let manifest = fs::read_to_string(self.original.join("Cargo.toml"))?;
         copy::write(&self.folder.join("Cargo.toml"), manifest.replace(LINTS, switch::LINTS).as_bytes())?;
         Ok(written)
     }
@@ -92,7 +95,7 @@ impl Copy {
     /// Gives the copy one mutant, without a switch; whether it compiles.
     pub fn with_one(&self, mutant: &Mutant) -> Result<bool> {
         self.restore()?;
-        let source = fs::read_to_string(self.root.join(&mutant.file))?;
+        let source = fs::read_to_string(self.original.join(&mutant.file))?;
         let source = switch::replaced(&source, mutant).ok_or_else(|| format!("{}: no such place", mutant.name))?;
         fs::write(self.folder.join(&mutant.file), source)?;
         Ok(self.errors()?.is_empty())
@@ -101,11 +104,17 @@ impl Copy {
     /// Errors of the compiler in the library.
     fn errors(&self) -> Result<Vec<Value>> {
         let messages = self.cargo(&["check", "--lib"])?;
+        let has_passed = messages.iter().any(|message| message["success"] == true);
         let of_compiler = messages.into_iter().filter(|message| message["reason"] == "compiler-message");
-        Ok(of_compiler
+        let errors: Vec<Value> = of_compiler
             .map(|mut message| mem::take(&mut message["message"]))
             .filter(|message| message["level"] == "error" && !message["spans"].as_array().is_none_or(Vec::is_empty))
-            .collect())
+            .collect();
+        // Ended for want of memory, for example.
+        if errors.is_empty() && !has_passed {
+            return Err("the compiler ended without an error in the source".into());
+        }
+        Ok(errors)
     }
 
     /// Builds the tests of these names, or all; returns the test programs, the verification suite first, each with its name.

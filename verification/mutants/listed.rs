@@ -1,6 +1,7 @@
 //! The mutants that cargo-mutants finds in the rooms that compute.
 
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -51,6 +52,12 @@ impl Mutant {
     }
 }
 
+/// Lines of a source before its tests, which stand at the end: cargo-mutants leaves out those under `cfg(test)` alone.
+fn lines(source: &str) -> usize {
+    let tests = source.find("\nmod tests").unwrap_or(source.len());
+    source[..tests].lines().count()
+}
+
 /// All mutants, in the order of the files. `.cargo/mutants.toml` says which files.
 pub fn all(root: &Path) -> super::Result<Vec<Mutant>> {
     let list = Command::new(env!("CARGO")).args(["mutants", "--list", "--json"]).current_dir(root).output()?;
@@ -59,10 +66,17 @@ pub fn all(root: &Path) -> super::Result<Vec<Mutant>> {
         return Err(format!("cargo-mutants is needed, `cargo install cargo-mutants --locked`: {why}").into());
     }
     let mut mutants: Vec<Mutant> = serde_json::from_slice(&list.stdout)?;
-    mutants.retain(|mutant| !mutant.file.ends_with("/tests.rs"));
+    let mut sources = BTreeMap::new();
+    for mutant in &mutants {
+        if !sources.contains_key(&mutant.file) {
+            sources.insert(mutant.file.clone(), fs::read_to_string(root.join(&mutant.file))?);
+        }
+    }
+    let is_program = |mutant: &Mutant| mutant.span.start.line <= lines(&sources[&mutant.file]);
+    mutants.retain(|mutant| !mutant.file.ends_with("/tests.rs") && is_program(mutant));
     for mutant in &mut mutants {
         if let Some(function) = &mutant.function {
-            let source = fs::read_to_string(root.join(&mutant.file))?;
+            let source = &sources[&mutant.file];
             let first = source.lines().skip(function.span.start.line - 1).find(|line| line.contains("fn "));
             let opaque = function.return_type.strip_prefix("-> impl ");
             // An arm can be an iterator, and nothing else that has no name.

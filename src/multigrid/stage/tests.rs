@@ -1,0 +1,248 @@
+//! Every level against dense matrices: what it holds is what the module says it is, and a cycle is its formula.
+
+use super::super::block::Block;
+use super::super::galerkin::UNSMOOTHED;
+use super::super::sparse::Rows;
+use super::super::{Hierarchy, LevelSize};
+use super::{Cycle, Stage};
+use crate::force::Extensions;
+use crate::operator::{Combination, LinearOperator as _, SystemOperator};
+use crate::spring::{Spring, Stiffness};
+use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
+use nalgebra::{DMatrix, Vector3};
+
+/// What single precision leaves, with the errors of a few products.
+const SINGLE: f64 = 2e-5;
+
+fn random(seed: &mut u64) -> f64 {
+    *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+    (*seed >> 11) as f64 / (1u64 << 53) as f64
+}
+
+/// A crooked grid with springs of many stiffnesses along its axes, and across in one direction; two springs join the first pair. One
+/// particle is held, one along x, and one has no spring.
+fn grid(counts: [usize; 3]) -> (System, State) {
+    let dimension = counts.iter().filter(|&&count| count > 1).count();
+    let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
+    let mut seed = 7;
+    let [nx, ny, nz] = counts;
+    let number = |x: usize, y: usize, z: usize| (z * ny + y) * nx + x;
+    for z in 0..nz {
+        for y in 0..ny {
+            for x in 0..nx {
+                let mut place = [x, y, z].map(|i| i as f64);
+                place.iter_mut().take(dimension).for_each(|c| *c += 0.3 * random(&mut seed));
+                builder.particle(place, 0.5 + random(&mut seed));
+            }
+        }
+    }
+    let mut join = |a: usize, b: usize| {
+        let stiffness = 1000.0 * (1.0 + 3.0 * random(&mut seed));
+        builder.spring(a, b, Spring { stiffness, rest_length: 0.7, damping: 0.0 });
+    };
+    join(0, 1);
+    for z in 0..nz {
+        for y in 0..ny {
+            for x in 0..nx {
+                let here = number(x, y, z);
+                for [dx, dy, dz] in [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [0, 1, 1]] {
+                    let there = [x + dx, y + dy, z + dz];
+                    if there[0] < nx && there[1] < ny && there[2] < nz {
+                        join(here, number(there[0], there[1], there[2]));
+                    }
+                }
+            }
+        }
+    }
+    builder.particle([-9.0, 0.0, 0.0], 2.0);
+    builder.hold(4);
+    builder.constrain(Constraint { particles: vec![7], axes: Axes::of(&[0]), motion: Motion::Held });
+    builder.build().unwrap()
+}
+
+fn put<const R: usize, const C: usize>(dense: &mut DMatrix<f64>, row: usize, column: usize, block: &Block<R, C>) {
+    for r in 0..R {
+        for c in 0..C {
+            dense[(row * R + r, column * C + c)] = block[r][c];
+        }
+    }
+}
+
+fn dense<const N: usize>(a: &impl Rows<N>) -> DMatrix<f64> {
+    let rows = a.pattern().rows();
+    let mut dense = DMatrix::zeros(rows * N, rows * N);
+    (0..rows).for_each(|row| a.visit(row, |column, block| put(&mut dense, row, column, block)));
+    dense
+}
+
+fn columns<'b, const N: usize, const M: usize, I: Iterator<Item = (usize, &'b Block<N, M, f32>)>>(
+    rows: usize,
+    count: usize,
+    column: impl Fn(usize) -> I,
+) -> DMatrix<f64> {
+    let mut dense = DMatrix::zeros(rows * N, count * M);
+    for aggregate in 0..count {
+        column(aggregate)
+            .for_each(|(row, block)| put(&mut dense, row, aggregate, &block.map(|row| row.map(f64::from))));
+    }
+    dense
+}
+
+/// The blocks of a matrix for which this holds.
+fn part(a: &DMatrix<f64>, size: usize, belongs: impl Fn(usize, usize) -> bool) -> DMatrix<f64> {
+    DMatrix::from_fn(a.nrows(), a.ncols(), |r, c| if belongs(r / size, c / size) { a[(r, c)] } else { 0.0 })
+}
+
+fn assert_near(found: &DMatrix<f64>, expected: &DMatrix<f64>, tolerance: f64, what: &str) {
+    let difference = (found - expected).amax();
+    assert!(difference <= tolerance * expected.amax(), "{what}: {difference:e} of {:e}", expected.amax());
+}
+
+/// The matrix that a stage applies, by the formulas, after its parts have been compared with theirs. `motions` are rigid motions of
+/// all nodes, one a column. Levels from this one on are counted in `levels`.
+fn reference<const N: usize, const M: usize>(
+    stage: &Stage<N, M>,
+    a: &impl Rows<N>,
+    factor: f64,
+    cycle: Cycle,
+    motions: &DMatrix<f64>,
+    levels: &mut usize,
+) -> DMatrix<f64> {
+    *levels += 1;
+    let unscaled = dense(a);
+    let scaled = factor * &unscaled;
+    let Stage::Coarsen(level) = stage else {
+        assert!(matches!(stage, Stage::Direct(_)));
+        return scaled.try_inverse().unwrap();
+    };
+    let (order, count) = (scaled.nrows(), level.prolongator.columns());
+    let identity = DMatrix::identity(order, order);
+    let inverse_diagonal = part(&scaled, N, |r, c| r == c).try_inverse().unwrap();
+
+    // T has orthonormal columns, and every rigid motion is one of its aggregates.
+    let t = columns(order / N, count, |aggregate| level.prolongator.tentative_column(aggregate));
+    let gram = t.transpose() * &t;
+    let present = |motion: usize| level.prolongator.modes[motion / M].has(motion % M);
+    let expected = DMatrix::from_fn(count * M, count * M, |r, c| f64::from(u8::from(r == c && present(r))));
+    assert_near(&gram, &expected, 1e-4, "TᵀT");
+    let coarse_motions = t.transpose() * motions;
+    // A node without neighbours has no aggregate: its equations stand alone.
+    let has_aggregate = |row: usize| level.prolongator.tentative_row(row / N).is_some();
+    let of_aggregates = DMatrix::from_fn(order, M, |r, c| if has_aggregate(r) { motions[(r, c)] } else { 0.0 });
+    assert_near(&(&t * &coarse_motions), &of_aggregates, 1e-4, "rigid motions");
+
+    // P = (I − ω D⁻¹A) T.
+    let p = columns(order / N, count, |aggregate| level.prolongator.column(aggregate));
+    assert_near(&p, &((&identity - 2.0 / 3.0 * &inverse_diagonal * &scaled) * &t), SINGLE, "P");
+    for (row, block) in (0..order / N).flat_map(|row| level.prolongator.matrix.row(row).map(move |entry| (row, entry)))
+    {
+        let found = DMatrix::from_fn(N, M, |r, c| f64::from(block.1[r][c]));
+        assert_eq!(found, p.view((row * N, block.0 * M), (N, M)));
+    }
+
+    // A_c = Pᵀ A P + ε Tᵀ A T, and an equation for every motion that is absent.
+    let absent = DMatrix::from_fn(count * M, count * M, |r, c| f64::from(u8::from(r == c && !present(r))));
+    let galerkin = p.transpose() * &unscaled * &p + UNSMOOTHED * (t.transpose() * &unscaled * &t) + absent;
+    assert_near(&dense(&level.galerkin.coarse), &galerkin, SINGLE, "A_c");
+
+    // Once or twice down, and both sweeps.
+    let coarse = &level.galerkin.coarse;
+    let mut below = reference(&level.next, coarse, factor, Cycle::W, &coarse_motions, levels);
+    if cycle == Cycle::W && matches!(level.next, Stage::Coarsen(_)) {
+        below = 2.0 * &below - &below * (factor * galerkin) * &below;
+    }
+    let forward = part(&scaled, N, |r, c| c <= r).try_inverse().unwrap();
+    let corrected = &forward + &p * below * p.transpose() * (&identity - &scaled * &forward);
+    &corrected + forward.transpose() * (&identity - &scaled * &corrected)
+}
+
+/// Rigid motions of all particles that have springs, on the nodes of the finest level.
+fn rigid_motions<const D: usize, const M: usize>(
+    hierarchy: &Hierarchy<D, M>,
+    system: &System,
+    state: &State,
+) -> DMatrix<f64> {
+    let nodes = hierarchy.finest.pattern.rows();
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    let turns = if D == 2 { &axes[2..] } else { &axes[..] };
+    DMatrix::from_fn(nodes * D, M, |row, motion| {
+        let dof = hierarchy.finest.dof(row / D, Some(row % D));
+        let is_joined = system.pairs().iter().flatten().any(|&p| p as usize == dof.particle);
+        let x = state.positions[dof.particle];
+        let u = if motion < D { axes[motion] } else { turns[motion - D].cross(&x) };
+        if is_joined && dof.axis == row % D { u[row % D] } else { 0.0 }
+    })
+}
+
+fn check<const D: usize, const M: usize>(counts: [usize; 3], largest_dense: usize, expected_levels: usize) {
+    let (system, state) = grid(counts);
+    assert_eq!(system.dimension(), D);
+    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.1));
+    let mut hierarchy = Hierarchy::<D, M>::new(&system, largest_dense).unwrap();
+    hierarchy.finest.place(&state.positions);
+    hierarchy.refill(&a).unwrap();
+    hierarchy.rebuild(&a).unwrap();
+
+    // The finest matrix is that of the system, with x = 0 for axes that are held.
+    let finest = hierarchy.finest.rows(&a);
+    let found = dense(&finest);
+    let row_of = |row: usize| Some(hierarchy.finest.dof(row / D, Some(row % D))).filter(|dof| dof.axis == row % D);
+    let rows: Vec<Option<usize>> =
+        (0..found.nrows()).map(|row| row_of(row).and_then(|dof| system.dofs().row(dof))).collect();
+    let order = system.dofs().len();
+    assert_eq!(rows.iter().flatten().count(), order);
+    let mut whole = DMatrix::zeros(order, order);
+    for (k, mut column) in whole.column_iter_mut().enumerate() {
+        let mut unit = vec![0.0; order];
+        unit[k] = 1.0;
+        a.apply(&unit, column.as_mut_slice());
+    }
+    let expected = DMatrix::from_fn(found.nrows(), found.nrows(), |r, c| match (rows[r], rows[c]) {
+        (Some(row), Some(column)) => whole[(row, column)],
+        _ => f64::from(u8::from(r == c)),
+    });
+    assert_near(&found, &expected, 1e-13, "A");
+
+    // The factor makes the largest mass term or spring block at least one and less than two.
+    let factor = hierarchy.factor;
+    let masses = system.masses().iter().map(|m| m * a.mass_factor());
+    let springs = a.blocks().iter().map(|block| block.axial.max(block.transverse));
+    let largest = masses.chain(springs).fold(0.0, f64::max);
+    assert!((1.0..2.0).contains(&(factor * largest)) && factor.log2().fract() == 0.0, "{factor} {largest}");
+
+    let mut levels = 0;
+    let motions = rigid_motions(&hierarchy, &system, &state);
+    let by_formula = factor * reference(&hierarchy.stage, &finest, factor, Cycle::V, &motions, &mut levels);
+    let sizes: Vec<LevelSize> = hierarchy.stage.sizes(&hierarchy.finest.pattern);
+    assert_eq!((levels, sizes.len()), (expected_levels, expected_levels));
+    let entries = found.iter().filter(|entry| **entry != 0.0).count();
+    assert!(sizes[0].nodes * D == found.nrows() && sizes[0].unknowns == found.nrows() && sizes[0].entries >= entries);
+    assert!(sizes.windows(2).all(|pair| pair[1].nodes < pair[0].nodes && pair[1].unknowns == M * pair[1].nodes));
+
+    // A residual of any size, as it is no power of two that its scale takes out wholly.
+    let mut applied = DMatrix::zeros(order, order);
+    for (k, mut column) in applied.column_iter_mut().enumerate() {
+        let mut r = vec![0.0; order];
+        r[k] = 3e5;
+        hierarchy.apply(&r, column.as_mut_slice());
+    }
+    let place = |row: usize| rows.iter().position(|&of| of == Some(row)).unwrap();
+    let expected = DMatrix::from_fn(order, order, |r, c| 3e5 * by_formula[(place(r), place(c))]);
+    assert_near(&applied, &expected, SINGLE, "B");
+}
+
+#[test]
+fn a_cycle_on_a_line_is_its_formula() {
+    check::<1, 1>([120, 1, 1], 3, 5);
+}
+
+#[test]
+fn a_cycle_in_the_plane_is_its_formula() {
+    check::<2, 3>([9, 7, 1], 10, 3);
+}
+
+#[test]
+fn a_cycle_in_space_is_its_formula() {
+    check::<3, 6>([4, 4, 3], 30, 3);
+}
