@@ -90,8 +90,7 @@ pub fn add_external_forces(system: &System, at: &Moment<'_>, force: &mut [Vector
 
 #[cfg(test)]
 mod tests {
-    use super::{Extensions, add_damping_differential, add_damping_force};
-    use crate::spring::Spring;
+    use super::*;
     use crate::system::SystemBuilder;
     use nalgebra::Vector3;
 
@@ -109,5 +108,63 @@ mod tests {
         add_damping_force(&system, &extensions, &fast, &mut force);
         add_damping_differential(&system, &extensions, &fast, &[Vector3::zeros(), Vector3::x()], &mut force);
         assert_eq!(force, [Vector3::zeros(); 2]);
+    }
+
+    /// Three particles at the corners (0, 0), (4, 0) and (4, 3) with springs of lengths 4 and 3 along the legs: strains 1 and −½.
+    #[test]
+    fn forces_of_all_springs_are_added_to_what_is_there() {
+        let mut builder = SystemBuilder::new();
+        builder.gravity(0.0, 0.0, -10.0);
+        for (x, y) in [(0.0, 0.0), (4.0, 0.0), (4.0, 3.0)] {
+            builder.particle([x, y, 0.0], 2.0);
+        }
+        builder.spring(0, 1, Spring { stiffness: 5.0, rest_length: 2.0, damping: 7.0 });
+        builder.spring(2, 1, Spring { stiffness: 8.0, rest_length: 6.0, damping: 0.5 });
+        let (system, mut state) = builder.build().unwrap();
+        let mut extensions = Extensions::at(&system, &state.positions).unwrap();
+        let vectors = |rows: [[f64; 3]; 3]| rows.map(Vector3::from);
+        let mut force = vec![Vector3::x(); 3];
+        add_elastic_force(&system, &extensions, &mut force);
+        assert_eq!(force[..], vectors([[6.0, 0.0, 0.0], [-4.0, -4.0, 0.0], [1.0, 4.0, 0.0]]));
+        add_weight(&system, &mut force);
+        assert_eq!(force[0], Vector3::new(6.0, 0.0, -20.0));
+        // End 1 moves away from 0 at 1 m/s and towards 2 at 2 m/s.
+        state.velocities[1] = Vector3::new(1.0, 2.0, 0.0);
+        let mut force = vec![Vector3::zeros(); 3];
+        add_damping_force(&system, &extensions, &state.velocities, &mut force);
+        assert_eq!(force[..], vectors([[7.0, 0.0, 0.0], [-7.0, -1.0, 0.0], [0.0, 1.0, 0.0]]));
+        // End 1 goes along y: the first spring turns by ¼ (0, −1, 0), across which v is 2; the second does not turn.
+        let mut force = vec![Vector3::zeros(); 3];
+        let moved = vectors([[0.0; 3], [0.0, 1.0, 0.0], [0.0; 3]]);
+        add_damping_differential(&system, &extensions, &state.velocities, &moved, &mut force);
+        assert_eq!(force[..], vectors([[3.5, 1.75, 0.0], [-3.5, -1.75, 0.0], [0.0; 3]]));
+        // A new configuration, in the same memory.
+        state.positions[1] = Vector3::new(0.0, 3.0, 0.0);
+        extensions.update(&system, &state.positions).unwrap();
+        let lengths: Vec<f64> = extensions.iter().map(|at| at.length).collect();
+        assert_eq!((lengths, extensions.as_slice()[1].direction), (vec![3.0, 4.0], Vector3::x()));
+        state.positions[1] = state.positions[2];
+        assert_eq!(extensions.update(&system, &state.positions).unwrap_err().spring, 1);
+    }
+
+    /// Weights, kinetic energies and springs of two particles at (1, 2, 0) and (1, 5, 0), the first at 3 m/s along x.
+    #[test]
+    fn energies_and_momenta_are_sums() {
+        let mut builder = SystemBuilder::new();
+        builder.gravity(0.0, -10.0, 0.0);
+        builder.particle([1.0, 2.0, 0.0], 2.0);
+        builder.particle([1.0, 5.0, 0.0], 4.0);
+        builder.velocities[0] = Vector3::new(3.0, 0.0, 0.0);
+        builder.velocities[1] = Vector3::new(0.0, 0.0, 1.0);
+        builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 1.0, damping: 0.0 });
+        let (system, mut state) = builder.build().unwrap();
+        let energy = Energy::of(&system, &state);
+        assert_eq!((energy.kinetic, energy.elastic, energy.gravitational), (11.0, 12.0, 240.0));
+        assert_eq!(energy.total(), 263.0);
+        assert_eq!(linear_momentum(&system, &state), Vector3::new(6.0, 0.0, 4.0));
+        assert_eq!(angular_momentum(&system, &state), Vector3::new(20.0, -4.0, -12.0));
+        // A spring without a length is as short as can be.
+        state.positions[1] = state.positions[0];
+        assert_eq!(Energy::of(&system, &state).elastic, 3.0);
     }
 }

@@ -103,4 +103,23 @@ mod tests {
             assert_eq!(tangent.damping, 0.5);
         }
     }
+
+    /// Where T = T' l the tangent passes through the origin, and near it its slope is a hundred-millionth more; beside that, and with
+    /// any slope that is more than a billionth of k/l0 = 2.5, it is what it is.
+    #[test]
+    fn slopes_are_changed_only_where_there_is_no_tangent() {
+        let own = Spring { stiffness: 5.0, rest_length: 2.0, damping: 0.0 };
+        let slope = |force: f64, slope: f64| {
+            let tangent = own.tangent(Tension { force, slope }, 2.0);
+            tangent.stiffness / tangent.rest_length
+        };
+        let more = 4.0 * (1.0 + 1e-8);
+        for (off, expected) in [(-2e-9, 4.0), (-5e-10, more), (0.0, more), (5e-10, more), (2e-9, 4.0)] {
+            let found = slope(8.0 * (1.0 + off), 4.0);
+            assert!((found / expected - 1.0).abs() < 1e-14, "{off} {found}");
+        }
+        for (given, expected) in [(-1.0, 2.5e-9), (2e-9, 2.5e-9), (3e-9, 3e-9)] {
+            assert!((slope(1.0, given) / expected - 1.0).abs() < 1e-14, "{given}");
+        }
+    }
 }

@@ -241,4 +241,50 @@ mod tests {
         let expected = [[0.0, 0.0, 0.0], [1.0, 7.0, 0.0], [4.0, 8.0, 0.0]].map(Vector3::from);
         assert_eq!(positions, expected);
     }
+
+    /// Pulls with 3 N whatever the length.
+    #[derive(Debug)]
+    struct Pull;
+
+    impl SpringLaw for Pull {
+        fn tension(&self, number: usize, _: &Spring, length: f64) -> crate::spring::Tension {
+            crate::spring::Tension { force: 3.0, slope: 4.0 * length + number as f64 }
+        }
+
+        fn energy(&self, _: usize, _: &Spring, length: f64) -> f64 {
+            3.0 * length
+        }
+    }
+
+    #[derive(Debug)]
+    struct Wind;
+
+    impl ExternalForce for Wind {
+        fn add(&self, _: &Moment<'_>, force: &mut [Vector3<f64>]) {
+            force.iter_mut().for_each(|force| force.x += 1.0);
+        }
+    }
+
+    #[test]
+    fn laws_and_forces_are_part_of_a_system() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([2.0, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 8.0, rest_length: 1.0, damping: 0.5 });
+        let (system, _) = builder.build().unwrap();
+        let at = Extension { direction: Vector3::x(), length: 2.0 };
+        assert_eq!((system.elastic_energy(0, &at), system.spring_at(0, 2.0)), (4.0, system.springs()[0]));
+        assert!(system.is_damped());
+
+        let of_law = system.clone().with_spring_law(Pull);
+        assert!(of_law.has_spring_law() && !of_law.has_external_forces());
+        assert_eq!(of_law.elastic_energy(0, &at), 6.0);
+        // The tangent: k = T' l − T = 13 and l0 = 13/8.
+        let tangent = of_law.spring_at(0, 2.0);
+        assert_eq!(tangent, Spring { stiffness: 13.0, rest_length: 1.625, damping: 0.5 });
+
+        let forced = system.with_external_force(Wind).with_external_force(Wind);
+        assert!(forced.has_external_forces() && !forced.has_spring_law());
+        assert_eq!(forced.external_forces().count(), 2);
+    }
 }
