@@ -148,3 +148,6 @@ pub fn fingerprint(system: &System, start: &State, how: &str) -> String {
     sum.add(env!("CARGO_PKG_VERSION").as_bytes());
     sum.text()
 }
+
+#[cfg(test)]
+mod tests;

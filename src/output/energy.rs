@@ -114,3 +114,40 @@ impl EnergyLog {
         rows.into_inner().map_err(|failed| Error::io(target, failed.into_error()))?.into_inner().commit()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// From the first row, from the head alone, and from nothing: the bytes are those of a log that was never interrupted.
+    #[test]
+    fn a_log_goes_on_where_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let energy = Energy { kinetic: 1.0, elastic: 0.25, gravitational: -2.0 };
+        let balance = Balance { work: 0.5, dissipated: 0.125, imbalance: f64::NAN };
+        let path = |name: &str| folder.path().join(name);
+        let mut log = EnergyLog::create(path("whole.csv")).unwrap();
+        log.push(0.0, &energy, &balance).unwrap();
+        let after_one = log.position().unwrap();
+        log.push(0.5, &energy, &balance).unwrap();
+        log.finish().unwrap();
+        let whole = std::fs::read_to_string(path("whole.csv")).unwrap();
+        let rows = ["0.0,1.0,0.25,-2.0,-0.75,0.5,0.125,", "0.5,1.0,0.25,-2.0,-0.75,0.5,0.125,"];
+        assert_eq!(whole.lines().skip(1).collect::<Vec<_>>(), rows);
+        assert_eq!(after_one.bytes as usize, whole.find("0.5,1.0").unwrap());
+
+        let mut log = EnergyLog::resume(path("whole.csv"), &after_one).unwrap();
+        assert_eq!(log.position().unwrap(), after_one);
+        log.push(0.5, &energy, &balance).unwrap();
+        log.finish().unwrap();
+        assert_eq!(std::fs::read_to_string(path("whole.csv")).unwrap(), whole);
+
+        let nothing = LogPosition { bytes: 0, checksum: Checksum::default().text() };
+        let mut log = EnergyLog::resume(path("whole.csv"), &nothing).unwrap();
+        log.push(0.0, &energy, &balance).unwrap();
+        assert_eq!(log.position().unwrap(), after_one);
+        drop(log);
+        let other = LogPosition { checksum: "0".repeat(16), ..after_one };
+        assert!(EnergyLog::resume(path("whole.csv"), &other).is_err());
+    }
+}

@@ -170,3 +170,6 @@ fn put_frames<W: Write>(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;
