@@ -64,6 +64,8 @@ const FUNCTIONS: &[&str] = &[
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rerun-if-env-changed=PKG_CONFIG_PATH");
+    // For Open MPI to find the program's own, see `src/waiting.rs`.
+    println!("cargo:rustc-link-arg-bins=-Wl,--export-dynamic-symbol=sched_yield");
     let found = pkg_config::Config::new()
         .atleast_version("3.18")
         .probe("PETSc")

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from pathlib import Path
 
 SPRUNG, MPI = (str(Path(program).resolve()) for program in sys.argv[1:3])
@@ -65,8 +66,20 @@ def scene(name, kind, size):
     return path
 
 
+def content_of(path):
+    """What a scene's file says, with the particles and springs of its mesh."""
+    content = json.loads(path.read_text()) if path.suffix == ".json" else tomllib.loads(path.read_text())
+    mesh = content.pop("mesh", None)
+    if mesh:
+        lines = [line.split() for line in (path.parent / mesh["file"]).read_text().splitlines()]
+        content["particles"]["positions"] = [[float(c) for c in words[1:4]] for words in lines if words[:1] == ["v"]]
+        faces = [[int(word.split("/")[0]) - 1 for word in words[1:]] for words in lines if words[:1] == ["f"]]
+        content["springs"]["pairs"] = sorted({tuple(sorted(edge)) for face in faces for edge in zip(face, face[1:] + face[:1])})
+    return content
+
+
 def changed(path, name, change):
-    content = json.loads(path.read_text())
+    content = content_of(path)
     change(content)
     target = WORK / f"{name}.json"
     target.write_text(json.dumps(content))
@@ -133,8 +146,15 @@ def one_dimensional():
     return path
 
 
+def repository_scenes():
+    """Scenes with moving constraints and of a mesh, as they stand in the repository."""
+    folder = Path(__file__).resolve().parent.parent / "verification" / "scenes"
+    for name in ("moving_anchor", "planar_truss", "bunny"):
+        yield name, folder / f"{name}.toml"
+
+
 def mesh_scene():
-    """A mesh of a sphere, bunny's stand-in: as many particles, springs along the edges of triangles."""
+    """A mesh of a sphere: a thousand particles, springs along the edges of triangles."""
     rows, columns = 24, 40
     x = [[math.sin(math.pi * (i + 1) / (rows + 1)) * math.cos(2 * math.pi * j / columns),
           math.cos(math.pi * (i + 1) / (rows + 1)),
@@ -206,7 +226,8 @@ LLT = ["--solver", "llt"]
 def steps():
     """δx of one step, to 1e-8, of every ready scene and kind of constraint."""
     cases = [(name, path) for name, path in stirred_scenes()]
-    cases += [("led", changed(scene("cloth-led", "cloth", 9), "led", led)), ("line", one_dimensional()), ("sphere", mesh_scene())]
+    cases += [("led", changed(scene("cloth-led", "cloth", 9), "led", led)), ("line", one_dimensional()), ("sphere", mesh_scene()),
+              *repository_scenes()]
     for name, path in cases:
         for option in ["tension", "axial", "full"] if name in ("led", "cloth") else ["tension"]:
             # The full stiffness is positive definite with short steps alone.
@@ -224,8 +245,9 @@ def steps():
 
 def runs():
     """Twenty steps, by every method, in what a disturbance grows to."""
-    for name, path in [*stirred_scenes(), ("led", changed(scene("cloth-led", "cloth", 9), "led", led)), ("line", one_dimensional())]:
-        compare_runs(name, path, 20, 0.004, ["--stiffness", "tension"], LLT, ranks=[2, 3])
+    for name, path in [*stirred_scenes(), ("led", changed(scene("cloth-led", "cloth", 9), "led", led)), ("line", one_dimensional()),
+                       *repository_scenes()]:
+        compare_runs(name, path, 20, 0.004, ["--stiffness", "tension"], LLT)
     for name in ("cloth-stirred", "led", "lattice-stirred"):
         # Iterations of bdf2 end at 1e-6 of what they correct, wherever they are done: a factorization is compared with another.
         compare_runs(f"{name} bdf2", WORK / f"{name}.json", 20, 0.004, ["--method", "bdf2"], LLT, only_here=["--solver", "mumps"])
@@ -329,6 +351,39 @@ def process_of_rank(rank, argument):
     return None
 
 
+def waiting():
+    """Ranks that wait for another one sleep: those that poll have used up their share of a busy machine when they could go on."""
+    there = WORK / "waiting"
+    command = ["mpirun", "--bind-to", "none", "-n", "3", MPI, "run", "--ready", "cloth", "--size", "9", "--dt", "0.001", "--steps",
+               "10000000", "--stiffness", "tension", "--quiet", "--checkpoint", "5", "--out", str(there)]
+    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL)
+    def sleeps(process):
+        """How often its main thread has given up its core to wait; giving it up by `sched_yield` is not counted."""
+        return int(Path(f"/proc/{process}/status").read_text().split("\nvoluntary_ctxt_switches:")[1].split()[0])
+    try:
+        for _ in range(600):
+            time.sleep(0.1)
+            if (there / "checkpoint-mpi.json").exists():
+                break
+        ranks = [process_of_rank(rank, str(there)) for rank in range(3)]
+        check("three ranks are found", all(ranks), ranks)
+        os.kill(ranks[1], signal.SIGSTOP)
+        time.sleep(1)
+        for rank in (0, 2):
+            # They wait for rank 1 alone. Who polls does not sleep once.
+            begin, enough = sleeps(ranks[rank]), False
+            for _ in range(200):
+                time.sleep(0.1)
+                enough = sleeps(ranks[rank]) >= begin + 100
+                if enough:
+                    break
+            check(f"rank {rank} sleeps while it waits", enough, sleeps(ranks[rank]) - begin)
+        os.kill(ranks[1], signal.SIGCONT)
+    finally:
+        running.terminate()
+        running.wait(timeout=60)
+
+
 def faults():
     """What happens to one rank ends all of them, soon, and is named."""
     path = WORK / "cloth-stirred.json"
@@ -371,6 +426,16 @@ def faults():
     springs.unlink()
     done = many(3, "run", WORK / "holes", "--dt", 0.01, "--steps", 1, status=2)
     check("a missing share is named", "springs.bin" in done.stderr, done.stderr)
+    # More rows than 32 bits can number, of which nothing is made or read before it is said.
+    if "petsc64" not in subprocess.run(["ldd", MPI], capture_output=True, text=True).stdout:
+        done = many(2, "run", "--ready", "cloth", "--size", 30000, "--dt", 0.01, "--steps", 1, status=2)
+        check("too many rows are named", "2700000000 rows" in done.stderr and "64-bit" in done.stderr, done.stderr)
+        many(1, "split", path, "--out", WORK / "vast")
+        content = json.loads((WORK / "vast" / "scene.json").read_text())
+        content["scene"]["particles"] = 10**9
+        (WORK / "vast" / "scene.json").write_text(json.dumps(content))
+        done = many(2, "run", WORK / "vast", "--dt", 0.01, "--steps", 1, status=2)
+        check("a vast scene is named", "scene.json" in done.stderr and "64-bit" in done.stderr, done.stderr)
     full = WORK / "full"
     full.mkdir()
     if os.getuid() == 0 and subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", full], capture_output=True).returncode == 0:
@@ -388,7 +453,8 @@ def faults():
         check("files that may not grow", done.returncode == 1 and "rank" in done.stderr, (done.returncode, done.stderr[-1000:]))
 
 
-ALL = {"matrices": matrices, "steps": steps, "runs": runs, "outcomes": outcomes, "splits": splits, "resume": resume, "faults": faults}
+ALL = {"matrices": matrices, "steps": steps, "runs": runs, "outcomes": outcomes, "splits": splits, "waiting": waiting, "resume": resume,
+       "faults": faults}
 for name, group in ALL.items():
     if not GROUPS or name in GROUPS:
         begin = time.monotonic()

@@ -31,7 +31,7 @@ impl Count {
         if ranks::ranks() != 1 {
             return Err(Stop::Unusable("count runs on one rank".into()));
         }
-        let (header, slab) = self.source.load()?;
+        let (header, slab) = self.source.load(petsc::MOST_ROWS)?;
         let petsc = or_end(petsc::Petsc::start(&self.petsc));
         let total = header.particles as usize;
         let pairs: Vec<[usize; 2]> =

@@ -11,7 +11,7 @@
 //! reads them, and cuts the scene anew.
 
 use crate::agreed::{agreed, one_of_all};
-use crate::slab::{Header, LEAD, PARTICLE, SPRING, Slab};
+use crate::slab::{self, Header, LEAD, PARTICLE, SPRING, Slab};
 use crate::{Stop, or_end, ranks};
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions};
@@ -75,7 +75,7 @@ fn write_numbers(path: &Path, numbers: &[f64]) {
 ///
 /// # Errors
 /// What is wrong with it, on all ranks.
-pub fn read(folder: &Path) -> Result<(Header, Slab), Stop> {
+pub fn read(folder: &Path, most: u64) -> Result<(Header, Slab), Stop> {
     let file = folder.join("scene.json");
     let mut text = String::new();
     agreed(|| {
@@ -88,6 +88,7 @@ pub fn read(folder: &Path) -> Result<(Header, Slab), Stop> {
         return Err(wrong(format!("format = {:?}: must be {FORMAT:?}", content.format)));
     }
     let header = content.scene;
+    slab::check_rows(header.particles, header.dimension, most).map_err(&wrong)?;
     let particles = range(folder, "particles.bin", header.particles, PARTICLE)?;
     let springs = range(folder, "springs.bin", header.springs, SPRING)?;
     let leads = range(folder, "leads.bin", content.leads, LEAD)?;

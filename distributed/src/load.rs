@@ -24,22 +24,23 @@ pub struct Source {
 }
 
 impl Source {
-    /// This rank's share of the scene, and what all know of it.
+    /// This rank's share of the scene, and what all know of it. The matrix may have so many rows at most.
     ///
     /// # Errors
     /// What is wrong with it, on all ranks.
-    pub fn load(&self) -> Result<(Header, Slab), Stop> {
+    pub fn load(&self, most: u64) -> Result<(Header, Slab), Stop> {
         if let (Some(kind), Some(size)) = (self.ready, self.size) {
-            return ready::make(kind, size).map_err(Stop::Unusable);
+            return ready::make(kind, size, most).map_err(Stop::Unusable);
         }
         let path = self.path.clone().unwrap_or_default();
         if agreed(|| Ok(path.is_dir()))? {
-            return files::read(&path);
+            return files::read(&path, most);
         }
         let mut whole = None;
         agreed(|| {
             let scene = Scene::load(&path).map_err(|error| error.to_string())?;
             let (system, state) = scene.build().map_err(|error| error.in_file(&path).to_string())?;
+            slab::check_rows(system.particles() as u64, system.dimension(), most)?;
             whole = Some(slab::whole(&scene, &scene.time, &system, &state));
             Ok(true)
         })?;

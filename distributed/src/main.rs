@@ -2,7 +2,8 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | `petsc` | the part of PETSc that is used, and all `unsafe` |
+//! | `petsc` | the part of PETSc that is used, and all `unsafe` but one function |
+//! | `waiting` | that function: what ranks do while they wait |
 //! | `ranks` | what ranks say to each other |
 //! | `slab` | a scene as it lies on the ranks before it is cut |
 //! | `files` | the same in files, of which every rank reads its own share |
@@ -35,6 +36,7 @@ mod run;
 mod slab;
 mod solver;
 mod split;
+mod waiting;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;

@@ -39,7 +39,7 @@ impl Matrix {
     /// # Errors
     /// Why not, on all ranks.
     pub fn execute(&self) -> Result<(), Stop> {
-        let (header, slab) = self.source.load()?;
+        let (header, slab) = self.source.load(crate::petsc::MOST_ROWS)?;
         let petsc = self.method.start();
         let part = or_end(part::cut(&petsc, &header, slab));
         let folder = self.out.clone().unwrap_or_else(|| self.source.folder(&header));

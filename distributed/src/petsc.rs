@@ -1,6 +1,6 @@
 //! The part of PETSc that this program uses: every handle is owned by a value that destroys it, every error is a `Result`.
 //!
-//! All `unsafe` of the program is in this file and in that of `partition`. What makes the calls sound is the same everywhere: handles come from PETSc, are used
+//! All `unsafe` of the program is in this file, in that of `partition`, and around one function in `waiting`. What makes the calls sound is the same everywhere: handles come from PETSc, are used
 //! only while the [`Petsc`] that they borrow is alive, and are destroyed once, by their owner; arrays are as long as PETSc is
 //! told. A reason that is another one stands beside its call.
 //!
@@ -23,6 +23,9 @@ use std::{fmt, ptr, slice};
 
 /// PETSc's integer: 32 or 64 bits, as it was built.
 pub type Index = PetscInt;
+
+/// The most rows that can be numbered.
+pub const MOST_ROWS: u64 = Index::MAX as u64;
 
 /// What PETSc says of a call that failed.
 #[derive(Debug)]
@@ -111,7 +114,7 @@ fn index(number: usize) -> Result<Index> {
     Index::try_from(number).map_err(|_| Error {
         code: 56,
         call: "PetscInt",
-        message: format!("{number} does not fit its {} bits: use a PETSc with 64-bit indices", 8 * size_of::<Index>()),
+        message: format!("{number} does not fit its {} bits: use a PETSc with 64-bit indices", Index::BITS),
     })
 }
 
@@ -236,6 +239,10 @@ impl<'p> Matrix<'p> {
         call!(MatSetBlockSize(raw, index(size)?))?;
         call!(MatSetType(raw, kind.as_ptr()))?;
         let Counts { own, other, own_upper, other_upper } = counts;
+        // PETSc would count past its largest number without a word.
+        for counts in [own, other] {
+            index(size * size * counts.iter().map(|&count| count as usize).sum::<usize>())?;
+        }
         let counts = [own, other, own_upper, other_upper].map(|counts| counts.as_ptr());
         call!(MatXAIJSetPreallocation(raw, index(size)?, counts[0], counts[1], counts[2], counts[3]))?;
         // Every rank computes its own rows whole: nothing to send, nothing to look for.

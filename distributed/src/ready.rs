@@ -3,7 +3,7 @@
 //! They are the scenes of `sprung::scene::builtin` number by number; a test holds them to each other. Sizes go as far as numbers do.
 
 use crate::ranks;
-use crate::slab::{Header, LEAD, Moves, PARTICLE, SPRING, Slab};
+use crate::slab::{self, Header, LEAD, Moves, PARTICLE, SPRING, Slab};
 
 /// Which ready scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -21,7 +21,7 @@ const LARGEST: u64 = 1 << 17;
 ///
 /// # Errors
 /// A size without particles, or one beyond what can be numbered.
-pub fn make(kind: Kind, size: u64) -> Result<(Header, Slab), String> {
+pub fn make(kind: Kind, size: u64, most: u64) -> Result<(Header, Slab), String> {
     if !(1..=LARGEST).contains(&size) {
         return Err(format!("--size {size}: must lie between 1 and {LARGEST}"));
     }
@@ -29,6 +29,7 @@ pub fn make(kind: Kind, size: u64) -> Result<(Header, Slab), String> {
         Kind::Cloth => Grid::cloth(size),
         Kind::Lattice => Grid::lattice(size),
     };
+    slab::check_rows(grid.particles(), 3, most).map_err(|what| format!("--size {size}: {what}"))?;
     let mine = ranks::rank();
     let share = |total| -> std::ops::Range<u64> {
         let ranges = ranks::ranges(total);

@@ -102,7 +102,7 @@ impl Run {
     /// # Errors
     /// Why not, on all ranks.
     pub fn execute(&self) -> Result<(), Stop> {
-        let (header, slab) = self.source.load()?;
+        let (header, slab) = self.source.load(crate::petsc::MOST_ROWS)?;
         let schedule = self.schedule(&header)?;
         let petsc = self.method.start();
         let part = or_end(part::cut(&petsc, &header, slab));

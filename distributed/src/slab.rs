@@ -126,6 +126,21 @@ pub fn share_out(whole: Option<(Header, Slab)>) -> (Header, Slab) {
     (header, Slab { particles, springs, leads })
 }
 
+/// Whether all rows of the matrix can be numbered, to be known before anything is made.
+///
+/// # Errors
+/// What to do where they cannot.
+pub fn check_rows(particles: u64, dimension: usize, most: u64) -> Result<(), String> {
+    let rows = particles.saturating_mul(dimension as u64);
+    if rows <= most {
+        return Ok(());
+    }
+    Err(format!(
+        "{particles} particles make {rows} rows of the matrix, and this PETSc numbers {most}: build sprung-mpi with one of 64-bit \
+         indices"
+    ))
+}
+
 /// An axis among all.
 pub fn axis(number: f64) -> Axes {
     Axes::of(&[number as usize])

@@ -21,7 +21,7 @@ impl Split {
     /// # Errors
     /// Why not, on all ranks.
     pub fn execute(&self) -> Result<(), Stop> {
-        let (header, slab) = self.source.load()?;
+        let (header, slab) = self.source.load(u64::MAX)?;
         let folder = self.out.clone().unwrap_or_else(|| PathBuf::from(format!("{}.split", header.name)));
         let (particles, springs) = (header.particles, header.springs);
         files::write(&folder, header, &slab)?;
