@@ -11,7 +11,7 @@ use sprung::integrate::{ImplicitOptions, Method, RunFailure, Schedule, run};
 use sprung::linear::SolverOptions;
 use sprung::output::{AtomicFile, OutputFolder};
 use sprung::plan::parallelism;
-use sprung::report::inspection::{InspectionRecord, html, pictures, text};
+use sprung::report::inspection::{InspectionRecord, first_answer, html, pictures, text};
 use sprung::{Result, State, Stiffness};
 use std::io::Write;
 use std::ops::ControlFlow;
@@ -23,8 +23,9 @@ use std::sync::Arc;
 /// Counts the signs of the eigenvalues of A = M/dt² − G/dt − K, finds λ_min, λ_max and the condition number, the largest time
 /// step for which A is positive definite, the largest for which linearised backward Euler is stable and the largest that turns
 /// no spring too far, under each stiffness option, and the springs behind every direction of negative curvature. All of this is
-/// about one state. With --steps it follows so many steps of linearised backward Euler, says after which step definiteness,
-/// stability, turning and energy were lost first, and looks at the state at the end. Writes inspect.html and its pictures.
+/// about one state. Whether A is positive definite, and the spring that spoils it most, is said first, on stderr. With --steps it
+/// follows so many steps of linearised backward Euler, says after which step definiteness, stability, turning and energy were
+/// lost first, and looks at the state at the end. Writes inspect.html and its pictures.
 #[derive(Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Inspect {
@@ -125,7 +126,7 @@ impl Inspect {
     fn look(&self, console: &Console, scene: &Arc<LoadedScene>, dt: f64, par: Par) -> Result<Result<Looked>, Stop> {
         let bar = bar(console, PARTS, "{wide_bar} {msg}, {eta}").with_message("inspecting");
         let (option, all, inspected) = (self.stiffness, self.all, scene.clone());
-        let mut known = None;
+        let (mut known, mut told) = (None, false);
         let looked = self.threads.attend(
             move |tell| {
                 let LoadedScene { system, state, .. } = &*inspected;
@@ -137,6 +138,10 @@ impl Inspect {
                 Ok(Looked { inspection: Some(inspection), images: Some(images) })
             },
             |(progress, found)| {
+                if !told && let Some(first) = first_answer(&found) {
+                    bar.suspend(|| console.note(first));
+                    told = true;
+                }
                 bar.set_position((progress * PARTS as f64) as u64);
                 bar.set_message(if progress < 1.0 { "inspecting" } else { "drawing" });
                 known = Some(found);

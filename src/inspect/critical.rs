@@ -119,11 +119,25 @@ impl<'s> CriticalSteps<'s> {
     /// # Errors
     /// Coincident ends of a spring; a matrix that is too large.
     pub fn new(system: &'s System, state: &State, par: Par) -> Result<Self> {
-        let family = Family::new(system, Extensions::at(system, &state.positions)?);
-        let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
-        let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
-        let inertia = InertiaCounter::new(matrix.matrix().pattern(), par)?;
-        let work = Work { symbolic_factorizations: 2, ..Work::default() };
+        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+        let factorization = Ldlt::analyse(pattern.pattern(), par)?;
+        let work = Work { symbolic_factorizations: 1, ..Work::default() };
+        Self::analysed(system, Extensions::at(system, &state.positions)?, pattern, factorization, work)
+    }
+
+    /// On a pattern that has been analysed.
+    ///
+    /// # Errors
+    /// A factor that does not fit the memory.
+    pub(super) fn analysed(
+        system: &'s System,
+        extensions: Extensions,
+        pattern: Arc<SpringPattern>,
+        factorization: Ldlt,
+        work: Work,
+    ) -> Result<Self> {
+        let (family, matrix) = (Family::new(system, extensions), SystemMatrix::zeros(pattern));
+        let inertia = InertiaCounter::sharing(&factorization)?;
         Ok(Self { family, matrix, factorization, inertia, work })
     }
 

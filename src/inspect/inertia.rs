@@ -22,8 +22,8 @@
 
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::error::Result;
-use crate::linear::{PivotSigns, PivotedLdlt, Pivoting, norm};
-use crate::operator::LinearOperator;
+use crate::linear::{FactorKind, Factorization, PivotSigns, PivotedLdlt, Pivoting, norm};
+use crate::operator::{LinearOperator, SystemOperator};
 use crate::work::Work;
 use faer::{Mat, Par, Side};
 use rand::SeedableRng;
@@ -76,6 +76,8 @@ pub enum InertiaMethod {
     Pivoted,
     /// Dense, pivoted without restriction.
     Dense,
+    /// None was needed: no spring has negative curvature, and every free particle has a mass.
+    Springs,
     /// None could be trusted (the matrix has entries that are not finite): every eigenvalue counts as zero.
     None,
 }
@@ -131,6 +133,14 @@ impl InertiaCounter {
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn new(pattern: &BlockPattern, par: Par) -> Result<Self> {
         Ok(Self { factorization: PivotedLdlt::analyse(pattern, par)? })
+    }
+
+    /// As [`new`](Self::new), on a pattern that has been analysed.
+    ///
+    /// # Errors
+    /// When the factor does not fit the memory.
+    pub fn sharing<K: FactorKind>(analysed: &Factorization<K>) -> Result<Self> {
+        Ok(Self { factorization: PivotedLdlt::sharing(analysed)? })
     }
 
     /// Counts the eigenvalues of a matrix on the analysed pattern.
@@ -191,7 +201,7 @@ impl InertiaCounter {
             let (signs, error) = match method {
                 InertiaMethod::Sparse => self.sparse_signs(&shifted, Pivoting::None),
                 InertiaMethod::Pivoted => self.sparse_signs(&shifted, Pivoting::InSupernodes),
-                InertiaMethod::Dense | InertiaMethod::None => dense_signs(&shifted),
+                InertiaMethod::Dense | InertiaMethod::Springs | InertiaMethod::None => dense_signs(&shifted),
             };
             if error / scale < count.error {
                 count = Count { signs, error: error / scale, method };
@@ -227,6 +237,22 @@ impl InertiaCounter {
         10.0 * std::f64::consts::FRAC_2_PI.sqrt() * largest
     }
 }
+
+/// Where no spring's block has a negative eigenvalue, `λ_min(A) ≥ min mᵢ·mass` without any factorization: A, assembled from an operator with
+/// this coefficient of the masses, is definite. `None` where a block is not, or that bound is so far below ‖A‖ that a count might not tell it
+/// from zero.
+pub(super) fn definite_by_blocks(operator: &SystemOperator<'_>, a: &SymmetricMatrix, mass: f64) -> Option<Inertia> {
+    let (n, system) = (a.order(), operator.system());
+    let free = system.masses().iter().enumerate().filter(|(p, _)| !system.dofs().rows(*p).is_empty());
+    let floor = mass * free.map(|(_, mass)| *mass).fold(f64::INFINITY, f64::min);
+    let is_visible = floor > VISIBLE * a.norm_inf(&mut vec![0.0; n]);
+    let is_definite = n > 0 && is_visible && operator.blocks().iter().all(|block| block.lowest() >= 0.0);
+    let (factorization_error, method) = (0.0, InertiaMethod::Springs);
+    is_definite.then_some(Inertia { negative: 0, zero: 0, positive: n, band: 0.0, factorization_error, method })
+}
+
+/// Relative to ‖A‖; well above the band of any count.
+const VISIBLE: f64 = 1e-9;
 
 /// `C = S A S` with powers of two on the diagonal of S, three rounds of dividing rows and columns by the root of their
 /// largest entry (Ruiz 2001). An empty row stays.

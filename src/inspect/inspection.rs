@@ -3,10 +3,11 @@
 use super::critical::{CriticalSteps, LargestStep};
 use super::culprits::{Cluster, Direction, clusters, direction};
 use super::family::Property;
-use super::inertia::{Inertia, InertiaCounter};
+use super::first::{FirstAnswer, first_answer};
+use super::inertia::{Inertia, InertiaCounter, definite_by_blocks};
 use super::left_out::{Cost, Ledger, LeftOut, Part, Why};
-use super::smallest_set::{DropSet, smallest_set};
-use super::spectrum::{Spectrum, spectrum_with};
+use super::smallest_set::{DropSet, Trial, smallest_set_with};
+use super::spectrum::{Digits, Spectrum, spectrum_with};
 use super::turning::{Turn, Turning};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::error::Result;
@@ -68,6 +69,8 @@ pub struct Inspection {
     pub option: Stiffness,
     /// A under each option, in the order of [`Stiffness::ALL`].
     pub options: [OptionInspection; 3],
+    /// What was known first: whether A is positive definite under the option, and the spring that spoils it most.
+    pub first: Option<FirstAnswer>,
     /// How many modes of the exact motion grow: negative eigenvalues of −K. No step can make these stable.
     pub growing_modes: usize,
     /// How many springs are shorter than at rest, of those that have a free end.
@@ -94,7 +97,7 @@ const EIGENPAIRS: usize = 12;
 const DIRECTIONS: usize = 24;
 
 /// From so many degrees of freedom on both are fewer: every pair takes time.
-const LARGE: usize = 30_000;
+const LARGE: usize = 10_000;
 const FEWER: usize = 6;
 
 /// Eigenvalues that differ by less, relatively, are one to those who look at their eigenvectors: where A changes by that much, as it does
@@ -130,7 +133,8 @@ impl Inspection {
         let mut first = Stiffness::ALL;
         first.sort_by_key(|&each| each != option);
         let parts: Vec<Part> = [
-            &first.map(Part::Signs)[..],
+            &[Part::FirstAnswer][..],
+            &first.map(Part::Signs),
             &[Part::GrowingModes, Part::Spectrum(option), Part::Definite(option), Part::Stable(option)],
             &[Part::Turning(Stiffness::Tension), Part::Turning(Stiffness::Axial), Part::SmallestSet],
             &first.map(Part::Spectrum)[1..],
@@ -165,6 +169,7 @@ impl Inspection {
             dt,
             option,
             options: Stiffness::ALL.map(unknown),
+            first: None,
             growing_modes: 0,
             compressed_springs: compressed.count(),
             spectrum: Spectrum { lowest: Vec::new(), largest: f64::NAN, condition: f64::NAN },
@@ -230,7 +235,6 @@ fn place(option: Stiffness) -> usize {
 /// What an inspection needs, analysed once, and what it has found.
 struct Inspector<'s> {
     system: &'s System,
-    par: Par,
     extensions: Extensions,
     pattern: Arc<SpringPattern>,
     critical: CriticalSteps<'s>,
@@ -249,20 +253,21 @@ impl<'s> Inspector<'s> {
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
         let all = Stiffness::ALL;
-        let parts = [Part::GrowingModes, Part::SmallestSet, Part::Curve]
+        let parts = [Part::FirstAnswer, Part::GrowingModes, Part::SmallestSet, Part::Curve]
             .into_iter()
             .chain([Part::Turning(Stiffness::Tension), Part::Turning(Stiffness::Axial)])
             .chain([Part::Signs, Part::Spectrum, Part::Definite, Part::Stable].into_iter().flat_map(|of| all.map(of)));
+        let shared = || Ldlt::sharing(&factorization);
+        let nothing = Work::default();
         Ok(Self {
             system,
-            par,
-            critical: CriticalSteps::new(system, state, par)?,
-            turning: Turning::new(system, state, par)?,
-            counter: InertiaCounter::new(pattern.pattern(), par)?,
+            critical: CriticalSteps::analysed(system, extensions.clone(), pattern.clone(), shared()?, nothing)?,
+            turning: Turning::analysed(system, state, extensions.clone(), pattern.clone(), shared()?, nothing),
+            counter: InertiaCounter::sharing(&factorization)?,
             ledger: Ledger::new(Cost::of(&factorization.size(), system.dofs().len()), most, parts),
             factorization,
             pattern,
-            work: Work { symbolic_factorizations: 2, ..Work::default() },
+            work: Work { symbolic_factorizations: 1, ..Work::default() },
             found: Inspection::unknown(system, &extensions, dt, option),
             extensions,
         })
@@ -289,10 +294,21 @@ impl<'s> Inspector<'s> {
             return Ok(false);
         }
         match part {
-            Part::Signs(option) => {
+            Part::FirstAnswer => {
+                let option = self.found.option;
                 let a = self.assemble(option, Combination::step(self.found.dt));
                 self.work.assemblies += 1;
-                self.found.options[place(option)].inertia = self.counter.count(&a, &mut self.work);
+                let Self { system, extensions, factorization, work, found, .. } = self;
+                found.first = first_answer(system, extensions, option, &a, factorization, work);
+            }
+            Part::Signs(option) => {
+                let combination = Combination::step(self.found.dt);
+                let operator = SystemOperator::new(self.system, &self.extensions, option, combination);
+                let a = SystemMatrix::assemble(self.pattern.clone(), &operator).into_matrix();
+                self.work.assemblies += 1;
+                let inertia = definite_by_blocks(&operator, &a, combination.mass);
+                let inertia = inertia.unwrap_or_else(|| self.counter.count(&a, &mut self.work));
+                self.found.options[place(option)].inertia = inertia;
             }
             Part::GrowingModes => {
                 let minus_k = self.assemble(Stiffness::Full, Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 });
@@ -318,8 +334,11 @@ impl<'s> Inspector<'s> {
             Part::Turning(option) => self.turning(option),
             Part::SmallestSet => {
                 if !known {
-                    let Self { system, extensions, par, work, found, .. } = self;
-                    found.smallest_set = Some(smallest_set(system, extensions, found.dt, *par, work)?);
+                    let Self { system, extensions, pattern, factorization, work, found, .. } = self;
+                    let factorization = Ldlt::sharing(factorization)?;
+                    let trial = Trial::new(system, extensions, found.dt, pattern.clone(), factorization);
+                    let is_indefinite = found.options[0].inertia.negative > 0;
+                    found.smallest_set = Some(smallest_set_with(trial, is_indefinite, work));
                 }
             }
             Part::Curve => {}
@@ -349,12 +368,12 @@ impl<'s> Inspector<'s> {
         let a = self.assemble(option, Combination::step(self.found.dt));
         self.work.assemblies += 1;
         let inertia = self.found.options[place(option)].inertia;
-        let wanted = match option == self.found.option {
-            true if a.dofs().len() >= LARGE => FEWER,
-            true => EIGENPAIRS.max(inertia.negative.min(DIRECTIONS)),
-            false => 1,
+        let (wanted, digits) = match option == self.found.option {
+            true if a.dofs().len() >= LARGE => (FEWER, Digits::All),
+            true => (EIGENPAIRS.max(inertia.negative.min(DIRECTIONS)), Digits::All),
+            false => (1, Digits::Certified),
         };
-        let spectrum = spectrum_with(&mut self.factorization, &a, &inertia, wanted, &mut self.work);
+        let spectrum = spectrum_with(&mut self.factorization, &a, &inertia, wanted, digits, &mut self.work);
         let found = &mut self.found.options[place(option)];
         (found.smallest, found.largest, found.condition) = (spectrum.smallest(), spectrum.largest, spectrum.condition);
         if option == self.found.option {

@@ -10,6 +10,8 @@ use crate::spring::Stiffness;
 /// A part of an inspection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
+    /// Whether A is positive definite under the option that is examined, and the spring that spoils it most.
+    FirstAnswer,
     /// The signs of the eigenvalues of A.
     Signs(Stiffness),
     /// The modes of the exact motion that grow.
@@ -92,6 +94,7 @@ impl Cost {
             false => ENDS * factorization + searches * search,
         };
         match part {
+            Part::FirstAnswer => factorization,
             Part::Signs(_) | Part::GrowingModes => COUNTED * factorization,
             Part::Turning(_) | Part::SmallestSet => LIMIT * factorization,
             Part::Spectrum(_) => eigenvalues(END_SEARCHES),

@@ -3,7 +3,7 @@
 use super::inertia::Inertia;
 use super::inspection::Inspection;
 use super::left_out::{Part, Why};
-use super::spectrum::smallest_eigenvalue;
+use super::smallest::smallest_eigenvalue_with;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::figure::{Axis, Drawing, Guide, Look, Plot, Series, Spy};
@@ -50,14 +50,14 @@ impl Pictures {
     pub fn of(system: &System, state: &State, inspection: &Inspection, par: Par) -> Result<Self> {
         let extensions = Extensions::at(system, &state.positions)?;
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
-        let curve = match system.dofs().is_empty() || inspection.lacks(Part::Curve) {
-            false => Some(curve(system, &extensions, &pattern, inspection, par)?),
-            true => None,
-        };
-        let patterns = match inspection.left_out_for(Why::Interrupted).next() {
-            None => Some(patterns(system, &extensions, &pattern, inspection, par)?),
-            Some(_) => None,
-        };
+        let is_drawn = !(system.dofs().is_empty() || inspection.lacks(Part::Curve));
+        let is_whole = inspection.left_out_for(Why::Interrupted).next().is_none();
+        let mut factorization = (is_drawn || is_whole).then(|| Ldlt::analyse(pattern.pattern(), par)).transpose()?;
+        let curve = factorization.as_mut().filter(|_| is_drawn);
+        let curve = curve.map(|factorization| curve_of(system, &extensions, &pattern, inspection, factorization));
+        let patterns = factorization.as_ref().filter(|_| is_whole);
+        let patterns =
+            patterns.map(|factorization| patterns_of(system, &extensions, &pattern, inspection, factorization));
         Ok(Self { scene: scene(system, state, inspection), curve, spectrum: low_end(inspection), patterns })
     }
 
@@ -72,19 +72,18 @@ impl Pictures {
     }
 }
 
-fn patterns(
+fn patterns_of(
     system: &System,
     extensions: &Extensions,
     pattern: &Arc<SpringPattern>,
     inspection: &Inspection,
-    par: Par,
-) -> Result<[Spy; 2]> {
+    factorization: &Ldlt,
+) -> [Spy; 2] {
     let operator = SystemOperator::new(system, extensions, inspection.option, Combination::step(inspection.dt));
     let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
     let n = system.dofs().len();
     let entries = a.iter().filter(|&(_, _, value)| value != 0.0);
     let mut matrix = Spy::lower("Pattern of A, rows by particle", n, entries.map(|(row, column, _)| (row, column)));
-    let factorization = Ldlt::analyse(a.pattern(), par)?;
     let diagonal = (0..n).map(|k| (k, k));
     let mut factor =
         Spy::lower("Pattern of L in A = L D Lᵀ, rows as eliminated", n, factorization.pattern().chain(diagonal));
@@ -92,7 +91,7 @@ fn patterns(
     matrix.conclusion = format!("{} entries in {n} rows, {}.", matrix.entries, filled(&matrix));
     let growth = factor.entries as f64 / matrix.entries.max(1) as f64;
     factor.conclusion = format!("{} entries, {growth:.1} times those of A, {}.", factor.entries, filled(&factor));
-    Ok([matrix, factor])
+    [matrix, factor]
 }
 
 fn scene(system: &System, state: &State, inspection: &Inspection) -> Drawing {
@@ -142,13 +141,13 @@ fn blame(inspection: &Inspection) -> String {
 }
 
 /// λ_min over dt, scaled so that it begins at 1 for small steps: `A dt² → M`.
-fn curve(
+fn curve_of(
     system: &System,
     extensions: &Extensions,
     pattern: &Arc<SpringPattern>,
     inspection: &Inspection,
-    par: Par,
-) -> Result<Plot> {
+    factorization: &mut Ldlt,
+) -> Plot {
     let limits = || inspection.options.iter().flat_map(|o| [o.critical.dt(), o.stable.dt()]).flatten();
     let middle = inspection.options[0].critical.dt().unwrap_or(inspection.dt);
     let low = limits().fold(middle, f64::min).min(inspection.dt) / 30.0;
@@ -169,7 +168,7 @@ fn curve(
         for dt in steps.clone() {
             let operator = SystemOperator::new(system, extensions, option, Combination::step(dt));
             let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
-            let scaled = smallest_eigenvalue(&a, par, &mut work)? * dt * dt / lightest;
+            let scaled = smallest_eigenvalue_with(factorization, &a, &mut work) * dt * dt / lightest;
             if scaled > HIGHEST_SHOWN {
                 break;
             }
@@ -200,7 +199,7 @@ fn curve(
     };
     plot.conclusion = format!("A is definite {}.{together}", definite.collect::<Vec<_>>().join(", "));
     let here = Guide::Vertical { x: inspection.dt, label: format!("inspected: {} s", short(inspection.dt)) };
-    Ok(plot.with_guide(here).with_guide(Guide::Level { y: 0.0, label: "definite above".into() }))
+    plot.with_guide(here).with_guide(Guide::Level { y: 0.0, label: "definite above".into() })
 }
 
 /// Whether all series are the same to those who look.

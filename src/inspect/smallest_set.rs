@@ -66,32 +66,39 @@ const POWER_STEPS: usize = 40;
 /// # Errors
 /// A matrix that is too large.
 pub fn smallest_set(system: &System, extensions: &Extensions, dt: f64, par: Par, work: &mut Work) -> Result<DropSet> {
-    let compressed = || extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
-    let tension = compressed().count();
-    let mut trial = Trial::new(system, extensions, dt, par)?;
+    let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+    let factorization = Ldlt::analyse(pattern.pattern(), par)?;
     work.symbolic_factorizations += 1;
+    Ok(smallest_set_with(Trial::new(system, extensions, dt, pattern, factorization), false, work))
+}
+
+/// As [`smallest_set`]; A may be known to be indefinite.
+pub(super) fn smallest_set_with(mut trial: Trial, is_indefinite: bool, work: &mut Work) -> DropSet {
+    let (system, extensions) = (trial.system, trial.extensions);
+    let compressed = extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
+    let tension = compressed.count();
     let set = |springs: &[usize], minimality| {
         let springs = springs.iter().filter_map(|&p| system.active_springs().get(p)).map(|&s| s as usize).collect();
         DropSet { springs, minimality, tension }
     };
-    if trial.is_definite(&[], work) {
-        return Ok(set(&[], Minimality::Irredundant));
+    if !is_indefinite && trial.is_definite(&[], work) {
+        return set(&[], Minimality::Irredundant);
     }
     let Some(enough) = trial.enough(work) else {
         let all: Vec<usize> = (0..extensions.as_slice().len()).filter(|&p| trial.taken(p) > 0.0).collect();
-        return Ok(set(&all, Minimality::Enough));
+        return set(&all, Minimality::Enough);
     };
     let affordable = (AFFORDABLE / (4.0 * trial.factorization.size().entries as f64)) as usize;
     if enough.len() > affordable.clamp(ALWAYS, NEVER) {
-        return Ok(set(&enough, Minimality::Enough));
+        return set(&enough, Minimality::Enough);
     }
     let (chosen, minimality) = trial.irredundant(&enough, work);
     // What the dense matrix says is proven by a factorization of A itself.
-    if trial.is_definite(&chosen, work) { Ok(set(&chosen, minimality)) } else { Ok(set(&enough, Minimality::Enough)) }
+    if trial.is_definite(&chosen, work) { set(&chosen, minimality) } else { set(&enough, Minimality::Enough) }
 }
 
 /// A with chosen transverse terms dropped. Springs are named by their position among the active ones.
-struct Trial<'s> {
+pub(super) struct Trial<'s> {
     system: &'s System,
     extensions: &'s Extensions,
     combination: Combination,
@@ -102,13 +109,19 @@ struct Trial<'s> {
 }
 
 impl<'s> Trial<'s> {
-    fn new(system: &'s System, extensions: &'s Extensions, dt: f64, par: Par) -> Result<Self> {
+    /// For a step of length dt, on a pattern that has been analysed.
+    pub fn new(
+        system: &'s System,
+        extensions: &'s Extensions,
+        dt: f64,
+        pattern: Arc<SpringPattern>,
+        factorization: Ldlt,
+    ) -> Self {
         let combination = Combination::step(dt);
         let operator = SystemOperator::new(system, extensions, Stiffness::Full, combination);
-        let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
-        let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
+        let matrix = SystemMatrix::zeros(pattern);
         let options = vec![Stiffness::Full; extensions.as_slice().len()];
-        Ok(Self { system, extensions, combination, operator, matrix, factorization, options })
+        Self { system, extensions, combination, operator, matrix, factorization, options }
     }
 
     /// c, what a spring's transverse term takes; zero where it takes nothing.
@@ -144,15 +157,21 @@ impl<'s> Trial<'s> {
         if local.len() > ALWAYS {
             // Between `refused` and `accepted` of the most negative terms.
             let (mut refused, mut accepted) = (0, local.len());
+            let mut is_factored = false;
             while accepted - refused > 1 + accepted / 16 {
                 let middle = refused.midpoint(accepted);
-                if self.is_definite(&local[..middle], work) {
+                is_factored = self.is_definite(&local[..middle], work);
+                if is_factored {
                     accepted = middle;
                 } else {
                     refused = middle;
                 }
             }
             local.truncate(accepted);
+            // The factorization that was accepted last may still be at hand.
+            if is_factored {
+                return Some(local);
+            }
         }
         self.is_definite(&local, work).then_some(local)
     }

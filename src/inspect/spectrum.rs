@@ -2,8 +2,9 @@
 //!
 //! Small matrices are diagonalised whole. Large ones are searched from three sides by block Krylov methods:
 //!
-//! - the largest and the lowest eigenvalues by solves with `A − σ`, σ beyond the end in question. Products with A, in a short
-//!   Lanczos recurrence, tell where the spectrum ends; that σ lies beyond is proven by a factorization all of whose pivots have
+//! - the largest by products with A in a Lanczos recurrence;
+//! - the lowest, and the largest where products do not find it, by solves with `A − σ`, σ beyond the end in question. Products with A, in a
+//!   short recurrence, tell where the spectrum ends; that σ lies beyond is proven by a factorization all of whose pivots have
 //!   one sign. Where A is positive definite σ = 0 will do for the low end, and even a λ_min far below ‖A‖ is found to many
 //!   digits;
 //! - the one nearest to zero, which decides about the condition number of an indefinite A, by solves with A itself.
@@ -14,7 +15,7 @@
 
 use super::inertia::Inertia;
 use super::krylov::{Krylov, Ritz};
-use super::lanczos::{End, lanczos_ends};
+use super::lanczos::{End, lanczos_ends, lanczos_largest};
 use crate::assembly::SymmetricMatrix;
 use crate::error::Result;
 use crate::linear::{Ldlt, dot, norm};
@@ -58,12 +59,15 @@ impl Spectrum {
 }
 
 /// Up to this order a matrix is diagonalised whole.
-const LARGEST_DENSE: usize = 240;
+pub(super) const LARGEST_DENSE: usize = 240;
 
 /// Residual at which a search with solves stops, relative to the largest eigenvalue of the inverse, and the most steps it
 /// takes, to which each wanted pair adds one; then the shift is moved nearer.
 const TOLERANCE: f64 = 1e-5;
 const STEPS: usize = 20;
+
+/// The same where only what is certified is wanted: the error of a Rayleigh quotient is of the order of the square.
+const CERTIFIED_TOLERANCE: f64 = 1e-3;
 
 /// The same for the last search, with a shift so near that it converges in a few steps.
 const LAST_TOLERANCE: f64 = 1e-12;
@@ -86,7 +90,7 @@ const RELATIVE_ACCURACY: f64 = 1e-3;
 /// A matrix that is too large to factor.
 pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par, work: &mut Work) -> Result<Spectrum> {
     work.symbolic_factorizations += 1;
-    Ok(spectrum_with(&mut Ldlt::analyse(a.pattern(), par)?, a, inertia, wanted, work))
+    Ok(spectrum_with(&mut Ldlt::analyse(a.pattern(), par)?, a, inertia, wanted, Digits::All, work))
 }
 
 /// As [`spectrum`], with a factorization that has been analysed before.
@@ -95,6 +99,7 @@ pub(super) fn spectrum_with(
     a: &SymmetricMatrix,
     inertia: &Inertia,
     wanted: usize,
+    digits: Digits,
     work: &mut Work,
 ) -> Spectrum {
     let n = a.dofs().len();
@@ -109,8 +114,8 @@ pub(super) fn spectrum_with(
     }
     let mut search = Search { a, factorization, work };
     let ends = search.ends();
-    let largest = search.largest(&ends).first().map_or(f64::NAN, |pair| pair.value);
-    let lowest = search.lowest(inertia.negative, wanted.clamp(1, n), &ends);
+    let largest = search.largest(&ends);
+    let lowest = search.lowest(inertia.negative, wanted.clamp(1, n), digits, &ends);
     let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
     let nearest = match () {
         () if inertia.zero > 0 => 0.0,
@@ -120,49 +125,7 @@ pub(super) fn spectrum_with(
     Spectrum { condition: largest.abs().max(smallest.abs()) / nearest, lowest, largest }
 }
 
-/// λ_min alone, in N/m; NaN where A is empty or has entries that are not finite.
-///
-/// # Errors
-/// A matrix that is too large to factor.
-///
-/// # Examples
-/// ```
-/// use faer::Par;
-/// use sprung::Stiffness;
-/// use sprung::inspect::smallest_eigenvalue;
-/// use sprung::integrate::StepMatrices;
-/// use sprung::work::Work;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, state) = builder.build()?;
-/// let step = StepMatrices::assemble(&system, &state, Stiffness::Full, 1.0)?;
-/// // M/dt² = 1 N/m, and the spring under compression has k (1/l0 − 1/l) = −10 N/m across.
-/// let smallest = smallest_eigenvalue(&step.a, Par::Seq, &mut Work::default())?;
-/// assert!((smallest + 9.0).abs() < 1e-9);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-pub fn smallest_eigenvalue(a: &SymmetricMatrix, par: Par, work: &mut Work) -> Result<f64> {
-    let n = a.dofs().len();
-    if n == 0 || !a.norm_inf(&mut vec![0.0; n]).is_finite() {
-        return Ok(f64::NAN);
-    }
-    if n <= LARGEST_DENSE
-        && let Some(eigen) = diagonalise(a)
-    {
-        return Ok(eigen.eigenvalues.min());
-    }
-    work.symbolic_factorizations += 1;
-    let mut search = Search { a, factorization: &mut Ldlt::analyse(a.pattern(), par)?, work };
-    let ends = search.ends();
-    Ok(search.lowest(0, 1, &ends).first().map_or(f64::NAN, |pair| pair.value))
-}
-
-fn diagonalise(a: &SymmetricMatrix) -> Option<SymmetricEigen<f64, Dyn>> {
+pub(super) fn diagonalise(a: &SymmetricMatrix) -> Option<SymmetricEigen<f64, Dyn>> {
     let n = a.dofs().len();
     let mut matrix = DMatrix::zeros(n, n);
     for (row, column, value) in a.iter() {
@@ -187,7 +150,7 @@ fn dense(a: &SymmetricMatrix, inertia: &Inertia) -> Option<Spectrum> {
 }
 
 /// A unit vector with its Rayleigh quotient.
-fn eigenpair(a: &SymmetricMatrix, vector: Vec<f64>) -> Eigenpair {
+pub(super) fn eigenpair(a: &SymmetricMatrix, vector: Vec<f64>) -> Eigenpair {
     let mut product = vec![0.0; vector.len()];
     a.apply(&vector, &mut product);
     let value = dot(&vector, &product);
@@ -200,8 +163,9 @@ fn eigenpair(a: &SymmetricMatrix, vector: Vec<f64>) -> Eigenpair {
 /// Doublings of the distance to a shift: 1e-8 of ‖A‖ has then become far more than ‖A‖.
 const LONGEST_RETREAT: usize = 60;
 
-/// Products that tell where a spectrum ends.
+/// Products that tell where a spectrum ends, and those that find its upper end: about one factorization of a large cloth.
 const ENDS_STEPS: usize = 60;
+const LARGEST_STEPS: usize = 240;
 
 /// On which side of the spectrum a shift lies.
 #[derive(Clone, Copy)]
@@ -219,6 +183,25 @@ impl Side {
     }
 }
 
+/// How exact an end is wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Digits {
+    /// As many as there are, vectors too.
+    All,
+    /// As many as are certified: a value, no vector.
+    Certified,
+}
+
+impl Digits {
+    /// Residual at which a search stops before the end is certified.
+    fn tolerance(self) -> f64 {
+        match self {
+            Self::All => TOLERANCE,
+            Self::Certified => CERTIFIED_TOLERANCE,
+        }
+    }
+}
+
 /// A Krylov search at one end of the spectrum.
 struct Target {
     side: Side,
@@ -229,12 +212,18 @@ struct Target {
     due: usize,
     /// How far the spectrum may reach beyond the first eigenvalue λ found: as a part of ‖A‖ and of |λ|.
     accuracy: [f64; 2],
+    digits: Digits,
 }
 
-struct Search<'a> {
-    a: &'a SymmetricMatrix,
-    factorization: &'a mut Ldlt,
-    work: &'a mut Work,
+/// ‖A‖, nearly.
+fn size(ends: &[End; 2]) -> f64 {
+    ends.iter().fold(0.0f64, |size, end| size.max(end.value.abs()))
+}
+
+pub(super) struct Search<'a> {
+    pub a: &'a SymmetricMatrix,
+    pub factorization: &'a mut Ldlt,
+    pub work: &'a mut Work,
 }
 
 impl Search<'_> {
@@ -242,40 +231,55 @@ impl Search<'_> {
         self.a.dofs().len()
     }
 
-    fn ends(&self) -> [End; 2] {
+    /// Where the spectrum ends, roughly.
+    pub fn ends(&self) -> [End; 2] {
         lanczos_ends(self.n(), ENDS_STEPS, |x, y| self.a.apply(x, y))
     }
 
-    fn largest(&mut self, ends: &[End; 2]) -> Vec<Eigenpair> {
+    /// Products find it, and one factorization proves that they have; where they have not, it is searched for.
+    fn largest(&mut self, ends: &[End; 2]) -> f64 {
         let side = Side::Above;
-        let Some(shift) = self.factor_beyond(ends, side) else { return Vec::new() };
-        self.extreme(ends, &Target { side, shift, wanted: 1, due: 0, accuracy: [ACCURACY, f64::INFINITY] })
+        let found = lanczos_largest(self.n(), LARGEST_STEPS, &mut |x: &[f64], y: &mut [f64]| self.a.apply(x, y));
+        if self.is_beyond(found + ACCURACY * size(ends), side) {
+            return found;
+        }
+        let Some(shift) = self.factor_beyond(ends, side) else { return f64::NAN };
+        let pairs = self.extreme(
+            ends,
+            &Target { side, shift, wanted: 1, due: 0, accuracy: [ACCURACY, f64::INFINITY], digits: Digits::Certified },
+        );
+        pairs.first().map_or(f64::NAN, |pair| pair.value)
     }
 
     /// The lowest pairs. As many of them as Sylvester's count says are negative are not missed for being multiple.
-    fn lowest(&mut self, negative: usize, wanted: usize, ends: &[End; 2]) -> Vec<Eigenpair> {
+    pub fn lowest(&mut self, negative: usize, wanted: usize, digits: Digits, ends: &[End; 2]) -> Vec<Eigenpair> {
         let (side, due) = (Side::Below, negative.min(wanted));
         let accuracy = |relative| [ACCURACY, relative];
         let target = if self.is_beyond(0.0, side) {
-            Target { side, shift: 0.0, wanted, due, accuracy: accuracy(RELATIVE_ACCURACY) }
+            Target { side, shift: 0.0, wanted, due, accuracy: accuracy(RELATIVE_ACCURACY), digits }
         } else {
             let Some(shift) = self.factor_beyond(ends, side) else { return Vec::new() };
-            Target { side, shift, wanted, due, accuracy: accuracy(f64::INFINITY) }
+            Target { side, shift, wanted, due, accuracy: accuracy(f64::INFINITY), digits }
         };
         self.extreme(ends, &target)
     }
 
     /// Searches at one end, with `A − σ` factored, until the end is certified; σ is moved nearer as long as it is not.
     fn extreme(&mut self, ends: &[End; 2], target: &Target) -> Vec<Eigenpair> {
-        let Target { side, shift, accuracy, .. } = *target;
-        let size = ends.iter().fold(0.0f64, |size, end| size.max(end.value.abs()));
+        let Target { side, shift, accuracy, digits, .. } = *target;
+        let size = size(ends);
         let mut distance = f64::INFINITY;
-        let mut pairs = self.search(target, Vec::new(), TOLERANCE, STEPS + target.wanted);
+        let (tolerance, steps) = (digits.tolerance(), STEPS + target.wanted);
+        let mut pairs = self.search(target, Vec::new(), tolerance, steps);
         for _ in 0..MOVES {
             let Some(first) = pairs.first().map(|pair| pair.value) else { return pairs };
             let reach = (accuracy[0] * size).min(accuracy[1] * first.abs());
             let outside = |distance: f64| first + side.outwards() * distance;
-            if self.is_beyond(outside(reach), side) {
+            let is_certified = self.is_beyond(outside(reach), side);
+            if is_certified && digits == Digits::Certified {
+                return pairs;
+            }
+            if is_certified {
                 return self.search(
                     &Target { shift: outside(reach), ..*target },
                     pairs,
@@ -290,8 +294,7 @@ impl Search<'_> {
                     return pairs;
                 }
             }
-            pairs =
-                self.search(&Target { shift: outside(distance), ..*target }, pairs, TOLERANCE, STEPS + target.wanted);
+            pairs = self.search(&Target { shift: outside(distance), ..*target }, pairs, tolerance, steps);
         }
         pairs
     }

@@ -197,17 +197,30 @@ impl<'s> Turning<'s> {
     /// # Errors
     /// Coincident ends of a spring; a matrix that is too large.
     pub fn new(system: &'s System, state: &'s State, par: Par) -> Result<Self> {
-        let extensions = Extensions::at(system, &state.positions)?;
+        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+        let factorization = Ldlt::analyse(pattern.pattern(), par)?;
+        let work = Work { symbolic_factorizations: 1, ..Work::default() };
+        Ok(Self::analysed(system, state, Extensions::at(system, &state.positions)?, pattern, factorization, work))
+    }
+
+    /// On a pattern that has been analysed.
+    pub(super) fn analysed(
+        system: &'s System,
+        state: &'s State,
+        extensions: Extensions,
+        pattern: Arc<SpringPattern>,
+        factorization: Ldlt,
+        work: Work,
+    ) -> Self {
         let operator = SystemOperator::new(system, &extensions, Stiffness::Tension, Combination::STIFFNESS);
-        let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
-        let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
+        let matrix = SystemMatrix::zeros(pattern);
         let mut force = vec![Vector3::zeros(); system.particles()];
         add_weight(system, &mut force);
         add_elastic_force(system, &extensions, &mut force);
         let displacement = vec![Vector3::zeros(); system.particles()];
         let reduced = vec![0.0; system.dofs().len()];
-        let work = Work { symbolic_factorizations: 1, force_evaluations: 1, ..Work::default() };
-        Ok(Self { system, state, extensions, operator, matrix, factorization, force, displacement, reduced, work })
+        let work = Work { force_evaluations: 1 + work.force_evaluations, ..work };
+        Self { system, state, extensions, operator, matrix, factorization, force, displacement, reduced, work }
     }
 
     /// The spring that a step of length dt, in s, turns worst; `None` where it turns none or cannot be computed.

@@ -16,6 +16,7 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::{Par, Side, Spec};
 use serde::Serialize;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Right-hand sides that are solved for together: the factor is read once for all of them.
@@ -76,7 +77,7 @@ const ANALYSIS: u64 = 64;
 pub struct Analysis {
     ordering: OrderingMethod,
     pub times: FactorTimes,
-    pub symbolic: SymbolicCholesky<u32>,
+    pub symbolic: Arc<SymbolicCholesky<u32>>,
     /// Empty until [`allocate`](Self::allocate), as is the memory.
     pub values: Vec<f64>,
     pub memory: MemBuffer,
@@ -104,8 +105,14 @@ impl Analysis {
             .or(symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(par, Spec::default()))
             .or(symbolic.solve_in_place_scratch::<f64>(SOLVE_COLUMNS, par));
         let times = FactorTimes { analysis_seconds: start.elapsed().as_secs_f64(), ..FactorTimes::default() };
-        let memory = MemBuffer::new(StackReq::EMPTY);
+        let (memory, symbolic) = (MemBuffer::new(StackReq::EMPTY), Arc::new(symbolic));
         Ok(Self { ordering: method, times, symbolic, values: Vec::new(), memory, scratch, par })
+    }
+
+    /// What is known of the pattern, without memory for a factor, to be [allocated](Self::allocate).
+    pub fn shared(&self) -> Self {
+        let (times, values, memory) = (FactorTimes::default(), Vec::new(), MemBuffer::new(StackReq::EMPTY));
+        Self { times, values, memory, symbolic: self.symbolic.clone(), ..*self }
     }
 
     /// Bytes of the factor and of what factoring takes beside it.

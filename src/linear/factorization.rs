@@ -160,6 +160,18 @@ impl<K: FactorKind> Factorization<K> {
         Ok(factorization)
     }
 
+    /// Another one on the pattern that `analysed` knows, with memory of its own: nothing is analysed again.
+    ///
+    /// # Errors
+    /// When the factor does not fit the memory.
+    pub fn sharing<L: FactorKind>(analysed: &Factorization<L>) -> Result<Self> {
+        let analysis = analysed.analysis.shared();
+        let kind = K::of_order(analysis.symbolic.nrows());
+        let mut factorization = Self { analysis, kind };
+        factorization.allocate()?;
+        Ok(factorization)
+    }
+
     /// Entries and operations of a numeric factorization.
     pub fn size(&self) -> FactorSize {
         self.analysis.size()

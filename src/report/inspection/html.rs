@@ -1,7 +1,7 @@
 //! An inspection as a page with pictures.
 
 use super::losses::{KEPT, known, left_out, limit, lost, other_methods, scope, turning};
-use crate::inspect::{Culprit, FirstLosses, Inspection, LargestStep, Minimality, Part, Pictures};
+use crate::inspect::{Culprit, FirstLosses, InertiaMethod, Inspection, LargestStep, Minimality, Part, Pictures};
 use crate::report::number::{count, pretty, typeset};
 use crate::report::{drawing, page, plot, spy};
 use maud::{Markup, html};
@@ -246,9 +246,15 @@ fn table(culprits: &[Culprit]) -> Markup {
 fn matrix(inspection: &Inspection, pictures: &Pictures) -> Markup {
     let inertia = &inspection.examined().inertia;
     html! {
-        p.quiet {
+        @if inertia.method == InertiaMethod::Springs {
+            p.quiet {
+                "No spring has negative curvature, so every eigenvalue is at least the smallest mass over dt²: nothing had to be factored to count signs."
+            }
+        } @else {
+            p.quiet {
             "Signs of eigenvalues are counted from a factorization whose error was measured, at most "
             (pretty(inertia.factorization_error)) " of the norm; eigenvalues within " (pretty(inertia.band)) " of the norm of the equilibrated matrix would count as zero."
+            }
         }
         @if let Some([matrix, factor]) = &pictures.patterns {
             (page::figures(&[

@@ -28,6 +28,7 @@ pub(super) fn left_out(inspection: &Inspection) -> Vec<String> {
 pub(super) fn part(part: Part) -> String {
     let under = |what: &str, option: Stiffness| format!("{what} under {}", option.name());
     match part {
+        Part::FirstAnswer => "the first answer".into(),
         Part::Signs(option) => under("the signs of eigenvalues", option),
         Part::GrowingModes => "the growing modes".into(),
         Part::Turning(Stiffness::Axial) => under("the limit of turning", Stiffness::Axial),

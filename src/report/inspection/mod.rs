@@ -9,4 +9,4 @@ mod text;
 pub use explanation::explain;
 pub use html::{html, pictures};
 pub use json::InspectionRecord;
-pub use text::text;
+pub use text::{first_answer, text};

@@ -106,6 +106,22 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
     lines.join("\n")
 }
 
+/// The first answer in a line, for those who wait for the others; `None` before it is known.
+pub fn first_answer(inspection: &Inspection) -> Option<String> {
+    let Inspection { dt, option, first, .. } = inspection;
+    let first = first.as_ref()?;
+    let curvature = plain(first.direction.eigenvalue);
+    let what = match first.definite {
+        true => format!("positive definite, as a factorization proves; λ_min is {curvature} N/m or less"),
+        false => format!("INDEFINITE, as a direction u with uᵀAu = {curvature} N/m proves"),
+    };
+    let worst = first.worst().map(|Culprit { spring, particles: [i, j], strain, share, .. }| {
+        let (strain, share) = (plain(*strain), plain(*share));
+        format!("; most of it by spring {spring} ({i}–{j}): strain {strain}, share about {share}")
+    });
+    Some(format!("A is {what} (stiffness {}, dt = {dt:?} s){}", option.name(), worst.unwrap_or_default()))
+}
+
 /// What comes of springs that are turned too far.
 const WRONG: &str = "Nothing breaks down by that, the motion is wrong: shorten the step, or run with --method bdf2";
 
