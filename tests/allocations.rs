@@ -2,6 +2,7 @@
 
 use sprung::integrate::*;
 use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions};
+use sprung::multigrid::Multigrid;
 use sprung::scene::{Scene, builtin};
 use sprung::{Spring, Stiffness, SystemBuilder};
 
@@ -87,4 +88,16 @@ fn a_scene_is_read_and_built_without_allocating_for_every_spring() {
     });
     println!("{small} allocations, {large} for sixteen times as many springs");
     assert!(large <= small + 16, "{large}, {small}");
+}
+
+/// What multigrid says that it holds is what it has allocated, but for the list of its levels.
+#[test]
+fn multigrid_knows_what_it_holds() {
+    for scene in [builtin::cloth(30).unwrap(), builtin::lattice(8).unwrap()] {
+        let (system, _) = scene.build().unwrap();
+        let mut multigrid = None;
+        let counted = allocation_counter::measure(|| multigrid = Some(Multigrid::down_to(&system, 0).unwrap()));
+        let told = multigrid.unwrap().bytes() as i64;
+        assert!((told - counted.bytes_current).abs() < 4000, "{told} of {}", counted.bytes_current);
+    }
 }

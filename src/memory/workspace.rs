@@ -55,10 +55,12 @@ const ORDER: usize = 32;
 /// Bytes that a thread takes.
 fn bytes() -> u64 {
     static BYTES: OnceLock<u64> = OnceLock::new();
-    *BYTES.get_or_init(|| {
-        let [second, third] = caches(Path::new("/sys/devices/system/cpu"));
-        2 * third.max(4 * second).max(LEAST)
-    })
+    *BYTES.get_or_init(|| twice_the_last_level(caches(Path::new("/sys/devices/system/cpu"))))
+}
+
+/// Where there is no third level four times the second counts, for the processors that share what is behind it.
+fn twice_the_last_level([second, third]: [u64; 2]) -> u64 {
+    2 * third.max(4 * second).max(LEAST)
 }
 
 /// What is taken for the last level where its size is not known, or less.
@@ -105,6 +107,42 @@ mod tests {
     fn sizes_are_read_with_their_units() {
         let read = ["32768K", "32M", "1G", "512", "", "K", "many"].map(size);
         assert_eq!(read, [32 << 20, 32 << 20, 1 << 30, 512, 0, 0, 0]);
+    }
+
+    /// Two processors with a second level each share a third one, another has one of its own; first levels do not count.
+    #[test]
+    fn caches_count_once() {
+        let folder = tempfile::tempdir().unwrap();
+        for (cpu, index, level, size, shared) in [
+            (0, 0, "1", "9M", "0"),
+            (0, 2, "2", "512K", "0"),
+            (0, 3, "3", "8M", "0-1"),
+            (1, 2, "2", "1M", "1"),
+            (1, 3, "3", "8M", "0-1"),
+            (2, 2, "2", "256K", "2"),
+            (2, 3, "3", "4M", "2"),
+        ] {
+            let cache = folder.path().join(format!("cpu{cpu}/cache/index{index}"));
+            std::fs::create_dir_all(&cache).unwrap();
+            for (file, text) in [("level", level), ("size", size), ("shared_cpu_list", shared)] {
+                std::fs::write(cache.join(file), format!("{text}\n")).unwrap();
+            }
+        }
+        assert_eq!(caches(folder.path()), [1 << 20, 12 << 20]);
+        assert_eq!(caches(&folder.path().join("absent")), [0, 0]);
+        let taken = [[1 << 20, 12 << 20], [3 << 20, 10 << 20], [1 << 20, 1 << 20], [0, 0]].map(twice_the_last_level);
+        assert_eq!(taken, [24 << 20, 24 << 20, 8 << 20, 8 << 20]);
+    }
+
+    /// Beside the threads of the pool the one that asks counts, once.
+    #[test]
+    fn threads_outside_the_pool_take_their_own() {
+        let alone = |work: fn()| std::thread::spawn(work).join().unwrap();
+        alone(|| assert!(take() && missing() == 0));
+        alone(|| {
+            assert_eq!(missing(), bytes());
+            assert!(take() && missing() == 0);
+        });
     }
 
     /// The workspace is what it is thought to be, on the machine at hand, and products take nothing more once it is there.

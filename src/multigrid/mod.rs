@@ -286,3 +286,6 @@ impl<const D: usize, const M: usize> Hierarchy<D, M> {
             + size_of_val(&self.solution[..])
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -80,3 +80,56 @@ impl Path {
         path
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::system::{Constraint, SystemBuilder};
+
+    /// In a plane, at 2.5 s: a particle that is held, one on a path along x that has its second segment from 2 s to 4 s, a free one.
+    #[test]
+    fn motions_go_on_from_the_time_of_the_state() {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        for x in [0.0, 1.0, 5.0] {
+            builder.particle([x, 0.0, 0.0], 3.0);
+        }
+        builder.masses[2] = 4.0;
+        builder.hold(0);
+        let offsets = [0.0, 3.0, 7.0].map(|x| Vector3::new(x, 0.0, 0.0)).to_vec();
+        let motion = Motion::Path { times: vec![1.0, 2.0, 4.0], offsets };
+        builder.constrain(Constraint { particles: vec![1], axes: Axes::of(&[0]), motion });
+        let (system, mut state) = builder.build().unwrap();
+        let scene = Scene::snapshot("rest", &system, &state);
+        assert!(scene.particles.velocities.is_none() && scene.time.is_empty());
+        state.time = 2.5;
+        state.prescribe(&system);
+        let scene = Scene::snapshot("moving", &system, &state);
+        let rows = |rows: &[Row]| rows.iter().map(|row| row.as_slice().to_vec()).collect::<Vec<_>>();
+        // Along a path places are those that its offsets are added to.
+        assert_eq!(rows(&scene.particles.positions), [[0.0, 0.0], [1.0, 0.0], [5.0, 0.0]]);
+        assert_eq!(rows(&scene.particles.velocities.unwrap()), [[0.0, 0.0], [2.0, 0.0], [0.0, 0.0]]);
+        assert_eq!(scene.particles.masses, Some(Values::Each(vec![3.0, 3.0, 4.0])));
+        let [held, moved] = &scene.constraints[..] else { panic!("two constraints") };
+        assert_eq!((&held.particles[..], held.axes.is_none(), held.path.is_none()), (&[0][..], true, true));
+        assert_eq!((&moved.particles[..], moved.axes.as_ref().map(Vec::len)), (&[1][..], Some(1)));
+        let path = moved.path.as_ref().unwrap();
+        assert_eq!((&path.times[..], rows(&path.offsets)), (&[-0.5, 1.5][..], vec![vec![3.0, 0.0], vec![7.0, 0.0]]));
+    }
+
+    /// 1001 and the number after it that differs by less than its rounding are one time.
+    #[test]
+    fn times_that_fall_together_are_one() {
+        let offsets = [1.0, 2.0, 3.0].map(|x| Vector3::new(x, 0.0, 0.0));
+        let path = Path::from_time(&[1.0, 1.0_f64.next_up(), 2.0], &offsets, -1000.0, 1);
+        assert_eq!(path.times, [1001.0, 1002.0]);
+        assert_eq!(path.offsets.iter().map(|row| row.as_slice()[0]).collect::<Vec<_>>(), [1.0, 3.0]);
+    }
+
+    #[test]
+    fn a_number_stands_for_all_that_are_the_same_to_the_bit() {
+        assert_eq!(Values::collect([2.0, 2.0]), Values::Uniform(2.0));
+        assert_eq!(Values::collect([2.0, 3.0]), Values::Each(vec![2.0, 3.0]));
+        assert!(matches!(Values::collect([0.0, -0.0]), Values::Each(_)));
+        assert_eq!(Values::collect([]), Values::Each(vec![]));
+    }
+}

@@ -149,6 +149,7 @@ impl Toml {
     fn list(&mut self, key: &str, items: impl Iterator<Item = String>, comment: &str) {
         let mut items = items.peekable();
         let mut line = String::new();
+        // Beside the items ` = [`, `]` and `  # `.
         fill(&mut line, &mut items, LINE.saturating_sub(key.len() + comment.chars().count() + 9));
         if items.peek().is_none() {
             return self.line(key, &format!("[{line}]"), comment);
@@ -156,7 +157,8 @@ impl Toml {
         self.0.push_str(&format!("{key} = ["));
         self.end(comment);
         loop {
-            fill(&mut line, &mut items, LINE - 4);
+            // Beside them two spaces and a comma.
+            fill(&mut line, &mut items, LINE - 3);
             if line.is_empty() {
                 break;
             }
@@ -167,12 +169,50 @@ impl Toml {
     }
 }
 
-/// Takes items into a line as long as there is room, the first one in any case.
+/// Takes items into a line as long as it has at most `room` characters, the first one in any case.
 fn fill<I: Iterator<Item = String>>(line: &mut String, items: &mut Peekable<I>, room: usize) {
-    while let Some(item) = items.next_if(|item| line.is_empty() || line.len() + item.len() < room) {
+    while let Some(item) = items.next_if(|item| line.is_empty() || line.len() + 2 + item.len() <= room) {
         if !line.is_empty() {
             line.push_str(", ");
         }
         line.push_str(&item);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{LINE, Toml};
+    use crate::scene::{ConstraintEntry, Path, Scene};
+
+    fn list(comment: &str, lengths: &[usize]) -> String {
+        let mut toml = Toml(String::new());
+        toml.list("key", lengths.iter().map(|&length| "1".repeat(length)), comment);
+        toml.0
+    }
+
+    /// A line of 100 characters is as long as one may be: `key = [`, 84 of items, `]` and `  # kg m`.
+    #[test]
+    fn lists_are_broken_where_they_would_be_too_long() {
+        let fits = list("kg m", &[40, 42]);
+        assert_eq!((fits.lines().count(), fits.trim_end().len()), (1, LINE));
+        assert_eq!(list("kg m", &[40, 43]), format!("key = [  # kg m\n  {}, {},\n]\n", "1".repeat(40), "1".repeat(43)));
+        // Two spaces, nine items of nine digits with what is between them, and a comma.
+        let filled = list("", &[9; 20]);
+        let lines: Vec<usize> = filled.lines().map(str::len).collect();
+        assert_eq!(lines, ["key = [".len(), LINE, LINE, 2 + 9 + 2 + 9 + 1, 1]);
+        // What is longer than a line gets one of its own.
+        assert_eq!(list("", &[120, 1]).lines().map(str::len).collect::<Vec<_>>(), [7, 123, 4, 1]);
+        assert_eq!(list("none", &[]), "key = []  # none\n");
+    }
+
+    #[test]
+    fn what_does_not_move_is_said_to_be_held() {
+        let held = ConstraintEntry { particles: vec![0], axes: None, velocity: None, path: None };
+        let moved = ConstraintEntry { velocity: Some([1.0].into()), ..held.clone() };
+        let led =
+            ConstraintEntry { path: Some(Path { times: vec![0.0], offsets: vec![[2.0].into()] }), ..held.clone() };
+        let text = Scene { constraints: vec![moved, held, led], ..Scene::default() }.to_toml();
+        assert_eq!(text.matches("# no motion: held").count(), 1, "{text}");
+        assert!(!text.contains("[time]"), "{text}");
     }
 }
