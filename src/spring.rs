@@ -281,6 +281,7 @@ mod tests {
             assert_eq!(blocks.map(|block| block.axial), [8.0; 2]);
             assert_eq!(blocks.map(|block| block.lowest()), transverse);
         }
+        assert_eq!(Stiffness::ALL.map(Stiffness::name), ["full", "tension", "axial"]);
         let damping = SPRING.damping_block(&stretched);
         assert_eq!((damping.transverse, damping.axial, damping.lowest()), (0.0, 3.0, 0.0));
         let sum = SPRING.stiffness_block(&stretched, Stiffness::Full) * 0.5 + damping;

@@ -90,14 +90,14 @@ fn a_scene_is_read_and_built_without_allocating_for_every_spring() {
     assert!(large <= small + 16, "{large}, {small}");
 }
 
-/// What multigrid says that it holds is what it has allocated, but for the list of its levels.
+/// What multigrid says that it holds is what it has allocated, but for a few kilobytes: its levels themselves, and scratch of the last.
 #[test]
 fn multigrid_knows_what_it_holds() {
-    for scene in [builtin::cloth(30).unwrap(), builtin::lattice(8).unwrap()] {
+    for scene in [builtin::cloth(60).unwrap(), builtin::lattice(12).unwrap()] {
         let (system, _) = scene.build().unwrap();
         let mut multigrid = None;
         let counted = allocation_counter::measure(|| multigrid = Some(Multigrid::down_to(&system, 0).unwrap()));
         let told = multigrid.unwrap().bytes() as i64;
-        assert!((told - counted.bytes_current).abs() < 4000, "{told} of {}", counted.bytes_current);
+        assert!((told - counted.bytes_current).abs() < 8000, "{told} of {}", counted.bytes_current);
     }
 }

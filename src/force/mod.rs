@@ -167,4 +167,29 @@ mod tests {
         state.positions[1] = state.positions[0];
         assert_eq!(Energy::of(&system, &state).elastic, 3.0);
     }
+
+    /// Pushes the second particle along y by its speed, at a time.
+    #[derive(Debug)]
+    struct Push;
+
+    impl crate::system::ExternalForce for Push {
+        fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+            force[1].y += at.velocities[1].x * at.time;
+        }
+    }
+
+    #[test]
+    fn external_forces_are_added() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        let (system, mut state) = builder.build().unwrap();
+        let system = system.with_external_force(Push).with_external_force(Push);
+        (state.time, state.velocities[1].x) = (2.0, 5.0);
+        let mut force = [Vector3::x(); 2];
+        add_external_forces(&system, &state.moment(), &mut force);
+        assert_eq!(force, [Vector3::x(), Vector3::new(1.0, 20.0, 0.0)]);
+        set_total_force(&system, &state.moment(), &mut force).unwrap();
+        assert_eq!(force, [Vector3::zeros(), Vector3::new(0.0, 20.0, 0.0)]);
+    }
 }

@@ -113,6 +113,7 @@ impl<const D: usize> Finest<D> {
             + size_of_val(&self.starts[..])
             + size_of_val(&self.ends[..])
             + size_of_val(&self.positions[..])
+            + self.pattern.bytes()
     }
 }
 
