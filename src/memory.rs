@@ -25,7 +25,7 @@ pub fn room() -> u64 {
     beyond(physical(), resident).min(beyond(address_space(), size))
 }
 
-/// Makes sure that there is room for so many bytes, and a little for everything that is small.
+/// Makes sure that there is room for so many bytes, and a little for everything that is small. Up to a mebibyte there always is.
 ///
 /// # Errors
 /// [`Error::TooLarge`] with the bytes needed and the room there is.
@@ -38,6 +38,10 @@ pub fn room() -> u64 {
 /// assert!(ensure(u64::MAX, "more than there is").is_err());
 /// ```
 pub fn ensure(bytes: u64, what: &'static str) -> Result<()> {
+    // The question costs the reading of a file, which takes longer than many a run of a small scene.
+    if bytes <= SMALL {
+        return Ok(());
+    }
     let room = room().saturating_sub(SMALL_THINGS);
     if bytes <= room { Ok(()) } else { Err(Error::TooLarge { what, bytes, room }) }
 }
@@ -62,10 +66,7 @@ pub(crate) fn ensure_with_dense_products(bytes: u64, what: &'static str) -> Resu
 /// [`Error::TooLarge`].
 pub(crate) fn filled<T: Clone>(value: T, length: usize, what: &'static str) -> Result<Vec<T>> {
     let bytes = (length as u64).saturating_mul(size_of::<T>() as u64);
-    // The question costs a file read, which small lists are not worth.
-    if bytes > SMALL {
-        ensure(bytes, what)?;
-    }
+    ensure(bytes, what)?;
     let mut list = Vec::new();
     list.try_reserve_exact(length).map_err(|_| Error::TooLarge { what, bytes, room: room() })?;
     list.resize(length, value);
@@ -121,9 +122,12 @@ fn group_limits(groups: &str, read: impl Fn(&Path) -> Option<String>) -> Option<
 
 /// The limit on the address space.
 fn address_space() -> Option<u64> {
-    let limits = read_to_string("/proc/self/limits").unwrap_or_default();
-    let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
-    line.split_whitespace().next()?.parse().ok()
+    static ADDRESS_SPACE: OnceLock<Option<u64>> = OnceLock::new();
+    *ADDRESS_SPACE.get_or_init(|| {
+        let limits = read_to_string("/proc/self/limits").unwrap_or_default();
+        let line = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
+        line.split_whitespace().next()?.parse().ok()
+    })
 }
 
 /// Bytes of address space and of memory held.
