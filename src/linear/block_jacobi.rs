@@ -1,7 +1,7 @@
 //! Block-diagonal preconditioners: Jacobi and 3×3 block Jacobi.
 
 use crate::operator::BlockDiagonal;
-use crate::system::{Dof, DofMap};
+use crate::system::{Axes, Dof, DofMap};
 use nalgebra::{Matrix3, Vector3};
 use std::ops::Range;
 
@@ -51,11 +51,11 @@ impl BlockJacobi {
             if self.part == DiagonalPart::Entries {
                 *block = Matrix3::from_diagonal(&block.diagonal());
             }
-            for axis in (0..3).filter(|&axis| !free.contains(axis)) {
-                block[(axis, axis)] = 1.0;
+            if free != Axes::ALL {
+                (0..3).filter(|&axis| !free.contains(axis)).for_each(|axis| block[(axis, axis)] = 1.0);
             }
             let axis = free.iter().next().unwrap_or(0);
-            *block = block.cholesky().ok_or(NotPositiveBlock(Dof { particle, axis }))?.inverse();
+            *block = inverse(block).ok_or(NotPositiveBlock(Dof { particle, axis }))?;
         }
         Ok(())
     }
@@ -88,6 +88,63 @@ impl BlockJacobi {
                     *z = r.iter().zip(free.iter()).map(|(r, column)| inverse[(row, column)] * r).sum();
                 }
             }
+        }
+    }
+}
+
+/// `A⁻¹ = L⁻ᵀ D⁻¹ L⁻¹` with `A = L D Lᵀ`, of which the lower triangle is read; `None` unless D is positive, which is to say A is definite.
+/// Without roots, and with three divisions: this is half of what a solve with few iterations takes.
+fn inverse(a: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let d0 = 1.0 / a.m11;
+    let (l10, l20) = (a.m21 * d0, a.m31 * d0);
+    let pivot1 = a.m22 - l10 * a.m21;
+    let c21 = a.m32 - l20 * a.m21;
+    let d1 = 1.0 / pivot1;
+    let l21 = c21 * d1;
+    let pivot2 = a.m33 - l20 * a.m31 - l21 * c21;
+    let d2 = 1.0 / pivot2;
+    if !(a.m11 > 0.0 && pivot1 > 0.0 && pivot2 > 0.0) {
+        return None;
+    }
+    // Below its diagonal L⁻¹ has −l₁₀, −l₂₁ and this.
+    let m20 = l10 * l21 - l20;
+    let (b02, b12) = (m20 * d2, -l21 * d2);
+    let b01 = -l10 * d1 - l21 * b02;
+    let b11 = d1 - l21 * b12;
+    let b00 = d0 + l10 * l10 * d1 + m20 * b02;
+    Some(Matrix3::new(b00, b01, b02, b01, b11, b12, b02, b12, d2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A (1, 2, 3)ᵀ = (16, 21, 35)ᵀ and two more, of a matrix whose leading minors are 4, 11 and 54.
+    #[test]
+    fn inverses_undo_the_block() {
+        let a = Matrix3::new(4.0, 1.0, 2.0, 1.0, 3.0, 0.0, 2.0, 0.0, 6.0);
+        let inverse = inverse(&a).unwrap();
+        for x in [Vector3::new(1.0, 2.0, 3.0), Vector3::new(-2.0, 0.5, 0.0), Vector3::new(0.0, -1.0, 7.0)] {
+            assert!((inverse * (a * x) - x).norm() < 1e-14);
+        }
+        assert_eq!(inverse, inverse.transpose());
+    }
+
+    /// Of two axes that are stiff and one that is not, by a factor of 1e12, in a frame that is none of theirs.
+    #[test]
+    fn stiff_blocks_have_definite_inverses() {
+        let soft = Vector3::new(2.0, -1.0, 2.0) / 3.0;
+        let a = Matrix3::identity() * 1e12 - soft * soft.transpose() * (1e12 - 1.0);
+        let inverse = inverse(&a).unwrap();
+        assert!(inverse.cholesky().is_some());
+        assert!(((soft.transpose() * inverse * soft).x - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn indefinite_blocks_have_none() {
+        for pivots in [[-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, -1.0], [1.0, 1.0, 0.0], [1.0, f64::NAN, 1.0]] {
+            let l = Matrix3::new(1.0, 0.0, 0.0, 2.0, 1.0, 0.0, -1.0, 0.5, 1.0);
+            assert_eq!(inverse(&(l * Matrix3::from_diagonal(&pivots.into()) * l.transpose())), None, "{pivots:?}");
         }
     }
 }

@@ -222,6 +222,9 @@ impl BlockDiagonal for SystemOperator<'_> {
         }
         for (particle, block) in blocks.iter_mut().enumerate() {
             let free = self.system.dofs().free_axes(particle);
+            if free == Axes::ALL {
+                continue;
+            }
             for axis in (0..3).filter(|&axis| !free.contains(axis)) {
                 block.row_mut(axis).fill(0.0);
                 block.column_mut(axis).fill(0.0);
