@@ -109,7 +109,7 @@ const PRECONDITIONERS: [PreconditionerChoice; 5] = [
 
 fn describe_preconditioner(choice: PreconditionerChoice) -> &'static str {
     match choice {
-        PreconditionerChoice::Auto => "block-jacobi as long as it is quick, then multigrid",
+        PreconditionerChoice::Auto => "none, block-jacobi or multigrid, whichever turns out to cost least",
         PreconditionerChoice::Kind(PreconditionerKind::None) => "no preconditioner",
         PreconditionerChoice::Kind(PreconditionerKind::Jacobi) => "the diagonal of A",
         PreconditionerChoice::Kind(PreconditionerKind::BlockJacobi) => "the 3×3 diagonal block of every particle",

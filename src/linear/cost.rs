@@ -24,16 +24,16 @@ pub struct CostModel {
 }
 
 /// A force evaluation with the step of an explicit method around it, in ns: once, a spring, a coordinate.
-const FORCE: [f64; 3] = [79.0, 13.7, 0.9];
+const FORCE: [f64; 3] = [90.0, 12.6, 1.9];
 
 /// A product with A: once, a spring.
 const PRODUCT: [f64; 2] = [146.0, 3.8];
 
 /// Extensions and blocks of all springs: once, a spring.
-const ASSEMBLY: [f64; 2] = [64.0, 14.3];
+const ASSEMBLY: [f64; 2] = [76.0, 14.3];
 
 /// Refilling and factoring A: once, a spring, a coordinate, an entry of the factor, an operation.
-const FACTORIZATION: [f64; 5] = [350.0, 51.0, 1.3, 3.2, 0.031];
+const FACTORIZATION: [f64; 5] = [350.0, 51.0, 1.3, 3.2, 0.0295];
 
 /// Ordering and symbolic analysis: once, an entry of the factor.
 const ANALYSIS: [f64; 2] = [2500.0, 7.9];
@@ -51,11 +51,18 @@ const VECTORS: f64 = 1.3;
 /// Blocks of block Jacobi: a coordinate.
 const BLOCKS: f64 = 1.55;
 
+/// Making the blocks of block Jacobi: once, a spring, a coordinate.
+const MAKING_BLOCKS: [f64; 3] = [60.0, 4.0, 4.5];
+
+/// The finest level of multigrid, with its smoother: a spring, a coordinate; with one dense level, once, a pair and a triple of coordinates.
+const FINEST: [f64; 2] = [14.3, 14.1];
+const DENSE_LEVEL: [f64; 3] = [360.0, 2.4, 0.0024];
+
 /// A cycle of multigrid: a coordinate, a spring; of a system so small that there is but one dense level, a pair of coordinates.
 const CYCLE: [f64; 3] = [40.5, 5.7, 0.32];
 
-/// Computing the coarse levels: once, a coordinate, a spring; with one dense level, once and a triple of coordinates.
-const SETUP: [f64; 4] = [6900.0, 800.0, 195.0, 0.012];
+/// Computing the coarse levels: a coordinate, a spring. One dense level has none.
+const SETUP: [f64; 2] = [350.0, 205.0];
 
 /// Coordinates up to which multigrid is one dense level.
 const DENSE: f64 = 400.0;
@@ -134,12 +141,22 @@ impl CostModel {
         self.product() + (VECTORS * self.dofs + others) / self.force
     }
 
+    /// What a preconditioner does for every matrix, the coarse levels of multigrid aside.
+    pub fn preparation(&self, preconditioner: PreconditionerKind) -> f64 {
+        let times = match preconditioner {
+            PreconditionerKind::None => return 0.0,
+            PreconditionerKind::Jacobi | PreconditionerKind::BlockJacobi => MAKING_BLOCKS,
+            PreconditionerKind::Multigrid if self.dofs <= DENSE => {
+                return nanoseconds(DENSE_LEVEL, [1.0, self.dofs.powi(2), self.dofs.powi(3)]) / self.force;
+            }
+            PreconditionerKind::Multigrid => [0.0, FINEST[0], FINEST[1]],
+        };
+        nanoseconds(times, [1.0, self.springs, self.dofs]) / self.force
+    }
+
     /// The coarse levels of multigrid.
     pub fn multigrid_setup(&self) -> f64 {
-        let [once, dof, spring, triple] = SETUP;
-        let levels =
-            if self.dofs <= DENSE { triple * self.dofs.powi(3) } else { dof * self.dofs + spring * self.springs };
-        (once + levels) / self.force
+        if self.dofs <= DENSE { 0.0 } else { nanoseconds(SETUP, [self.dofs, self.springs]) / self.force }
     }
 
     /// A solve by conjugate gradients beside its iterations.

@@ -1,6 +1,7 @@
 //! Conjugate gradients as a time step's solver, matrix-free or on the assembled A.
 
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
+use super::contest::Contest;
 use super::cost::CostModel;
 use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
 use super::preconditioner::{Precondition, Preconditioner};
@@ -25,18 +26,14 @@ pub enum Application {
     Assembled(Box<SystemMatrix>),
 }
 
-/// Iterations with block Jacobi after which an automatic choice takes multigrid: about what the first solve with multigrid
-/// costs, its analysis included. Whatever a scene needs, trying costs at most twice the better choice.
-const TRIAL: u64 = 150;
-
 /// Conjugate gradients with a preconditioner.
 #[derive(Debug)]
 pub struct CgSolver {
     method: ConjugateGradient,
     preconditioner: Preconditioner,
     application: Application,
-    /// While block Jacobi is on trial: where the particles are, for multigrid.
-    trial: Option<Vec<Vector3<f64>>>,
+    /// Where none was asked for.
+    choice: Option<Choice>,
     warm_start: WarmStart,
     costs: CostModel,
     /// [Cost](CostModel) of set-ups, iterations and first guesses so far, and the most that it may grow to.
@@ -44,9 +41,15 @@ pub struct CgSolver {
     allowed: f64,
 }
 
+/// A choice that is not made yet, and where the particles are, for multigrid.
+#[derive(Debug)]
+struct Choice {
+    contest: Contest,
+    places: Vec<Vector3<f64>>,
+}
+
 impl CgSolver {
-    /// Matrix-free. Without a preconditioner given it starts with block Jacobi, and changes to multigrid for good in the first
-    /// solve that takes long.
+    /// Matrix-free. Without a preconditioner given it begins without one, and finds out whether block Jacobi or multigrid costs less.
     ///
     /// # Errors
     /// For multigrid, more matrix blocks than 32-bit indices can count.
@@ -75,9 +78,10 @@ impl CgSolver {
         tolerance: f64,
         application: Application,
     ) -> Result<Self> {
-        let preconditioner = Preconditioner::new(kind.unwrap_or(PreconditionerKind::BlockJacobi), system)?;
-        let trial = kind.is_none().then(|| vec![Vector3::zeros(); system.particles()]);
-        Ok(Self { trial, ..Self::of(system, preconditioner, tolerance, application) })
+        let preconditioner = Preconditioner::new(kind.unwrap_or(Contest::FIRST), system)?;
+        let places = vec![Vector3::zeros(); system.particles()];
+        let choice = kind.is_none().then(|| Choice { contest: Contest::new(), places });
+        Ok(Self { choice, ..Self::of(system, preconditioner, tolerance, application) })
     }
 
     fn of(system: &System, preconditioner: Preconditioner, tolerance: f64, application: Application) -> Self {
@@ -86,7 +90,7 @@ impl CgSolver {
             preconditioner,
             application,
             warm_start: WarmStart::new(system.dofs().len()),
-            trial: None,
+            choice: None,
             costs: CostModel::of(system),
             effort: 0.0,
             allowed: f64::INFINITY,
@@ -107,8 +111,13 @@ impl CgSolver {
         report
     }
 
+    /// The preconditioner, as far as costs are concerned.
+    fn kind(&self) -> PreconditionerKind {
+        self.preconditioner.kind().unwrap_or(PreconditionerKind::BlockJacobi)
+    }
+
     fn iteration(&self) -> f64 {
-        self.costs.iteration(self.preconditioner.kind().unwrap_or(PreconditionerKind::BlockJacobi))
+        self.costs.iteration(self.kind())
     }
 
     /// Makes iterations end when asked to.
@@ -132,26 +141,74 @@ impl CgSolver {
         ((self.allowed - self.effort) / self.iteration()) as u64
     }
 
-    /// Whether coarse levels can be afforded, and iterations that make them worth it.
-    fn affords_multigrid(&self) -> bool {
-        self.allowed - self.effort > 1.5 * self.costs.multigrid_setup()
+    /// Whether a preconditioner can be afforded, and iterations that make it worth it.
+    fn affords(&self, kind: PreconditionerKind) -> bool {
+        let setup = if kind == PreconditionerKind::Multigrid { self.costs.multigrid_setup() } else { 0.0 };
+        self.allowed - self.effort > 1.5 * (setup + self.costs.preparation(kind))
     }
 
-    /// Makes a preconditioner that has lost patience a better one.
-    fn improve(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
-        self.effort += self.costs.multigrid_setup();
+    /// Iterations after which a solve is to go on with something better, if there is anything.
+    fn patience(&self) -> Option<u64> {
+        match &self.preconditioner {
+            Preconditioner::Multigrid(multigrid) => multigrid.patience(-self.method.tolerance.log10()),
+            _ if self.choice.is_some() => Contest::patience(self.kind()).map(|(most, _)| most),
+            _ => None,
+        }
+    }
+
+    /// Gives a solve that has lost patience better coarse levels, or the next preconditioner; `false` where there is none, or it costs
+    /// too much.
+    fn improve(&mut self, a: &SystemOperator, work: &mut Work) -> Result<bool, SolveFailure> {
+        let next = Contest::patience(self.kind()).map_or(PreconditionerKind::Multigrid, |(_, next)| next);
+        if !self.affords(next) {
+            return Ok(false);
+        }
         if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
-            return multigrid.rebuild(a, work);
+            self.effort += self.costs.multigrid_setup();
+            return multigrid.rebuild(a, work).map(|()| true);
         }
-        // A system too large for multigrid's indices stays with what it has.
-        if let Some(positions) = self.trial.take()
-            && let Ok(mut multigrid) = Preconditioner::new(PreconditionerKind::Multigrid, a.system())
+        let changed = self.change(next, a.system());
+        if changed {
+            self.prepare_for(a, work)?;
+        }
+        Ok(changed)
+    }
+
+    /// Takes note of iterations.
+    fn record(&mut self, report: &CgReport, x: &[f64]) {
+        let is_done = report.outcome == CgOutcome::Converged;
+        let reached = if is_done { self.method.tolerance } else { report.relative_residual };
+        let digits = (report.first_residual / reached).log10();
+        if is_done {
+            self.warm_start.record(x);
+        }
+        if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner
+            && is_done
         {
-            multigrid.place(&positions);
-            multigrid.update(a, work)?;
-            self.preconditioner = multigrid;
+            multigrid.record(report.iterations, digits);
         }
-        Ok(())
+        let kind = self.kind();
+        if let Some(choice) = &mut self.choice {
+            choice.contest.record(kind, report.iterations, digits);
+        }
+    }
+
+    /// Changes to another preconditioner; `false` for a system too large for multigrid's indices.
+    fn change(&mut self, kind: PreconditionerKind, system: &System) -> bool {
+        let Some(choice) = &mut self.choice else { return false };
+        let Ok(mut preconditioner) = Preconditioner::new(kind, system) else { return false };
+        preconditioner.place(&choice.places);
+        self.preconditioner = preconditioner;
+        choice.contest.changed_to(kind);
+        true
+    }
+
+    fn prepare_for(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
+        let setups = work.multigrid_setups;
+        let updated = self.preconditioner.update(a, work);
+        let setups = (work.multigrid_setups - setups) as f64;
+        self.effort += self.costs.preparation(self.kind()) + setups * self.costs.multigrid_setup();
+        updated
     }
 
     /// The method: its parameters, and the direction of negative curvature after a failure.
@@ -181,8 +238,8 @@ impl LinearSolver for CgSolver {
 
     fn place(&mut self, positions: &[Vector3<f64>]) {
         self.preconditioner.place(positions);
-        if let Some(places) = &mut self.trial {
-            places.copy_from_slice(positions);
+        if let Some(choice) = &mut self.choice {
+            choice.places.copy_from_slice(positions);
         }
     }
 
@@ -190,10 +247,11 @@ impl LinearSolver for CgSolver {
         if let Application::Assembled(matrix) = &mut self.application {
             matrix.refill(a);
         }
-        let setups = work.multigrid_setups;
-        let updated = self.preconditioner.update(a, work);
-        self.effort += (work.multigrid_setups - setups) as f64 * self.costs.multigrid_setup();
-        updated.map(|()| Definiteness::Unknown)
+        let kind = self.kind();
+        if let Some(better) = self.choice.as_mut().and_then(|choice| choice.contest.next(kind, &self.costs)) {
+            self.change(better, a.system());
+        }
+        self.prepare_for(a, work).map(|()| Definiteness::Unknown)
     }
 
     fn set_tolerance(&mut self, tolerance: f64) {
@@ -213,30 +271,19 @@ impl LinearSolver for CgSolver {
             work.warm_starts += u64::from(guessed);
             self.effort += self.costs.warm_start() * f64::from(u8::from(guessed));
         }
-        let digits = -self.method.tolerance.log10();
-        let patience = match &self.preconditioner {
-            Preconditioner::Multigrid(multigrid) => multigrid.patience(digits),
-            _ => self.trial.as_ref().map(|_| TRIAL),
-        };
         let limit = self.method.iteration_limit;
-        self.method.iteration_limit = limit.min(patience.unwrap_or(limit)).min(self.affordable());
-        let mut report = self.run(&a, b, x, work);
-        let digits = digits.min((report.first_residual / self.method.tolerance).log10());
-        if patience.is_some() && report.outcome == CgOutcome::IterationLimit && self.affords_multigrid() {
-            let improved = self.improve(&a, work);
-            self.method.iteration_limit = limit.min(self.affordable());
-            report = if improved.is_ok() { self.run(&a, b, x, work) } else { report };
+        loop {
+            let patience = self.patience();
+            self.method.iteration_limit = limit.min(patience.unwrap_or(limit)).min(self.affordable());
+            let report = self.run(&a, b, x, work);
             self.method.iteration_limit = limit;
-            improved?;
-        }
-        self.method.iteration_limit = limit;
-        if report.outcome == CgOutcome::Converged {
-            self.warm_start.record(x);
-            if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
-                multigrid.record(report.iterations, digits);
+            self.record(&report, x);
+            let is_late = report.outcome == CgOutcome::IterationLimit
+                && patience.is_some_and(|patience| report.iterations >= patience);
+            if !(is_late && self.improve(&a, work)?) {
+                return accept(&report);
             }
         }
-        accept(&report)
     }
 }
 

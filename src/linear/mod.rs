@@ -10,6 +10,7 @@ mod analysis;
 mod automatic;
 mod block_jacobi;
 mod cg;
+mod contest;
 mod cost;
 mod direct;
 mod factorization;

@@ -19,6 +19,8 @@ pub struct Row {
     pub iteration_jacobi: f64,
     pub iteration_block_jacobi: f64,
     pub iteration_multigrid: f64,
+    pub blocks: f64,
+    pub finest_level: f64,
     pub multigrid_setup: f64,
     pub iterative_solve: f64,
 }

@@ -22,12 +22,13 @@ fn iterations_are_paid_for() {
     let mut solver = matrix_free(&scene.0, Some(PreconditionerKind::BlockJacobi));
     let costs = CostModel::of(&scene.0);
     let (iteration, residuals) = (costs.iteration(PreconditionerKind::BlockJacobi), costs.iterative_solve());
+    let blocks = costs.preparation(PreconditionerKind::BlockJacobi);
     solver.take(&a, &mut work).unwrap();
-    assert_eq!(solver.effort(), 0.0);
+    assert_eq!(solver.effort(), blocks);
     for solves in [1.0, 2.0] {
         solver.solve(Held(&a), &b, &mut vec![0.5; 80], &mut work).unwrap();
         assert!(work.cg_iterations > 40);
-        assert_near(solver.effort(), iteration * work.cg_iterations as f64 + residuals * solves);
+        assert_near(solver.effort(), blocks + iteration * work.cg_iterations as f64 + residuals * solves);
     }
     solver.allow(21.7);
     let failure = solver.solve(Held(&a), &b, &mut vec![0.5; 80], &mut work).unwrap_err();
@@ -35,37 +36,60 @@ fn iterations_are_paid_for() {
     assert_eq!((iterations, reason), (((21.7 - residuals) / iteration) as u64, NotConverged::IterationLimit));
 }
 
-/// Multigrid is worth it when more than one and a half times its set-up may still be spent.
+/// A preconditioner is worth it when more than one and a half times what it is prepared with may still be spent.
 #[test]
-fn multigrid_needs_the_means() {
-    let mut solver = matrix_free(&chain(3).0, None);
-    assert!(solver.affords_multigrid(), "there is no limit at first");
-    let setup = solver.costs.multigrid_setup();
-    solver.effort = 100.0;
-    solver.allow(1.49 * setup);
-    assert!(!solver.affords_multigrid());
-    solver.allow(1.51 * setup);
-    assert!(solver.affords_multigrid());
+fn preconditioners_need_the_means() {
+    let scene = builtin::cloth(16).unwrap().build().unwrap();
+    let mut solver = matrix_free(&scene.0, None);
+    assert!(solver.affords(PreconditionerKind::Multigrid), "there is no limit at first");
+    let (setup, blocks) = (solver.costs.multigrid_setup(), solver.costs.preparation(PreconditionerKind::BlockJacobi));
+    for (kind, price) in [(PreconditionerKind::Multigrid, setup), (PreconditionerKind::BlockJacobi, blocks)] {
+        assert!(price > 0.1);
+        solver.effort = 100.0;
+        solver.allow(1.49 * price);
+        assert!(!solver.affords(kind));
+        solver.allow(1.51 * price);
+        assert!(solver.affords(kind));
+    }
 }
 
-/// Block Jacobi needs as many iterations as the chain has particles. After 150 multigrid takes over for good.
+/// Without multigrid the chain needs as many iterations as it has particles. After 50 without a preconditioner blocks take over, after
+/// 100 with them multigrid, all in the same solve.
 #[test]
-fn block_jacobi_is_on_trial() {
-    let scene = chain(200);
-    let (a, b) = (operator(&scene, 1.0), right_hand_side(200));
+fn solves_that_take_long_go_on_with_better_preconditioners() {
+    let scene = chain(500);
+    let (a, b) = (operator(&scene, 1.0), right_hand_side(500));
     let mut work = Work::default();
     let mut solver = matrix_free(&scene.0, None);
     solver.take(&a, &mut work).unwrap();
-    assert_eq!(solver.preconditioner(), Some("block-jacobi"));
-    solver.solve(Held(&a), &b, &mut [0.0; 200], &mut work).unwrap();
+    assert_eq!(solver.preconditioner(), Some("none"));
+    solver.solve(Held(&a), &b, &mut [0.0; 500], &mut work).unwrap();
     assert_eq!((solver.preconditioner(), work.multigrid_setups), (Some("multigrid"), 1));
-    assert!(work.cg_iterations > 150);
     assert_eq!((work.iterative_solves, work.multigrid_iterations), (1, work.cg_iterations - 150));
     let costs = CostModel::of(&scene.0);
-    let (block_jacobi, multigrid) =
-        (costs.iteration(PreconditionerKind::BlockJacobi), costs.iteration(PreconditionerKind::Multigrid));
-    let iterations = 150.0 * block_jacobi + multigrid * work.multigrid_iterations as f64;
-    assert_near(solver.effort(), iterations + costs.multigrid_setup() + costs.iterative_solve());
+    let [none, blocks, multigrid] =
+        [PreconditionerKind::None, PreconditionerKind::BlockJacobi, PreconditionerKind::Multigrid]
+            .map(|kind| (costs.iteration(kind), costs.preparation(kind)));
+    let iterations = 50.0 * none.0 + 100.0 * blocks.0 + multigrid.0 * work.multigrid_iterations as f64;
+    assert_near(
+        solver.effort(),
+        iterations + blocks.1 + multigrid.1 + costs.multigrid_setup() + costs.iterative_solve(),
+    );
+}
+
+/// With a limit that leaves nothing for multigrid there is none.
+#[test]
+fn solves_end_at_their_limit() {
+    let scene = chain(500);
+    let (a, b) = (operator(&scene, 1.0), right_hand_side(500));
+    let mut work = Work::default();
+    let mut solver = matrix_free(&scene.0, None);
+    let costs = CostModel::of(&scene.0);
+    solver.take(&a, &mut work).unwrap();
+    solver.allow(80.0 * costs.iteration(PreconditionerKind::None));
+    assert!(solver.solve(Held(&a), &b, &mut [0.0; 500], &mut work).is_err());
+    assert_eq!((solver.preconditioner(), work.multigrid_setups), (Some("block-jacobi"), 0));
+    assert!((50..80).contains(&work.cg_iterations), "{}", work.cg_iterations);
 }
 
 /// The multigrid that takes over knows the places that the particles had.
@@ -92,7 +116,8 @@ fn multigrid_after_the_trial_is_the_one_at_the_places_given() {
     let mut solver = matrix_free(system, None);
     solver.place(&state.positions);
     solver.take(&a, &mut work).unwrap();
-    solver.improve(&a, &mut work).unwrap();
+    assert!(solver.change(PreconditionerKind::Multigrid, system));
+    solver.prepare_for(&a, &mut work).unwrap();
     assert_eq!(applied(&mut |r, z| solver.preconditioner.apply(r, z)), placed);
 }
 
@@ -106,7 +131,8 @@ fn coarse_levels_are_paid_for_once_and_kept() {
     let mut solver = matrix_free(&scene.0, Some(PreconditionerKind::Multigrid));
     solver.take(&a, &mut work).unwrap();
     let costs = CostModel::of(&scene.0);
-    assert_eq!((solver.effort(), work.multigrid_setups), (costs.multigrid_setup(), 4));
+    let taken = costs.preparation(PreconditionerKind::Multigrid);
+    assert_eq!((solver.effort(), work.multigrid_setups), (taken + costs.multigrid_setup(), 4));
     solver.solve(Held(&a), &b, &mut [0.0; 200], &mut work).unwrap();
     assert_eq!(work.warm_starts, 0);
     solver.take(&a, &mut work).unwrap();
@@ -114,7 +140,7 @@ fn coarse_levels_are_paid_for_once_and_kept() {
     assert_eq!((work.multigrid_setups, work.warm_starts), (4, 1));
     let iterations = costs.iteration(PreconditionerKind::Multigrid) * work.cg_iterations as f64;
     let solves = 2.0 * costs.iterative_solve() + costs.warm_start();
-    assert_near(solver.effort(), costs.multigrid_setup() + iterations + solves);
+    assert_near(solver.effort(), 2.0 * taken + costs.multigrid_setup() + iterations + solves);
 }
 
 /// Coarse levels made for a matrix that is nearly diagonal are of no use for a stiff one: they are replaced while it is solved with.
@@ -133,5 +159,6 @@ fn useless_coarse_levels_are_replaced_in_the_middle_of_a_solve() {
     let costs = CostModel::of(&scene.0);
     let iterations = costs.iteration(PreconditionerKind::Multigrid) * work.cg_iterations as f64;
     let solves = 2.0 * costs.iterative_solve() + costs.warm_start();
-    assert_near(solver.effort(), 2.0 * costs.multigrid_setup() + iterations + solves);
+    let taken = 2.0 * costs.preparation(PreconditionerKind::Multigrid);
+    assert_near(solver.effort(), taken + 2.0 * costs.multigrid_setup() + iterations + solves);
 }

@@ -1,0 +1,204 @@
+//! Which preconditioner costs least, found out by trying.
+//!
+//! What a matrix costs is what its preconditioner is prepared with and the iterations it takes. Without a preconditioner there is nothing
+//! to prepare, and where masses weigh more than springs, or springs are alike, no blocks make iterations fewer. So none comes first, and is watched:
+//! what a matrix has cost more than the cheapest other one is expected to is added up, starting again from zero whenever it falls
+//! below, and when it exceeds what a trial costs there is one (the argument of renting or buying skis). Iterations are expected to
+//! be proportional to the digits that are gained; of what has not been tried yet, as few as they can well be. One that turns
+//! out to cost more is left by the same rule, and a further trial of it has to promise more each time.
+//!
+//! A single solve may not wait for that: [`patience`](Contest::patience) ends it where a better preconditioner pays at once.
+
+use super::cost::CostModel;
+use super::preconditioner_kind::PreconditionerKind as Kind;
+
+/// Those that take part, from the cheapest to prepare to the dearest.
+const KINDS: [Kind; 3] = [Kind::None, Kind::BlockJacobi, Kind::Multigrid];
+
+/// The least iterations of blocks, over those without, and of multigrid for a digit.
+const BLOCKS_AT_BEST: f64 = 0.6;
+const MULTIGRID_AT_BEST: f64 = 1.0;
+
+/// What the first set-up of multigrid costs with the analysis of the pattern, in set-ups.
+const ANALYSED: f64 = 3.0;
+
+/// The weight of what was known before a matrix.
+const MEMORY: f64 = 0.7;
+
+/// The part of a cost that another one must be below, to be called cheaper.
+const SURE: f64 = 0.9;
+
+/// How much more a further trial must promise.
+const DISAPPOINTED: f64 = 4.0;
+
+/// Digits that a solve gains at least: the iterations of one that began with its solution say little.
+const LEAST_DIGITS: f64 = 0.5;
+
+/// Iterations after which a solve goes on with blocks, and then with multigrid. Together they are about what the first solve with multigrid
+/// costs, its analysis included: whatever a scene needs, trying costs at most twice the better choice.
+const PATIENCE: [u64; 2] = [50, 100];
+
+/// Iterations and the digits that they gained, the latest counting most.
+#[derive(Debug, Clone, Copy, Default)]
+struct Seen {
+    iterations: f64,
+    digits: f64,
+}
+
+/// What is known of each.
+#[derive(Debug, Clone)]
+pub(super) struct Contest {
+    seen: [Seen; 3],
+    /// What a trial must promise, in what it costs.
+    price: [f64; 3],
+    /// Of the matrix at hand.
+    now: Seen,
+    lost: f64,
+}
+
+fn place(kind: Kind) -> usize {
+    KINDS.iter().position(|&other| other == kind).unwrap_or(0)
+}
+
+impl Contest {
+    pub fn new() -> Self {
+        Self { seen: [Seen::default(); 3], price: [1.0; 3], now: Seen::default(), lost: 0.0 }
+    }
+
+    /// The first.
+    pub const FIRST: Kind = KINDS[0];
+
+    /// Iterations after which a solve goes on with another one, and which.
+    pub fn patience(kind: Kind) -> Option<(u64, Kind)> {
+        KINDS
+            .iter()
+            .zip(KINDS.iter().skip(1))
+            .zip(PATIENCE)
+            .find(|((of, _), _)| **of == kind)
+            .map(|((_, &next), most)| (most, next))
+    }
+
+    /// Takes note of a solve, or of the part of one that had this preconditioner.
+    pub fn record(&mut self, kind: Kind, iterations: u64, digits: f64) {
+        let digits = if digits > LEAST_DIGITS { digits } else { LEAST_DIGITS };
+        let Some(seen) = self.seen.get_mut(place(kind)) else { return };
+        seen.iterations = MEMORY * seen.iterations + iterations as f64;
+        seen.digits = MEMORY * seen.digits + digits;
+        self.now.iterations += iterations as f64;
+        self.now.digits += digits;
+    }
+
+    /// Iterations that a digit takes, or may take at best.
+    fn per_digit(&self, kind: usize) -> f64 {
+        match self.seen.get(kind) {
+            Some(seen) if seen.digits > 0.0 => seen.iterations / seen.digits,
+            _ => match KINDS.get(kind) {
+                Some(Kind::BlockJacobi) => BLOCKS_AT_BEST * self.per_digit(0),
+                Some(Kind::Multigrid) => MULTIGRID_AT_BEST,
+                _ => f64::INFINITY,
+            },
+        }
+    }
+
+    /// Whether another one should have the next matrix: before each, with the one that had the last.
+    pub fn next(&mut self, kind: Kind, costs: &CostModel) -> Option<Kind> {
+        let Seen { iterations, digits } = std::mem::take(&mut self.now);
+        // Nothing was solved with the last matrix.
+        if digits == 0.0 {
+            return None;
+        }
+        let current = place(kind);
+        let price = |kind: usize| KINDS.get(kind).map_or(f64::INFINITY, |&kind| costs.preparation(kind));
+        let expected = |kind: usize| {
+            price(kind)
+                + self.per_digit(kind) * digits * KINDS.get(kind).map_or(f64::INFINITY, |&kind| costs.iteration(kind))
+        };
+        let others = (0..KINDS.len()).filter(|&other| other != current);
+        let best = others.min_by(|&a, &b| expected(a).total_cmp(&expected(b)))?;
+        let cost = costs.preparation(kind) + iterations * costs.iteration(kind);
+        let expected = expected(best);
+        self.lost = (self.lost + SURE * cost - expected).max(0.0);
+        let trial = match KINDS.get(best)? {
+            Kind::Multigrid => ANALYSED * costs.multigrid_setup() + costs.preparation(Kind::Multigrid),
+            _ => costs.preparation(Kind::BlockJacobi) + cost,
+        };
+        let promised = self.price.get(best).is_some_and(|price| self.lost > trial * price);
+        promised.then(|| KINDS.get(best).copied()).flatten()
+    }
+
+    /// Takes note of a change.
+    pub fn changed_to(&mut self, kind: Kind) {
+        self.lost = 0.0;
+        if let Some(price) = self.price.get_mut(place(kind)) {
+            *price *= DISAPPOINTED;
+        }
+    }
+}
+
+#[cfg(all(test, feature = "scene"))]
+mod tests {
+    use super::*;
+    use crate::scene::builtin;
+
+    fn costs() -> CostModel {
+        CostModel::of(&builtin::cloth(20).unwrap().build().unwrap().0)
+    }
+
+    /// Solves of so many iterations for ten digits with each, as long as the contest does not move on, and the next.
+    fn moves(contest: &mut Contest, kind: Kind, iterations: u64, matrices: usize) -> Option<(usize, Kind)> {
+        (0..matrices).find_map(|matrix| {
+            contest.record(kind, iterations, 10.0);
+            contest.next(kind, &costs()).map(|next| (matrix, next))
+        })
+    }
+
+    #[test]
+    fn few_iterations_need_no_preconditioner() {
+        assert_eq!(moves(&mut Contest::new(), Kind::None, 3, 1000), None);
+    }
+
+    /// Blocks may save two fifths of the iterations. When what that would have saved exceeds what they cost they are tried; they save
+    /// nothing, and are left when they have cost more than that again. The second trial needs a promise four times as large.
+    #[test]
+    fn what_does_not_pay_is_left_and_tried_later() {
+        let mut contest = Contest::new();
+        let costs = costs();
+        let (blocks, none, with) =
+            (costs.preparation(Kind::BlockJacobi), costs.iteration(Kind::None), costs.iteration(Kind::BlockJacobi));
+        let promised = SURE * 30.0 * none - blocks - 0.6 * 30.0 * with;
+        assert!(promised > 0.0);
+        let expected = ((blocks + 30.0 * none) / promised).floor() as usize;
+        assert_eq!(moves(&mut contest, Kind::None, 30, 100), Some((expected, Kind::BlockJacobi)));
+        contest.changed_to(Kind::BlockJacobi);
+        let lost = SURE * (blocks + 30.0 * with) - 30.0 * none;
+        let back = moves(&mut contest, Kind::BlockJacobi, 30, 100);
+        assert_eq!(back, Some((((2.0 * blocks + 30.0 * with) / lost).floor() as usize, Kind::None)));
+        contest.changed_to(Kind::None);
+        // Known by now to save nothing, they are not tried again.
+        assert_eq!(moves(&mut contest, Kind::None, 30, 100), None);
+    }
+
+    #[test]
+    fn blocks_that_save_much_stay() {
+        let mut contest = Contest::new();
+        assert!(moves(&mut contest, Kind::None, 40, 100).is_some());
+        contest.changed_to(Kind::BlockJacobi);
+        assert_eq!(moves(&mut contest, Kind::BlockJacobi, 5, 1000), None);
+    }
+
+    /// Hundreds of iterations, which a solve with multigrid would do without.
+    #[test]
+    fn multigrid_comes_where_it_promises_most() {
+        let mut contest = Contest::new();
+        let next = moves(&mut contest, Kind::BlockJacobi, 200, 100);
+        assert_eq!(next.map(|(_, kind)| kind), Some(Kind::Multigrid));
+        assert!(next.is_some_and(|(matrices, _)| matrices > 0));
+    }
+
+    #[test]
+    fn there_is_something_better_until_multigrid() {
+        assert_eq!(Contest::patience(Kind::None), Some((50, Kind::BlockJacobi)));
+        assert_eq!(Contest::patience(Kind::BlockJacobi), Some((100, Kind::Multigrid)));
+        assert_eq!(Contest::patience(Kind::Multigrid), None);
+    }
+}
