@@ -25,6 +25,8 @@ pub enum Tool {
     Peers(Words),
     /// What the cost model is held to: verification/costs.json; minutes
     Costs(Words),
+    /// `--solver auto` beside the solvers it chooses from: verification/auto.md; an hour
+    Auto(Words),
     /// What accompanying a run costs; a minute
     MonitorCost(Words),
     /// Random bytes, killed runs, odd matrices; see CONTRIBUTING
@@ -61,6 +63,7 @@ impl Tool {
             Self::Motion(_) => example("motion"),
             Self::Charts(_) => example("charts"),
             Self::Costs(_) => example("costs"),
+            Self::Auto(_) => example("auto"),
             Self::MonitorCost(_) => example("monitor_cost"),
             Self::Stress(_) => example("stress"),
             Self::Picture(_) => example("lost_definiteness"),
@@ -82,6 +85,7 @@ impl Tool {
         | Self::Charts(given)
         | Self::Peers(given)
         | Self::Costs(given)
+        | Self::Auto(given)
         | Self::MonitorCost(given)
         | Self::Stress(given)
         | Self::Locks(given)

@@ -1,0 +1,87 @@
+//! Makes `verification/auto.md`: what `--solver auto` costs beside every solver that a user could have asked for.
+//!
+//! ```sh
+//! cargo xtask auto --write                     # the page; about an hour of one core
+//! cargo xtask auto --kind cloth --size 1000    # one scene, solver by solver
+//! ```
+//!
+//! A cell of the grid is a scene, a step and a tolerance. From the same start 30 steps are done with every solver, on one thread; a
+//! step's time is the shorter of two repetitions, and the processor's for this thread, so that other programs disturb little.
+//! **After its first steps** compares medians of the last 15, **as a whole** sums of all 30 with what was done before the first.
+//! What is over three times as long as the shortest so far is not followed to its end.
+
+mod race;
+mod table;
+
+use clap::Parser;
+use race::{Cell, Raced};
+use sprung::scene::{Kind, builtin};
+use std::error::Error;
+use std::path::Path;
+
+/// Particles of the grid's scenes.
+const PARTICLES: [usize; 4] = [100, 1000, 10_000, 100_000];
+
+/// Steps, in s.
+const STEPS: [f64; 4] = [1e-4, 1e-3, 1e-2, 1e-1];
+
+/// Tolerances of conjugate gradients.
+const TOLERANCES: [f64; 3] = [1e-4, 1e-7, 1e-10];
+
+/// The kinds, with the number that asks for about so many particles.
+const KINDS: [(Kind, fn(usize) -> usize); 5] = [
+    (Kind::Chain, |particles| particles),
+    (Kind::Cloth, |particles| (particles as f64).sqrt().round() as usize),
+    (Kind::Lattice, |particles| (particles as f64).cbrt().round() as usize),
+    (Kind::Network, |particles| particles),
+    (Kind::Column, |particles| particles),
+];
+
+/// Compares the solver that chooses with those it chooses from.
+#[derive(Parser)]
+struct Arguments {
+    /// Only scenes of this kind
+    #[arg(long)]
+    kind: Option<String>,
+
+    /// Only scenes of about so many particles
+    #[arg(long, value_name = "PARTICLES")]
+    size: Option<usize>,
+
+    /// Scenes of up to so many
+    #[arg(long, value_name = "PARTICLES", default_value_t = 100_000)]
+    largest: usize,
+
+    /// Writes the page
+    #[arg(long)]
+    write: bool,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments = Arguments::parse();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+    let mut raced: Vec<Raced> = Vec::new();
+    let sizes = PARTICLES.into_iter().filter(|&size| size <= arguments.largest);
+    for particles in sizes.filter(|size| arguments.size.is_none_or(|wanted| wanted == *size)) {
+        for (kind, size) in KINDS {
+            if arguments.kind.as_deref().is_some_and(|wanted| wanted != kind.name()) {
+                continue;
+            }
+            let (system, start) = builtin(kind, size(particles))?.build()?;
+            for dt in STEPS {
+                for tolerance in TOLERANCES {
+                    let cell = Cell { kind: kind.name(), particles, dt, tolerance };
+                    let one = pool.install(|| cell.race(&system, &start).map_err(|error| error.to_string()))?;
+                    eprintln!("{}", one.line());
+                    raced.push(one);
+                }
+            }
+        }
+    }
+    let page = table::page(&raced)?;
+    if arguments.write {
+        std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/auto.md"), &page)?;
+    }
+    print!("{page}");
+    Ok(())
+}
