@@ -36,9 +36,18 @@ def one(*arguments, status=0):
     return done
 
 
+def launch(command, timeout, more):
+    return subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=timeout, cwd=WORK, **more)
+
+
 def many(ranks, *arguments, status=0, timeout=120, **more):
     command = ["mpirun", "--bind-to", "none", "-n", str(ranks), MPI, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=timeout, cwd=WORK, **more)
+    done = launch(command, timeout, more)
+    # Three of some thousand launches on a busy machine: Open MPI 4.1.4 calls the end of a rank improper after the program has said all
+    # that it has to say. Why was not found; what really ends so does it again.
+    if status == 0 and "exiting improperly" in done.stderr and "completed after" in done.stdout and "error:" not in done.stderr:
+        print(f"repeated, for mpirun took an end for an improper one: {arguments[:2]} on {ranks}", flush=True)
+        done = launch(command, timeout, more)
     if status is not None:
         check(f"status of {arguments} on {ranks}", done.returncode == status, (done.returncode, done.stderr[-2000:]))
     return done
@@ -351,6 +360,16 @@ def process_of_rank(rank, argument):
     return None
 
 
+def iterations():
+    """Over 60 steps of 1/60 s iterations stay within 1.5 times the fewest; the cloth's first step, from rest in a plane, needs one."""
+    for kind, size in (("cloth", 40), ("lattice", 10)):
+        for ranks in (1, 2):
+            done = many(ranks, "run", "--ready", kind, "--size", size, "--dt", 1 / 60, "--steps", 60, "--stiffness", "tension",
+                        "--out", WORK / "flat", "--petsc", "-ksp_converged_reason")
+            counts = [int(line.rsplit(" ", 1)[1]) for line in done.stdout.splitlines() if " iterations " in line and "onverge" in line]
+            check(f"iterations of {kind} on {ranks}", len(counts) == 60 and max(counts[1:]) <= 1.5 * min(counts[1:]), counts)
+
+
 def waiting():
     """Ranks that wait for another one sleep: those that poll have used up their share of a busy machine when they could go on."""
     there = WORK / "waiting"
@@ -453,8 +472,8 @@ def faults():
         check("files that may not grow", done.returncode == 1 and "rank" in done.stderr, (done.returncode, done.stderr[-1000:]))
 
 
-ALL = {"matrices": matrices, "steps": steps, "runs": runs, "outcomes": outcomes, "splits": splits, "waiting": waiting, "resume": resume,
-       "faults": faults}
+ALL = {"matrices": matrices, "steps": steps, "runs": runs, "outcomes": outcomes, "splits": splits, "iterations": iterations,
+       "waiting": waiting, "resume": resume, "faults": faults}
 for name, group in ALL.items():
     if not GROUPS or name in GROUPS:
         begin = time.monotonic()
