@@ -62,7 +62,8 @@ fn tells_people_the_same_and_draws_it() {
     let answer = sandbox.sprung(&["inspect", "short.toml", "--out", "pictures"]);
     assert_eq!(answer.status, Some(0), "{}", answer.stderr);
     // The first answer goes to where progress does, before there is any result.
-    for part in ["note: A is INDEFINITE, as a direction u with uᵀAu = -", "proves", "spring 0 (0–1): strain -0.500"] {
+    for part in ["note: A is INDEFINITE, as a direction u with uᵀAu = -", "proves", "spring 0 (0–1): strain -0.500"]
+    {
         assert!(answer.stderr.contains(part), "{part:?} is not in {}", answer.stderr);
     }
     assert!(!answer.stdout.contains("as a direction u"), "{}", answer.stdout);

@@ -155,6 +155,9 @@ mod tests {
             let lower = triplets.iter().filter(|entry| entry.row >= entry.column);
             let expected: Vec<_> = lower.map(|entry| (entry.row, entry.column, entry.value)).collect();
             assert!(matrix.matrix().iter().eq(expected), "{dimension}");
+            let (whole, csc) = (matrix.matrix().whole_columns().unwrap(), matrix.matrix().to_csc());
+            assert!(whole.rows.iter().map(|&row| row as usize).eq(csc.row_indices().iter().copied()), "{dimension}");
+            assert_eq!(whole.values, csc.values());
             // Products, of the matrix and of the operator.
             let order = system.dofs().len();
             let w: Vec<f64> = (0..order).map(|row| ((row * 7) % 11) as f64 - 5.0).collect();
@@ -175,6 +178,24 @@ mod tests {
             let is_near = |(a, b): (&Matrix3<f64>, &Matrix3<f64>)| (a - b).amax() < 1e-12 * (1.0 + b.amax());
             assert!(of_operator.iter().zip(&of_matrix).all(is_near), "{dimension}");
         }
+    }
+
+    /// The pattern of G has the damped springs alone: every other particle's first and third neighbour.
+    #[test]
+    fn springs_without_damping_have_no_place_in_the_damping_matrix() {
+        let (system, state) = chain(2);
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let g = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::DAMPING);
+        let pattern = Arc::new(SpringPattern::of_damping(&system).unwrap());
+        let matrix = SystemMatrix::assemble(pattern, &g);
+        let stored: Vec<_> = matrix.matrix().iter().filter(|entry| entry.2 != 0.0).collect();
+        let triplets = assemble_afresh(&g);
+        let lower = triplets.iter().filter(|entry| entry.row >= entry.column && entry.value != 0.0);
+        assert_eq!(stored, lower.map(|entry| (entry.row, entry.column, entry.value)).collect::<Vec<_>>());
+        let all = SpringPattern::of_stiffness(&system).unwrap();
+        assert!(
+            stored.len() < matrix.matrix().values().len() && matrix.matrix().values().len() < all.pattern().entries()
+        );
     }
 
     /// What prescribed coordinates do to the free ones: the columns that the matrix does not have.

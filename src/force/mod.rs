@@ -168,6 +168,49 @@ mod tests {
         assert_eq!(Energy::of(&system, &state).elastic, 3.0);
     }
 
+    #[test]
+    fn nothing_has_no_energy() {
+        let (system, state) = SystemBuilder::new().build().unwrap();
+        let Energy { kinetic, elastic, gravitational } = Energy::of(&system, &state);
+        assert_eq!([kinetic, elastic, gravitational].map(f64::to_bits), [0; 3]);
+    }
+
+    /// T = l², so T' = 2l: at a length the tangent has k = T' l − T = l².
+    #[derive(Debug)]
+    struct Square;
+
+    impl crate::spring::SpringLaw for Square {
+        fn tension(&self, _: usize, _: &Spring, length: f64) -> crate::spring::Tension {
+            crate::spring::Tension { force: length * length, slope: 2.0 * length }
+        }
+
+        fn energy(&self, _: usize, _: &Spring, length: f64) -> f64 {
+            length.powi(3) / 3.0
+        }
+    }
+
+    #[test]
+    fn tangents_follow_the_lengths() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([3.0, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        let (system, mut state) = builder.build().unwrap();
+        let system = system.with_spring_law(Square);
+        let mut extensions = Extensions::at(&system, &state.positions).unwrap();
+        for length in [3.0, 2.0] {
+            state.positions[1].x = length;
+            extensions.update(&system, &state.positions).unwrap();
+            assert_eq!(extensions.spring(&system, 0).stiffness, length * length);
+            let springs: Vec<f64> = extensions.springs(&system).map(|((.., spring), _)| spring.stiffness).collect();
+            let from: Vec<f64> = extensions.from(&system, 0).map(|(spring, _)| spring.stiffness).collect();
+            assert_eq!((springs, from), (vec![length * length], vec![length * length]));
+            let mut force = [Vector3::zeros(); 2];
+            add_elastic_force(&system, &extensions, &mut force);
+            assert!((force[0].x - length * length).abs() < 1e-12 && force[1] == -force[0], "{force:?}");
+        }
+    }
+
     /// Pushes the second particle along y by its speed, at a time.
     #[derive(Debug)]
     struct Push;

@@ -10,6 +10,7 @@
 //! | `--room NAME` | only this room (`src/NAME/` or `src/NAME.rs`); may stand several times |
 //! | a part of a name | only mutants whose names hold it |
 //! | `--open` | only those of which nothing is settled: not tried, or alive and not listed as equivalent |
+//! | `--alive` | of those only the ones that are alive: after new tests |
 //! | `--seconds N` | tests of so many seconds for each mutant; what is alive then is kept as alive after some tests |
 //! | `--tests NAME` | only the tests of this program in `tests/`, or `lib` for the unit tests; may stand several times; what is alive then is kept as alive after some tests |
 //! | `--jobs N` | so many at a time, instead of one a processor |
@@ -54,6 +55,7 @@ struct Request {
     parts: Vec<String>,
     tests: Vec<String>,
     open: bool,
+    alive: bool,
     apart: bool,
     count: bool,
     table: bool,
@@ -73,6 +75,7 @@ impl Request {
                 "--seconds" => request.seconds = Some(value()?.parse()?),
                 "--jobs" => request.jobs = Some(value()?.parse()?),
                 "--open" => request.open = true,
+                "--alive" => (request.open, request.alive) = (true, true),
                 "--apart" => request.apart = true,
                 "--count" => request.count = true,
                 "--table" => request.table = true,
@@ -125,6 +128,7 @@ fn run() -> Result<bool> {
     let chosen: BTreeSet<usize> = build::numbered(&mutants)
         .filter(|(_, mutant)| request.wants(mutant) && (request.apart || mutant.function.is_some()))
         .filter(|(number, _)| !request.open || !record.settled(*number))
+        .filter(|(number, _)| !request.alive || record.tried(*number))
         .map(|(number, _)| number)
         .collect();
     println!("{} of {} mutants to try", chosen.len(), mutants.len());

@@ -88,6 +88,11 @@ impl<'m> Record<'m> {
         }
     }
 
+    /// Whether anything is known of a mutant.
+    pub fn tried(&self, number: usize) -> bool {
+        self.fates.contains_key(&self.keys[number - 1])
+    }
+
     /// Sorts parts of the tests for a mutant: first those that have caught most mutants of the same file for their time. What was
     /// caught in other files counts a little, and so does a name like the file's, as long as nothing is known.
     pub fn promising_first(&self, mutant: &Mutant, parts: &mut [&Part]) {
