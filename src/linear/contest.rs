@@ -7,6 +7,8 @@
 //! be proportional to the digits that are gained; of what has not been tried yet, as few as they can well be. One that turns
 //! out to cost more is left by the same rule, and a further trial of it has to promise more each time.
 //!
+//! A matrix that may be indefinite is never without a preconditioner: its blocks may show it, where conjugate gradients do not come across it.
+//!
 //! A single solve may not wait for that: [`patience`](Contest::patience) ends it where a better preconditioner pays at once.
 
 use super::cost::CostModel;
@@ -101,8 +103,11 @@ impl Contest {
     }
 
     /// Whether another one should have the next matrix: before each, with the one that had the last.
-    pub fn next(&mut self, kind: Kind, costs: &CostModel) -> Option<Kind> {
+    pub fn next(&mut self, kind: Kind, costs: &CostModel, is_definite: bool) -> Option<Kind> {
         let Seen { iterations, digits } = std::mem::take(&mut self.now);
+        if !is_definite && kind == Kind::None {
+            return Some(Kind::BlockJacobi);
+        }
         // Nothing was solved with the last matrix.
         if digits == 0.0 {
             return None;
@@ -113,7 +118,7 @@ impl Contest {
             price(kind)
                 + self.per_digit(kind) * digits * KINDS.get(kind).map_or(f64::INFINITY, |&kind| costs.iteration(kind))
         };
-        let others = (0..KINDS.len()).filter(|&other| other != current);
+        let others = (usize::from(!is_definite)..KINDS.len()).filter(|&other| other != current);
         let best = others.min_by(|&a, &b| expected(a).total_cmp(&expected(b)))?;
         let cost = costs.preparation(kind) + iterations * costs.iteration(kind);
         let expected = expected(best);
@@ -148,7 +153,7 @@ mod tests {
     fn moves(contest: &mut Contest, kind: Kind, iterations: u64, matrices: usize) -> Option<(usize, Kind)> {
         (0..matrices).find_map(|matrix| {
             contest.record(kind, iterations, 10.0);
-            contest.next(kind, &costs()).map(|next| (matrix, next))
+            contest.next(kind, &costs(), true).map(|next| (matrix, next))
         })
     }
 
@@ -193,6 +198,21 @@ mod tests {
         let next = moves(&mut contest, Kind::BlockJacobi, 200, 100);
         assert_eq!(next.map(|(_, kind)| kind), Some(Kind::Multigrid));
         assert!(next.is_some_and(|(matrices, _)| matrices > 0));
+    }
+
+    /// What none would do for is left to blocks as long as the matrix may be indefinite, and then given back.
+    #[test]
+    fn blocks_watch_over_definiteness() {
+        let (mut contest, costs) = (Contest::new(), costs());
+        assert_eq!(contest.next(Kind::None, &costs, false), Some(Kind::BlockJacobi));
+        contest.record(Kind::None, 3, 10.0);
+        for is_definite in [false, true] {
+            let left = (0..100).any(|_| {
+                contest.record(Kind::BlockJacobi, 3, 10.0);
+                contest.next(Kind::BlockJacobi, &costs, is_definite) == Some(Kind::None)
+            });
+            assert_eq!(left, is_definite);
+        }
     }
 
     #[test]

@@ -248,7 +248,9 @@ impl LinearSolver for CgSolver {
             matrix.refill(a);
         }
         let kind = self.kind();
-        if let Some(better) = self.choice.as_mut().and_then(|choice| choice.contest.next(kind, &self.costs)) {
+        if let Some(better) =
+            self.choice.as_mut().and_then(|choice| choice.contest.next(kind, &self.costs, a.is_surely_definite()))
+        {
             self.change(better, a.system());
         }
         self.prepare_for(a, work).map(|()| Definiteness::Unknown)

@@ -179,6 +179,11 @@ impl<'s> SystemOperator<'s> {
         &self.blocks
     }
 
+    /// Whether no part of the matrix has a negative coefficient, so that it is definite: some matrices that have are, too.
+    pub fn is_surely_definite(&self) -> bool {
+        self.mass > 0.0 && self.blocks.iter().all(|block| block.axial >= 0.0 && block.transverse >= 0.0)
+    }
+
     /// The active springs' ends and blocks, in order.
     #[inline]
     fn stamps(&self) -> impl Iterator<Item = ([usize; 2], &SpringBlock)> {

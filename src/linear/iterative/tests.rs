@@ -42,7 +42,9 @@ fn preconditioners_need_the_means() {
     let scene = builtin::cloth(16).unwrap().build().unwrap();
     let mut solver = matrix_free(&scene.0, None);
     assert!(solver.affords(PreconditionerKind::Multigrid), "there is no limit at first");
-    let (setup, blocks) = (solver.costs.multigrid_setup(), solver.costs.preparation(PreconditionerKind::BlockJacobi));
+    let [blocks, finest] =
+        [PreconditionerKind::BlockJacobi, PreconditionerKind::Multigrid].map(|kind| solver.costs.preparation(kind));
+    let setup = finest + solver.costs.multigrid_setup();
     for (kind, price) in [(PreconditionerKind::Multigrid, setup), (PreconditionerKind::BlockJacobi, blocks)] {
         assert!(price > 0.1);
         solver.effort = 100.0;
