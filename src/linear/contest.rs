@@ -55,6 +55,9 @@ pub(super) struct Contest {
     price: [f64; 3],
     /// Of the matrix at hand.
     now: Seen,
+    /// Set-ups of multigrid for the matrix at hand, and for one as a rule. The first is the trial's.
+    set_up: f64,
+    set_ups: f64,
     lost: f64,
 }
 
@@ -64,7 +67,7 @@ fn place(kind: Kind) -> usize {
 
 impl Contest {
     pub fn new() -> Self {
-        Self { seen: [Seen::default(); 3], price: [1.0; 3], now: Seen::default(), lost: 0.0 }
+        Self { seen: [Seen::default(); 3], price: [1.0; 3], now: Seen::default(), set_up: 0.0, set_ups: 0.0, lost: 0.0 }
     }
 
     /// The first.
@@ -90,6 +93,11 @@ impl Contest {
         self.now.digits += digits;
     }
 
+    /// Takes note of new coarse levels.
+    pub fn set_up(&mut self, times: f64) {
+        self.set_up += times;
+    }
+
     /// Iterations that a digit takes, or may take at best.
     fn per_digit(&self, kind: usize) -> f64 {
         match self.seen.get(kind) {
@@ -105,6 +113,10 @@ impl Contest {
     /// Whether another one should have the next matrix: before each, with the one that had the last.
     pub fn next(&mut self, kind: Kind, costs: &CostModel, is_definite: bool) -> Option<Kind> {
         let Seen { iterations, digits } = std::mem::take(&mut self.now);
+        let set_up = std::mem::take(&mut self.set_up);
+        if kind == Kind::Multigrid {
+            self.set_ups = MEMORY * self.set_ups + (1.0 - MEMORY) * set_up;
+        }
         if !is_definite && kind == Kind::None {
             return Some(Kind::BlockJacobi);
         }
@@ -113,14 +125,17 @@ impl Contest {
             return None;
         }
         let current = place(kind);
-        let price = |kind: usize| KINDS.get(kind).map_or(f64::INFINITY, |&kind| costs.preparation(kind));
-        let expected = |kind: usize| {
-            price(kind)
-                + self.per_digit(kind) * digits * KINDS.get(kind).map_or(f64::INFINITY, |&kind| costs.iteration(kind))
+        let of = |kind: Kind, iterations: f64, set_ups: f64| {
+            let set_ups = if kind == Kind::Multigrid { set_ups * costs.multigrid_setup() } else { 0.0 };
+            costs.preparation(kind) + iterations * costs.iteration(kind) + set_ups
+        };
+        let expected = |place: usize| {
+            let iterations = self.per_digit(place) * digits;
+            KINDS.get(place).map_or(f64::INFINITY, |&kind| of(kind, iterations, self.set_ups))
         };
         let others = (usize::from(!is_definite)..KINDS.len()).filter(|&other| other != current);
         let best = others.min_by(|&a, &b| expected(a).total_cmp(&expected(b)))?;
-        let cost = costs.preparation(kind) + iterations * costs.iteration(kind);
+        let cost = of(kind, iterations, set_up);
         let expected = expected(best);
         self.lost = (self.lost + SURE * cost - expected).max(0.0);
         let trial = match KINDS.get(best)? {
@@ -134,6 +149,9 @@ impl Contest {
     /// Takes note of a change.
     pub fn changed_to(&mut self, kind: Kind) {
         self.lost = 0.0;
+        // What another one has done for this matrix is not its own.
+        self.now = Seen::default();
+        self.set_up = if kind == Kind::Multigrid { -1.0 } else { 0.0 };
         if let Some(price) = self.price.get_mut(place(kind)) {
             *price *= DISAPPOINTED;
         }
@@ -212,6 +230,24 @@ mod tests {
                 contest.next(Kind::BlockJacobi, &costs, is_definite) == Some(Kind::None)
             });
             assert_eq!(left, is_definite);
+        }
+    }
+
+    /// Coarse levels that have to be made anew for every matrix cost more than the iterations that they save.
+    #[test]
+    fn coarse_levels_that_age_fast_are_left() {
+        for (set_ups, is_left) in [(0.0, false), (1.0, true)] {
+            let (mut contest, costs) = (Contest::new(), costs());
+            contest.record(Kind::BlockJacobi, 100, 10.0);
+            contest.changed_to(Kind::Multigrid);
+            contest.set_up(1.0);
+            let left = (0..100).find_map(|_| {
+                contest.record(Kind::Multigrid, 8, 10.0);
+                let next = contest.next(Kind::Multigrid, &costs, false);
+                contest.set_up(set_ups);
+                next
+            });
+            assert_eq!(left == Some(Kind::BlockJacobi), is_left);
         }
     }
 

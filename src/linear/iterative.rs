@@ -46,6 +46,14 @@ pub struct CgSolver {
 struct Choice {
     contest: Contest,
     places: Vec<Vector3<f64>>,
+    /// A place for every particle, to find out whether a matrix is definite.
+    room: Vec<f64>,
+}
+
+impl Choice {
+    fn new(particles: usize) -> Self {
+        Self { contest: Contest::new(), places: vec![Vector3::zeros(); particles], room: vec![0.0; particles] }
+    }
 }
 
 impl CgSolver {
@@ -79,8 +87,7 @@ impl CgSolver {
         application: Application,
     ) -> Result<Self> {
         let preconditioner = Preconditioner::new(kind.unwrap_or(Contest::FIRST), system)?;
-        let places = vec![Vector3::zeros(); system.particles()];
-        let choice = kind.is_none().then(|| Choice { contest: Contest::new(), places });
+        let choice = kind.is_none().then(|| Choice::new(system.particles()));
         Ok(Self { choice, ..Self::of(system, preconditioner, tolerance, application) })
     }
 
@@ -165,6 +172,9 @@ impl CgSolver {
         }
         if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
             self.effort += self.costs.multigrid_setup();
+            if let Some(choice) = &mut self.choice {
+                choice.contest.set_up(1.0);
+            }
             return multigrid.rebuild(a, work).map(|()| true);
         }
         let changed = self.change(next, a.system());
@@ -208,6 +218,9 @@ impl CgSolver {
         let updated = self.preconditioner.update(a, work);
         let setups = (work.multigrid_setups - setups) as f64;
         self.effort += self.costs.preparation(self.kind()) + setups * self.costs.multigrid_setup();
+        if let Some(choice) = &mut self.choice {
+            choice.contest.set_up(setups);
+        }
         updated
     }
 
@@ -248,9 +261,11 @@ impl LinearSolver for CgSolver {
             matrix.refill(a);
         }
         let kind = self.kind();
-        if let Some(better) =
-            self.choice.as_mut().and_then(|choice| choice.contest.next(kind, &self.costs, a.is_surely_definite()))
-        {
+        let better = self.choice.as_mut().and_then(|choice| {
+            let is_definite = a.is_surely_definite(&mut choice.room);
+            choice.contest.next(kind, &self.costs, is_definite)
+        });
+        if let Some(better) = better {
             self.change(better, a.system());
         }
         self.prepare_for(a, work).map(|()| Definiteness::Unknown)

@@ -112,7 +112,7 @@ mod tests {
     /// Two processors with a second level each share a third one, another has one of its own; first levels do not count.
     #[test]
     fn caches_count_once() {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = std::env::temp_dir().join(format!("sprung-caches-{}", std::process::id()));
         for (cpu, index, level, size, shared) in [
             (0, 0, "1", "9M", "0"),
             (0, 2, "2", "512K", "0"),
@@ -122,14 +122,15 @@ mod tests {
             (2, 2, "2", "256K", "2"),
             (2, 3, "3", "4M", "2"),
         ] {
-            let cache = folder.path().join(format!("cpu{cpu}/cache/index{index}"));
+            let cache = folder.join(format!("cpu{cpu}/cache/index{index}"));
             std::fs::create_dir_all(&cache).unwrap();
             for (file, text) in [("level", level), ("size", size), ("shared_cpu_list", shared)] {
                 std::fs::write(cache.join(file), format!("{text}\n")).unwrap();
             }
         }
-        assert_eq!(caches(folder.path()), [1 << 20, 12 << 20]);
-        assert_eq!(caches(&folder.path().join("absent")), [0, 0]);
+        assert_eq!(caches(&folder), [1 << 20, 12 << 20]);
+        assert_eq!(caches(&folder.join("absent")), [0, 0]);
+        std::fs::remove_dir_all(&folder).unwrap();
         let taken = [[1 << 20, 12 << 20], [3 << 20, 10 << 20], [1 << 20, 1 << 20], [0, 0]].map(twice_the_last_level);
         assert_eq!(taken, [24 << 20, 24 << 20, 8 << 20, 8 << 20]);
     }

@@ -179,9 +179,29 @@ impl<'s> SystemOperator<'s> {
         &self.blocks
     }
 
-    /// Whether no part of the matrix has a negative coefficient, so that it is definite: some matrices that have are, too.
-    pub fn is_surely_definite(&self) -> bool {
-        self.mass > 0.0 && self.blocks.iter().all(|block| block.axial >= 0.0 && block.transverse >= 0.0)
+    /// Whether masses outweigh what springs can take away, so that the matrix is definite; others may be, too.
+    ///
+    /// A spring whose block has the least eigenvalue −c adds at least `−c |xᵢ − xⱼ|² ≥ −2c (|xᵢ|² + |xⱼ|²)` to `xᵀA x`, so a matrix is definite if
+    /// every particle has a mass, times the factor of M, of more than twice the sum over its springs (own derivation). `room` has a
+    /// place for every particle.
+    pub fn is_surely_definite(&self, room: &mut [f64]) -> bool {
+        let taken = |block: &SpringBlock| -block.axial.min(block.transverse).min(0.0);
+        if self.mass > 0.0 && self.blocks.iter().all(|block| taken(block) == 0.0) {
+            return true;
+        }
+        for (left, mass) in room.iter_mut().zip(self.system.masses()) {
+            *left = self.mass * mass;
+        }
+        for (pair, block) in self.stamps() {
+            for particle in pair {
+                if let Some(left) = room.get_mut(particle) {
+                    *left -= 2.0 * taken(block);
+                }
+            }
+        }
+        let dofs = self.system.dofs();
+        let is_free = |particle| dofs.free_axes(particle) != Axes::NONE;
+        room.iter().enumerate().all(|(particle, &left)| left > 0.0 || !is_free(particle))
     }
 
     /// The active springs' ends and blocks, in order.
@@ -234,6 +254,39 @@ impl BlockDiagonal for SystemOperator<'_> {
                 block.row_mut(axis).fill(0.0);
                 block.column_mut(axis).fill(0.0);
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+
+    /// A spring of 100 N and 2 m, pressed to half its length, takes 50 N/m across itself: masses of 1 and 2 kg outweigh twice that from a factor of
+    /// 100 on, and without the first, which is held, from 50.
+    #[test]
+    fn masses_outweigh_compressed_springs() {
+        for (length, factor, holds, is_definite) in [
+            (1.0, 99.0, None, false),
+            (1.0, 101.0, None, true),
+            (2.5, 1e-3, None, true),
+            (1.0, 49.0, Some(0), false),
+            (1.0, 51.0, Some(0), true),
+        ] {
+            let mut builder = SystemBuilder::new();
+            builder.particle([0.0; 3], 1.0);
+            builder.particle([length, 0.0, 0.0], 2.0);
+            builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 2.0, damping: 0.0 });
+            if let Some(held) = holds {
+                builder.hold(held);
+            }
+            let (system, state) = builder.build().unwrap();
+            let extensions = Extensions::at(&system, &state.positions).unwrap();
+            let combination = Combination { mass: factor, damping: 0.0, stiffness: -1.0 };
+            let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, combination);
+            assert_eq!(operator.is_surely_definite(&mut [0.0; 2]), is_definite, "{length} {factor}");
         }
     }
 }
