@@ -54,8 +54,9 @@ const SHORTENINGS: usize = 40;
 /// How often a direction is refined by the change of damping directions.
 const REFINEMENTS: usize = 8;
 
-/// How exactly iterative solvers solve for a single correction, which is of the size of a step's error.
-const CORRECTION: f64 = 1e-6;
+/// How exactly iterative solvers solve for a single correction, which is of the size of a step's error: without a preconditioner errors may be
+/// a hundred times what residuals show.
+const CORRECTION: f64 = 1e-7;
 
 /// Digits of φ that rounding leaves, relative to the magnitudes of its terms.
 const NOISE: f64 = 1e-13;

@@ -169,8 +169,8 @@ fn every_method_stiffness_solver_and_preconditioner_runs_and_is_named() {
     for solver in ["llt", "ldlt", "cg", "cg-assembled"] {
         let summary = summary(&["--solver", solver]);
         assert_eq!(summary["solver"], solver);
-        // Three particles are solved for in a few iterations without one.
-        assert_eq!(summary["preconditioner"], "none");
+        // The triangle's springs are pressed: its matrix may be indefinite, which blocks watch.
+        assert_eq!(summary["preconditioner"], if solver.starts_with("cg") { "block-jacobi" } else { "none" });
         assert_eq!(summary["work"]["cg_iterations"] != 0, solver.starts_with("cg"));
     }
     for preconditioner in ["none", "jacobi", "block-jacobi", "multigrid"] {
