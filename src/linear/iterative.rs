@@ -163,8 +163,8 @@ impl CgSolver {
         }
     }
 
-    /// Gives a solve that has lost patience better coarse levels, or the next preconditioner; `false` where there is none, or it costs
-    /// too much.
+    /// Gives a solve that has lost patience better coarse levels, or the next preconditioner, or all the patience there is where that cannot be
+    /// had; `false` where it costs too much.
     fn improve(&mut self, a: &SystemOperator, work: &mut Work) -> Result<bool, SolveFailure> {
         let next = Contest::patience(self.kind()).map_or(PreconditionerKind::Multigrid, |(_, next)| next);
         if !self.affords(next) {
@@ -177,11 +177,10 @@ impl CgSolver {
             }
             return multigrid.rebuild(a, work).map(|()| true);
         }
-        let changed = self.change(next, a.system());
-        if changed {
+        if self.change(next, a.system()) {
             self.prepare_for(a, work)?;
         }
-        Ok(changed)
+        Ok(true)
     }
 
     /// Takes note of iterations.
@@ -203,10 +202,13 @@ impl CgSolver {
         }
     }
 
-    /// Changes to another preconditioner; `false` for a system too large for multigrid's indices.
+    /// Changes to another preconditioner. Where there is no room for it, or it cannot count so many entries, the one at hand stays for good.
     fn change(&mut self, kind: PreconditionerKind, system: &System) -> bool {
         let Some(choice) = &mut self.choice else { return false };
-        let Ok(mut preconditioner) = Preconditioner::new(kind, system) else { return false };
+        let Ok(mut preconditioner) = Preconditioner::new(kind, system) else {
+            self.choice = None;
+            return false;
+        };
         preconditioner.place(&choice.places);
         self.preconditioner = preconditioner;
         choice.contest.changed_to(kind);
