@@ -1,7 +1,7 @@
 //! Makes `verification/auto.md`: what `--solver auto` costs beside every solver that a user could have asked for.
 //!
 //! ```sh
-//! cargo xtask auto --largest 10000 --write     # the page; a quarter of an hour
+//! cargo xtask auto --largest 1000 --write      # the page; minutes
 //! cargo xtask auto --kind cloth --size 1000    # one scene, solver by solver
 //! ```
 //!
