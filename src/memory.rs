@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use std::fs::read_to_string;
 use std::path::Path;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Bytes that this process may ever hold.
 pub fn limit() -> Option<u64> {
@@ -25,7 +26,8 @@ pub fn room() -> u64 {
     beyond(physical(), resident).min(beyond(address_space(), size))
 }
 
-/// Makes sure that there is room for so many bytes, and a little for everything that is small. Up to a mebibyte there always is.
+/// Makes sure that there is room for so many bytes, and a little for everything that is small. The system is asked once for every
+/// mebibyte: the first of a process is taken to be there.
 ///
 /// # Errors
 /// [`Error::TooLarge`] with the bytes needed and the room there is.
@@ -38,10 +40,13 @@ pub fn room() -> u64 {
 /// assert!(ensure(u64::MAX, "more than there is").is_err());
 /// ```
 pub fn ensure(bytes: u64, what: &'static str) -> Result<()> {
-    // The question costs the reading of a file, which takes longer than many a run of a small scene.
-    if bytes <= SMALL {
+    // The question costs the reading of a file, which takes longer than many a run of a small scene. What is small adds up, though:
+    // it counts until the next question.
+    let unasked = UNASKED.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes);
+    if unasked <= SMALL {
         return Ok(());
     }
+    UNASKED.store(0, Ordering::Relaxed);
     let room = room().saturating_sub(SMALL_THINGS);
     if bytes <= room { Ok(()) } else { Err(Error::TooLarge { what, bytes, room }) }
 }
@@ -78,6 +83,9 @@ const SMALL_THINGS: u64 = 8 << 20;
 
 /// Bytes that are not worth a question.
 const SMALL: u64 = 1 << 20;
+
+/// Bytes that were granted since the last question.
+static UNASKED: AtomicU64 = AtomicU64::new(0);
 
 /// The memory of the machine, or of the control groups.
 fn physical() -> Option<u64> {
