@@ -40,6 +40,8 @@ pub fn room() -> u64 {
 /// assert!(ensure(u64::MAX, "more than there is").is_err());
 /// ```
 pub fn ensure(bytes: u64, what: &'static str) -> Result<()> {
+    #[cfg(test)]
+    watch::note(bytes, what);
     // The question costs the reading of a file, which takes longer than many a run of a small scene. What is small adds up, though:
     // it counts until the next question.
     let unasked = UNASKED.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes);
@@ -145,6 +147,28 @@ fn held() -> [u64; 2] {
         let value = status.lines().find_map(|line| line.strip_prefix(key)?.split_whitespace().next());
         value.and_then(|text| text.parse::<u64>().ok()).unwrap_or(0) * 1024
     })
+}
+
+/// What is asked for, for tests that hold it to what is then held.
+#[cfg(test)]
+pub(crate) mod watch {
+    use std::cell::RefCell;
+
+    thread_local! {
+        static ASKED: RefCell<Vec<(u64, &'static str)>> = const { RefCell::new(Vec::new()) };
+    }
+
+    pub(super) fn note(bytes: u64, what: &'static str) {
+        ASKED.with_borrow_mut(|asked| asked.push((bytes, what)));
+    }
+
+    /// What some work returns, and the bytes that it asks for under a name on this thread.
+    pub(crate) fn asked<T>(name: &str, work: impl FnOnce() -> T) -> (T, u64) {
+        ASKED.take();
+        let result = work();
+        let asked = ASKED.take();
+        (result, asked.iter().filter(|(_, what)| *what == name).map(|(bytes, _)| bytes).sum())
+    }
 }
 
 #[cfg(test)]

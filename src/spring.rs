@@ -286,6 +286,8 @@ mod tests {
         assert_eq!((damping.transverse, damping.axial, damping.lowest()), (0.0, 3.0, 0.0));
         let sum = SPRING.stiffness_block(&stretched, Stiffness::Full) * 0.5 + damping;
         assert_eq!(sum, SpringBlock { direction: stretched.direction, transverse: 2.0, axial: 7.0 });
+        let full = SPRING.stiffness_block(&stretched, Stiffness::Full);
+        assert_eq!(full + full, full * 2.0);
     }
 
     /// I + 9 nnᵀ with n = (2, −1, 2)/3.

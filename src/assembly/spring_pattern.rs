@@ -157,6 +157,7 @@ fn row_starts(particles: usize, pairs: &[[usize; 2]]) -> (Vec<u32>, Vec<u32>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::memory::watch::asked;
     use crate::{Spring, SystemBuilder};
 
     /// Six particles in a ring: every one has two springs.
@@ -169,6 +170,16 @@ mod tests {
             builder.spring(p, (p + 1) % 6, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
         }
         builder
+    }
+
+    /// What is asked for covers what is held: 128 bytes for each of six springs and six particles.
+    #[test]
+    fn memory_is_asked_for_every_spring_and_particle() {
+        let (system, _) = ring().build().unwrap();
+        let (pattern, bytes) = asked("the pattern of the matrix", || SpringPattern::of_stiffness(&system).unwrap());
+        assert_eq!(bytes, 128 * 12);
+        let held = size_of_val(&pattern.incidences[..]) + size_of_val(&pattern.starts[..]) + pattern.free.len();
+        assert!(held < bytes as usize, "{held}");
     }
 
     /// In a ring the springs four incidences ahead are those of the particle two further on; behind the last particle there

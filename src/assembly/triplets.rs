@@ -63,3 +63,18 @@ pub fn assemble(dofs: &DofMap, triplets: &[BlockTriplet]) -> Vec<MatrixEntry> {
     }
     sums
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{BlockTriplet, assemble};
+    use crate::system::DofMap;
+    use nalgebra::Matrix3;
+
+    /// A refill adds to zeros, which makes a negative zero a positive one.
+    #[test]
+    fn a_negative_zero_is_a_zero() {
+        let block = BlockTriplet { row: 0, column: 0, block: Matrix3::repeat(-0.0) };
+        let entries = assemble(&DofMap::unconstrained(1), &[block]);
+        assert!(entries.len() == 9 && entries.iter().all(|entry| entry.value.to_bits() == 0));
+    }
+}

@@ -45,11 +45,8 @@ impl WholePattern {
     pub fn of(pattern: &BlockPattern) -> Result<Self> {
         let (dofs, order) = (pattern.dofs(), pattern.order());
         let entries = 2 * pattern.entries() as u64 - order as u64;
-        let what = "both triangles of a matrix";
-        if entries > i32::MAX as u64 {
-            return Err(Error::TooLarge { what, bytes: 12 * entries, room: 12 * i32::MAX as u64 });
-        }
-        memory::ensure(12 * entries + 8 * order as u64 + 16 * pattern.blocks_below() as u64, what)?;
+        indexable(entries)?;
+        memory::ensure(12 * entries + 8 * order as u64 + 16 * pattern.blocks_below() as u64, WHAT)?;
         let (first, lower) = lower_neighbours(pattern);
         let mut starts = Vec::with_capacity(order + 1);
         let mut rows: Vec<u32> = Vec::with_capacity(entries as usize);
@@ -124,6 +121,15 @@ impl WholePattern {
     }
 }
 
+/// What memory is asked for.
+const WHAT: &str = "both triangles of a matrix";
+
+/// Whether so many entries, each with an index of four bytes and a value of eight, can be counted by such indices.
+fn indexable(entries: u64) -> Result<()> {
+    const MOST: u64 = i32::MAX as u64;
+    if entries <= MOST { Ok(()) } else { Err(Error::TooLarge { what: WHAT, bytes: 12 * entries, room: 12 * MOST }) }
+}
+
 /// For every particle the coupled particles below it, with the distances of the blocks.
 fn lower_neighbours(pattern: &BlockPattern) -> (Vec<u32>, Vec<(u32, u32)>) {
     let particles = pattern.dofs().particles();
@@ -159,9 +165,15 @@ impl SymmetricMatrix {
 
 #[cfg(all(test, feature = "scene"))]
 mod tests {
+    use super::{SymmetricMatrix, WHAT, WholePattern, indexable};
+    use crate::assembly::{SpringPattern, SystemMatrix};
+    use crate::error::Error;
     use crate::integrate::StepMatrices;
+    use crate::memory::watch::asked;
     use crate::scene::{Kind, builtin};
-    use crate::spring::Stiffness;
+    use crate::spring::{Spring, Stiffness};
+    use crate::system::SystemBuilder;
+    use std::sync::Arc;
 
     /// Entry by entry what nalgebra-sparse makes of all triplets, for scenes with held, planar and no particles.
     #[test]
@@ -178,6 +190,42 @@ mod tests {
                 assert_eq!(whole.values, csc.values(), "{}", kind.name());
                 assert_eq!(whole.rows.len(), whole.rows.capacity(), "{}: memory is taken once", kind.name());
             }
+        }
+    }
+    /// Indices of 32 bits with a sign count 2³¹ − 1 entries; one more takes 12 · 2³¹ bytes.
+    #[test]
+    fn entries_are_as_many_as_indices_count() {
+        assert!(indexable(0).is_ok() && indexable((1 << 31) - 1).is_ok());
+        let Err(Error::TooLarge { bytes, room, .. }) = indexable(1 << 31) else { panic!("too many") };
+        assert_eq!((bytes, room), (12 << 31, (12 << 31) - 12));
+        assert!(indexable(1 << 32).is_err());
+    }
+
+    /// Particles along some axes, those next to each other joined by a spring or not.
+    fn row(axes: usize, with_springs: bool) -> SpringPattern {
+        let mut builder = SystemBuilder { dimension: axes, ..SystemBuilder::new() };
+        for p in 0..500 {
+            builder.particle([f64::from(p), 0.0, 0.0], 1.0);
+        }
+        for p in (1..500).filter(|_| with_springs) {
+            builder.spring(p - 1, p, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        SpringPattern::of_stiffness(&builder.build().unwrap().0).unwrap()
+    }
+
+    /// What is asked for is what is held, and no more than a quarter beside it: of a matrix whose diagonal is most of it, and of one
+    /// whose neighbours are.
+    #[test]
+    fn memory_is_asked_for_as_it_is_taken() {
+        for pattern in [row(3, false), row(1, true), row(3, true)].map(Arc::new) {
+            let (matrix, bytes) = asked("the matrix", || SystemMatrix::try_zeros(pattern.clone()).unwrap());
+            let matrix: &SymmetricMatrix = matrix.matrix();
+            assert_eq!(bytes as usize, size_of_val(matrix.values()));
+            let (whole, bytes) = asked(WHAT, || WholePattern::of(pattern.pattern()).unwrap());
+            let values = whole.values(matrix);
+            let lists = [&whole.starts, &whole.rows, &whole.first].map(|list| size_of_val(&list[..]));
+            let held = lists.iter().sum::<usize>() + size_of_val(&whole.lower[..]) + size_of_val(&values[..]);
+            assert!((held..held + held / 4).contains(&(bytes as usize)), "{bytes} {held}");
         }
     }
 }

@@ -106,26 +106,31 @@ mod tests {
     use crate::system::SystemBuilder;
     use nalgebra::Vector3;
 
-    /// The sum of the three forces, to rounding, on one thread and on several; a lattice of 14³ has enough springs for these.
+    /// The sum of the three forces, to rounding, on one thread and on several; a lattice of 16³ has enough springs for these.
     #[test]
     fn all_forces_are_the_sum_of_each() {
-        let (system, mut state) = builtin(Kind::Lattice, 14).unwrap().build().unwrap();
+        let (system, mut state) = builtin(Kind::Lattice, 16).unwrap().build().unwrap();
         for (p, (x, v)) in state.positions.iter_mut().zip(&mut state.velocities).enumerate() {
             *x *= 1.0 + 0.01 * (p % 5) as f64;
             *v = Vector3::new((p % 3) as f64, (p % 7) as f64, -1.0);
         }
         let extensions = Extensions::at(&system, &state.positions).unwrap();
-        let mut expected = vec![Vector3::zeros(); system.particles()];
-        add_elastic_force(&system, &extensions, &mut expected);
-        add_damping_force(&system, &extensions, &state.velocities, &mut expected);
-        add_weight(&system, &mut expected);
-        let largest = expected.iter().map(Vector3::amax).fold(0.0, f64::max);
+        let one_by_one = || {
+            let mut sum = vec![Vector3::zeros(); system.particles()];
+            add_elastic_force(&system, &extensions, &mut sum);
+            add_damping_force(&system, &extensions, &state.velocities, &mut sum);
+            add_weight(&system, &mut sum);
+            sum
+        };
         let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let expected = pool(1).install(one_by_one);
+        let largest = expected.iter().map(Vector3::amax).fold(0.0, f64::max);
         let mut all = Vec::new();
         for threads in [1, 2, 3] {
             let mut force = vec![Vector3::repeat(7.0); system.particles()];
             pool(threads).install(|| {
-                assert_eq!(system.several_shares().is_some(), threads > 1);
+                assert_eq!(system.several_shares().map_or(1, |shares| shares.len()), threads);
+                assert_eq!(one_by_one(), expected, "the number of threads is in the sum of each");
                 set_total_force(&system, &state.moment(), &mut force).unwrap();
             });
             for (f, expected) in force.iter().zip(&expected) {
@@ -134,6 +139,20 @@ mod tests {
             all.push(force);
         }
         assert!(all.iter().all(|force| *force == all[0]), "the number of threads is in the result");
+    }
+
+    /// Without damping a velocity has no force, whatever it is.
+    #[test]
+    fn velocities_count_with_damping_alone() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([2.0, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 3.0, rest_length: 1.0, damping: 0.0 });
+        let (system, mut state) = builder.build().unwrap();
+        state.velocities[1].x = f64::INFINITY;
+        let mut force = [Vector3::zeros(); 2];
+        set_total_force(&system, &state.moment(), &mut force).unwrap();
+        assert_eq!(force, [Vector3::new(3.0, 0.0, 0.0), Vector3::new(-3.0, 0.0, 0.0)]);
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //!
 //! `cargo xtask mutants` builds mutants behind a switch in a copy below the target folder, runs the tests with each until one
 //! fails, keeps the results beside this file, one file a room, and writes `mutants.md` from all of them: so rooms can be tried on
-//! different days, and what was not tried is counted as that. Only tests that enter the changed function are run, one at a
-//! time, those first that have caught most mutants of its file for the time they take.
+//! different days, and what was not tried is counted as that. Only tests that enter the changed function are run, those first
+//! that have caught most mutants of its file for the time they take, in processes of one test, then of ever more.
 //!
 //! | words | |
 //! |---|---|
@@ -11,7 +11,7 @@
 //! | a part of a name | only mutants whose names hold it |
 //! | `--open` | only those of which nothing is settled: not tried, or alive and not listed as equivalent |
 //! | `--alive` | of those only the ones that are alive: after new tests |
-//! | `--seconds N` | tests of so many seconds for each mutant; what is alive then is kept as alive after some tests |
+//! | `--seconds N` | tests of so many seconds of the processor for each mutant; what is alive then is kept as alive after some tests |
 //! | `--tests NAME` | only the tests of this program in `tests/`, or `lib` for the unit tests; may stand several times; what is alive then is kept as alive after some tests |
 //! | `--jobs N` | so many at a time, instead of one a processor |
 //! | `--apart` | those in constants too, each of which takes a build of its own |
@@ -59,7 +59,7 @@ struct Request {
     apart: bool,
     count: bool,
     table: bool,
-    seconds: Option<u64>,
+    seconds: Option<Duration>,
     jobs: Option<usize>,
 }
 
@@ -72,7 +72,7 @@ impl Request {
             match word.as_str() {
                 "--room" => request.rooms.push(value()?),
                 "--tests" => request.tests.push(value()?),
-                "--seconds" => request.seconds = Some(value()?.parse()?),
+                "--seconds" => request.seconds = Some(Duration::try_from_secs_f64(value()?.parse()?)?),
                 "--jobs" => request.jobs = Some(value()?.parse()?),
                 "--open" => request.open = true,
                 "--alive" => (request.open, request.alive) = (true, true),
@@ -136,21 +136,19 @@ fn run() -> Result<bool> {
     let (unviable, functions) = copy.with_switches(&mutants, &chosen)?;
     unviable.iter().for_each(|&number| record.set(number, Fate::Unviable));
     println!("building the tests with {} mutants", chosen.len() - unviable.len());
-    let seconds = request.seconds.map(Duration::from_secs);
-    let parts = trial::parts(copy.tests(&request.tests)?, &copy.folder, seconds)?;
+    let parts = trial::parts(copy.tests(&request.tests)?, &copy.folder, request.seconds)?;
     let in_constants = |number: &usize| mutants[number - 1].function.is_none();
     let (apart, switched): (Vec<usize>, Vec<usize>) =
         chosen.difference(&unviable).partition(|number| in_constants(number));
     let record = Mutex::new(record);
     let jobs = request.jobs.or_else(|| std::thread::available_parallelism().ok().map(Into::into)).unwrap_or(1);
     let tests = Tests { parts, functions, folder: copy.folder.clone() };
-    let seconds = request.seconds.map(Duration::from_secs);
     let has_all = request.tests.is_empty();
     let trials = Trials { mutants: &mutants, tests: &tests, has_all, record: &record, jobs };
-    let promising = seconds.map_or(PROMISING, |seconds| seconds.min(PROMISING));
+    let promising = request.seconds.map_or(PROMISING, |seconds| seconds.min(PROMISING));
     let left = trials.all(&switched, Some(promising))?;
     println!("{} mutants survived the most promising tests", left.len());
-    let left = if promising == seconds.unwrap_or(Duration::MAX) { left } else { trials.all(&left, seconds)? };
+    let left = if promising == request.seconds.unwrap_or(Duration::MAX) { left } else { trials.all(&left, request.seconds)? };
     println!("{} mutants survived", left.len());
     let mut record = record.into_inner().map_err(|error| error.to_string())?;
     for number in apart {
@@ -158,7 +156,7 @@ fn run() -> Result<bool> {
         let compiles = copy.with_one(mutant)? && copy.tests(&request.tests).is_ok();
         let mut parts = tests.entering(number);
         record.promising_first(mutant, &mut parts);
-        let fate = if compiles { trial::fate(parts, 0, &copy.folder)? } else { Fate::Unviable };
+        let fate = if compiles { trial::fate(&parts, 0, &copy.folder)? } else { Fate::Unviable };
         tell(mutant, &fate);
         record.set(number, fate);
         record.keep()?;
@@ -210,7 +208,7 @@ impl Trials<'_, '_> {
         let all = parts.len();
         parts.truncate(time.map_or(all, |time| trial::within(&parts, time)));
         let are_all = parts.len() == all && self.has_all;
-        let fate = trial::fate(parts, number, &self.tests.folder).map_err(|error| error.to_string())?;
+        let fate = trial::fate(&parts, number, &self.tests.folder).map_err(|error| error.to_string())?;
         Ok(if fate == Fate::Survived && !are_all { Fate::Alive } else { fate })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Result;
 use super::listed::Mutant;
-use super::trial::{Fate, Part};
+use super::trial::{Fate, Part, START};
 use crate::copy;
 use serde::Deserialize;
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -38,9 +38,6 @@ pub struct Record<'m> {
     results: PathBuf,
     table: PathBuf,
 }
-
-/// Seconds that it takes to start a test and to read what it says.
-const START: f64 = 0.02;
 
 /// What is counted of a file or a room.
 const COLUMNS: &str = "mutants | do not compile | caught by the suite | by other tests | do not end | equivalent | not caught | alive after some tests | not tried |\n|---|---|---|---|---|---|---|---|---|---|\n";
@@ -110,7 +107,7 @@ impl<'m> Record<'m> {
         };
         let rate = |part: &Part| {
             let caught = caught.get(part.name.as_str()).unwrap_or(&0.0);
-            (caught + expected(part)) / (part.duration.as_secs_f64() + START)
+            (caught + expected(part)) / (part.duration + START).as_secs_f64()
         };
         parts.sort_by(|a, b| rate(b).total_cmp(&rate(a)));
     }

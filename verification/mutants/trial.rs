@@ -11,14 +11,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// Starts a program with 8 GB of addresses at most, as some mutants fill vectors without end, and with a limit on the time of the
-/// processor that it takes: a busy machine makes nothing endless.
-const LIMITED: &str = r#"ulimit -v 8000000; ulimit -t "$1"; shift; exec "$@""#;
+/// processor that it takes: a busy machine makes nothing endless. A soft limit: at a hard one the signal is that of any kill.
+const LIMITED: &str = r#"ulimit -v 8000000; ulimit -S -t "$1"; shift; exec "$@""#;
 
 /// The signal that a program gets at its limit.
 const OVER_LIMIT: i32 = 24;
 
 /// Tests that take longer are left out: a mutant that only they would catch counts as a survivor.
 const LONGEST: Duration = Duration::from_secs(60);
+
+/// What it takes to start a program and to read what it says.
+pub const START: Duration = Duration::from_millis(20);
 
 /// Programs whose tests draw pages, look at a browser, or take long by themselves.
 const LEFT_OUT: [&str; 5] = ["bunny", "pages", "view_browser", "study", "costs"];
@@ -92,8 +95,8 @@ pub fn parts(programs: Vec<(String, PathBuf)>, folder: &Path, time: Option<Durat
                 Part { name, program: program.clone(), arguments, duration: Duration::ZERO, entered: BTreeSet::new() };
             let entered = folder.with_file_name("entered");
             fs::write(&entered, "")?;
-            let started = Instant::now();
-            match part.run(0, folder, longest, Some(&entered))? {
+            let (started, before) = (Instant::now(), taken());
+            match run(&[&part], 0, folder, Some((longest, &entered)))? {
                 Fate::Survived => {}
                 Fate::Endless { .. } => {
                     println!("left out, as it takes long: {}", part.name);
@@ -104,7 +107,8 @@ pub fn parts(programs: Vec<(String, PathBuf)>, folder: &Path, time: Option<Durat
                     continue;
                 }
             }
-            part.duration = started.elapsed();
+            // What else the machine does makes no test longer.
+            part.duration = taken().zip(before).map_or_else(|| started.elapsed(), |(after, before)| after - before);
             part.entered = fs::read_to_string(&entered)?.lines().filter_map(|line| line.parse().ok()).collect();
             if part.duration < longest {
                 parts.push(part);
@@ -127,71 +131,105 @@ pub fn within(parts: &[&Part], duration: Duration) -> usize {
     sums.take_while(|&sum| sum <= duration).count()
 }
 
-/// Runs parts until one fails.
-pub fn fate<'p>(parts: impl IntoIterator<Item = &'p Part>, number: usize, folder: &Path) -> Result<Fate> {
-    for part in parts {
-        let fate = part.run(number, folder, part.duration * 6 + Duration::from_secs(3), None)?;
+/// Runs parts until one fails, as many in one process as take no longer than all before, or than to start it: so starting is
+/// not most of the time, and no more than half of it is spent on tests that follow one that fails.
+pub fn fate(mut parts: &[&Part], number: usize, folder: &Path) -> Result<Fate> {
+    let mut spent = START;
+    while let Some((first, others)) = parts.split_first() {
+        let mut duration = first.duration;
+        let goes_with_first = |part: &&&Part| {
+            duration += part.duration;
+            duration <= spent && first.is_with(part)
+        };
+        let (now, later) = parts.split_at(1 + others.iter().take_while(goes_with_first).count());
+        let fate = run(now, number, folder, None)?;
         if fate != Fate::Survived {
             return Ok(fate);
         }
+        spent += now.iter().map(|part| part.duration).sum();
+        parts = later;
     }
     Ok(Fate::Survived)
 }
 
+/// The time of the processor that the programs took that have ended, where the system tells it.
+fn taken() -> Option<Duration> {
+    // After the name, which may hold blanks: the state is the first, and the times of children the fourteenth and fifteenth, in
+    // hundredths of a second.
+    let statistics = fs::read_to_string("/proc/self/stat").ok()?;
+    let fields = statistics.rsplit(')').next()?.split_whitespace();
+    let ticks: Vec<u64> = fields.skip(13).take(2).map_while(|field| field.parse().ok()).collect();
+    (ticks.len() == 2).then(|| Duration::from_millis(10 * ticks.iter().sum::<u64>()))
+}
+
 impl Part {
-    /// Runs the tests of this part until one fails or has taken so much time of the processor, or waited twenty times as long.
-    /// A file, if given, gets the functions entered.
-    fn run(&self, number: usize, folder: &Path, patience: Duration, entered: Option<&Path>) -> Result<Fate> {
-        let mut command = Command::new("sh");
-        command
-            .args(["-c", LIMITED, "sh", &patience.as_secs().to_string()])
-            .arg(&self.program)
-            .args(&self.arguments)
-            .args(["--color", "never", "--test-threads", "1"])
-            .env(switch::VARIABLE, number.to_string())
-            // The same cases as without a mutant, and none that another mutant has left behind.
-            .env("PROPTEST_RNG_SEED", "1")
-            .env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "true")
-            .current_dir(folder)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .process_group(0);
-        if let Some(entered) = entered {
-            command.env(switch::ENTERED, entered);
-        }
-        let mut child = command.spawn()?;
-        let output = child.stdout.take().ok_or("no output")?;
-        let (ended, late) = (AtomicBool::new(false), AtomicBool::new(false));
-        let (failed, last) = std::thread::scope(|scope| {
-            // Ends the program when its time is over, which closes the output that is read below.
-            let child = &mut child;
-            let watch = scope.spawn(|| watch(child, patience * 20, &ended, &late));
-            let (mut failed, mut last) = (None, String::new());
-            for line in BufReader::new(output).lines().map_while(std::result::Result::ok) {
-                let words: Vec<&str> = line.split_whitespace().collect();
-                if let ["test", name, ..] = words[..] {
-                    last = name.to_owned();
-                    if line.ends_with("FAILED") {
-                        failed = Some(name.to_owned());
-                        break;
-                    }
+    /// Whether a process can run the tests of both: then both are chosen by their whole names.
+    fn is_with(&self, other: &Self) -> bool {
+        let by_name = |part: &Self| part.arguments.first().is_some_and(|word| word == "--exact");
+        self.program == other.program && by_name(self) && by_name(other)
+    }
+
+    fn holds(&self, test: &str) -> bool {
+        self.arguments.iter().any(|word| word == test)
+    }
+}
+
+/// Runs the tests of parts that go into one process until one fails or all have taken so much time of the processor, or waited
+/// twenty times as long. While tests are measured it is given how long, and a file that gets the functions entered.
+fn run(parts: &[&Part], number: usize, folder: &Path, measured: Option<(Duration, &Path)>) -> Result<Fate> {
+    let first = parts.first().ok_or("no tests")?;
+    let duration: Duration = parts.iter().map(|part| part.duration).sum();
+    let patience = measured.map_or(duration * 6 + Duration::from_secs(3), |(longest, _)| longest);
+    let mut command = Command::new("sh");
+    command
+        .args(["-c", LIMITED, "sh", &patience.as_secs_f64().ceil().to_string()])
+        .arg(&first.program)
+        .args(&first.arguments)
+        // Without the first word, which the arguments of all begin with.
+        .args(parts.iter().skip(1).flat_map(|part| part.arguments.iter().skip(1)))
+        .args(["--color", "never", "--test-threads", "1"])
+        .env(switch::VARIABLE, number.to_string())
+        // The same cases as without a mutant, and none that another mutant has left behind.
+        .env("PROPTEST_RNG_SEED", "1")
+        .env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "true")
+        .current_dir(folder)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .process_group(0);
+    if let Some((_, entered)) = measured {
+        command.env(switch::ENTERED, entered);
+    }
+    let mut child = command.spawn()?;
+    let output = child.stdout.take().ok_or("no output")?;
+    let (ended, late) = (AtomicBool::new(false), AtomicBool::new(false));
+    let (failed, last) = std::thread::scope(|scope| {
+        // Ends the program when its time is over, which closes the output that is read below.
+        let child = &mut child;
+        let watch = scope.spawn(|| watch(child, patience * 20, &ended, &late));
+        let (mut failed, mut last) = (None, String::new());
+        for line in BufReader::new(output).lines().map_while(std::result::Result::ok) {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            if let ["test", name, ..] = words[..] {
+                last = name.to_owned();
+                if line.ends_with("FAILED") {
+                    failed = Some(name.to_owned());
+                    break;
                 }
             }
-            ended.store(failed.is_some(), Ordering::Relaxed);
-            let _ = watch.join();
-            (failed, last)
-        });
-        let status = child.wait()?;
-        Ok(match failed {
-            Some(test) => Fate::Caught { by: self.name.clone(), test },
-            None if late.into_inner() || status.signal() == Some(OVER_LIMIT) => {
-                Fate::Endless { in_program: self.name.clone() }
-            }
-            None if status.success() => Fate::Survived,
-            // Not every way to fail leaves a line: an overflow of the stack or the memory ends the program.
-            None => Fate::Caught { by: self.name.clone(), test: format!("the program ended after {last}") },
-        })
-    }
+        }
+        ended.store(failed.is_some(), Ordering::Relaxed);
+        let _ = watch.join();
+        (failed, last)
+    });
+    let status = child.wait()?;
+    let name = |test: &str| parts.iter().find(|part| part.holds(test)).unwrap_or(first).name.clone();
+    Ok(match failed {
+        Some(test) => Fate::Caught { by: name(&test), test },
+        None if late.into_inner() || status.signal() == Some(OVER_LIMIT) => Fate::Endless { in_program: name(&last) },
+        None if status.success() => Fate::Survived,
+        // Not every way to fail leaves a line: an overflow of the stack or the memory ends the program.
+        None => Fate::Caught { by: name(&last), test: format!("the program ended after {last}") },
+    })
 }
 
 /// Waits for a program to end; kills it when it may, or when its time is over.

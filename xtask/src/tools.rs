@@ -57,7 +57,8 @@ impl Tool {
         match self {
             // A debug build: planting is text, and what is planted builds itself.
             Self::Faults(_) => ("cargo", vec!["run", "--example", "faults", "--"], None),
-            Self::Mutants(_) => example("mutants"),
+            // Starts compilers and tests, and waits for them.
+            Self::Mutants(_) => ("cargo", vec!["run", "--profile", "faults", "--example", "mutants", "--"], None),
             Self::Study(_) => example("study"),
             Self::Accuracy(_) => example("accuracy"),
             Self::Motion(_) => example("motion"),
