@@ -289,4 +289,64 @@ mod tests {
             assert_eq!(operator.is_surely_definite(&mut [0.0; 2]), is_definite, "{length} {factor}");
         }
     }
+
+    /// Without mass nothing is definite, whatever the springs are: two free particles can move together. And masses that are just
+    /// outweighed, 1 kg times a factor of 100 by twice 50 N/m, leave a matrix that may be singular.
+    #[test]
+    fn what_may_be_singular_is_not_surely_definite() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 2.0, damping: 0.0 });
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        for (mass, stiffness, option) in
+            [(0.0, -1.0, Stiffness::Tension), (-1.0, -1.0, Stiffness::Tension), (100.0, -1.0, Stiffness::Full)]
+        {
+            let combination = Combination { mass, damping: 0.0, stiffness };
+            let operator = SystemOperator::new(&system, &extensions, option, combination);
+            assert!(!operator.is_surely_definite(&mut [0.0; 2]), "{mass}");
+        }
+    }
+
+    /// In one, two and three dimensions: the product of the assembled matrix, of different masses and springs along and across.
+    #[test]
+    fn products_are_those_of_the_matrix() {
+        for dimension in 1..=3 {
+            let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
+            for p in 0..4 {
+                let place = [1.5 * f64::from(p), f64::from(p * p), f64::from(p % 2)];
+                let modelled = std::array::from_fn(|axis| if axis < dimension { place[axis] } else { 0.0 });
+                builder.particle(modelled, 1.0 + f64::from(p));
+            }
+            for [i, j] in [[0, 1], [1, 2], [2, 3], [0, 3]] {
+                builder.spring(i, j, Spring { stiffness: 50.0, rest_length: 1.2, damping: 0.5 });
+            }
+            let (system, state) = builder.build().unwrap();
+            let extensions = Extensions::at(&system, &state.positions).unwrap();
+            let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
+            let n = system.dofs().len();
+            assert_eq!((operator.order(), n), (n, 4 * dimension));
+            let w: Vec<f64> = (0..n).map(|row| (1.0 + row as f64 * 12.9898).sin()).collect();
+            let mut y = vec![f64::NAN; n];
+            operator.apply(&w, &mut y);
+            // M/dt² on the diagonal, and for every spring its block on both ends, with the opposite sign between them.
+            let mut expected = vec![0.0; n];
+            for p in 0..4 {
+                system.dofs().add(&mut expected, p, &(system.dofs().get(&w, p) * (100.0 * (1.0 + p as f64))));
+            }
+            for (([i, j], block), at) in operator.stamps().zip(extensions.as_slice()) {
+                let direction = at.direction;
+                let along = direction * direction.transpose();
+                let across = Matrix3::identity() - along;
+                let k = 50.0 * (along / 1.2 + across * (1.0 / 1.2 - 1.0 / at.length)) + along * (0.5 / 0.1);
+                assert!((k - block.matrix()).amax() < 1e-12, "{dimension}");
+                let s = k * (system.dofs().get(&w, i) - system.dofs().get(&w, j));
+                system.dofs().add(&mut expected, i, &s);
+                system.dofs().add(&mut expected, j, &-s);
+            }
+            // Numbers of some hundreds, a dozen operations each.
+            assert!(y.iter().zip(&expected).all(|(y, expected)| (y - expected).abs() < 1e-11), "{y:?} {expected:?}");
+        }
+    }
 }

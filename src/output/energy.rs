@@ -119,6 +119,21 @@ impl EnergyLog {
 mod tests {
     use super::*;
 
+    /// What a position says is in the file, should the process end there.
+    #[test]
+    fn positions_are_on_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut log = EnergyLog::create_resumable(folder.path().join("energy.csv")).unwrap();
+        let energy = Energy { kinetic: 1.0, elastic: 0.25, gravitational: -2.0 };
+        let balance = Balance { work: 0.5, dissipated: 0.125, imbalance: 0.0 };
+        for time in [0.0, 0.5] {
+            log.push(time, &energy, &balance).unwrap();
+            let position = log.position().unwrap();
+            let written = std::fs::read(folder.path().join(".sprung-energy.csv.part")).unwrap();
+            assert_eq!((position.bytes, position.checksum), (written.len() as u64, Checksum::of(&written).text()));
+        }
+    }
+
     /// From the first row, from the head alone, and from nothing: the bytes are those of a log that was never interrupted.
     #[test]
     fn a_log_goes_on_where_it_was() {

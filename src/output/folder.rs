@@ -147,5 +147,18 @@ mod tests {
         drop(folder);
         OutputFolder::claim(&path, false).unwrap();
         assert!(!exists(".sprung-energy.csv.part"));
+        // Once what it went on with is complete nobody needs it any more.
+        put(".sprung-energy.csv.part");
+        OutputFolder::claim(&path, true).unwrap().tidy();
+        assert!(!exists(".sprung-energy.csv.part"));
+    }
+
+    /// A file that is not there is removed already; one that cannot be removed is an error.
+    #[test]
+    fn what_cannot_be_removed_is_an_error() {
+        let parent = tempfile::tempdir().unwrap();
+        std::fs::create_dir(parent.path().join("final.json")).unwrap();
+        let folder = OutputFolder::claim(parent.path(), false).unwrap();
+        assert!(folder.remove("absent").is_ok() && folder.remove("final.json").is_err());
     }
 }

@@ -148,3 +148,82 @@ pub fn clear_frames(folder: &OutputFolder) -> Result<()> {
     let is_frame = |name: &str| name.starts_with("frame_") && name.ends_with(".vtp");
     folder.remove_inside("frames", is_frame)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Frames, clear_frames};
+    use crate::output::{OutputFolder, TRAJECTORY};
+    use crate::system::{State, System, SystemBuilder};
+    use std::collections::BTreeSet;
+    use std::num::NonZeroU64;
+    use std::path::Path;
+
+    fn particle() -> (System, State) {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.build().unwrap()
+    }
+
+    fn every(steps: u64) -> NonZeroU64 {
+        NonZeroU64::new(steps).unwrap()
+    }
+
+    /// Frames in the list as it is.
+    fn listed(folder: &Path) -> usize {
+        std::fs::read_to_string(folder.join("frames.pvd")).unwrap().matches("<DataSet ").count()
+    }
+
+    /// At every moment at most an eighth of the frames is not in the list, which is not written for every frame.
+    #[test]
+    fn the_list_follows_the_frames() {
+        let (folder, (system, mut state)) = (tempfile::tempdir().unwrap(), particle());
+        let mut frames = Frames::create(folder.path(), every(2)).unwrap();
+        let mut lists = BTreeSet::new();
+        for count in 1..=64_usize {
+            let step = 2 * (count as u64 - 1);
+            state.time = 0.5 * step as f64;
+            frames.record(&system, &state, step).unwrap();
+            frames.record(&system, &state, step + 1).unwrap();
+            let listed = listed(folder.path());
+            assert!(listed <= count && count - listed <= listed / 8, "{listed} of {count}");
+            lists.insert(listed);
+        }
+        // Eight one by one, then ever more at a time.
+        assert!(lists.len() < 32, "{lists:?}");
+        let position = frames.position().unwrap();
+        assert_eq!((position.len(), position[0], position[63]), (64, (0.0, 0), (63.0, 126)));
+        frames.finish(&system).unwrap();
+        assert_eq!(listed(folder.path()), 64);
+    }
+
+    #[test]
+    fn frames_may_have_triangles_and_no_files_of_their_own() {
+        let (folder, (system, state)) = (tempfile::tempdir().unwrap(), particle());
+        let polygons = |triangles: Vec<[u32; 3]>| {
+            let mut frames = Frames::create(folder.path(), every(1)).unwrap().with_triangles(triangles);
+            frames.record(&system, &state, 0).unwrap();
+            std::fs::read_to_string(folder.path().join("frames/frame_000000.vtp")).unwrap()
+        };
+        assert!(polygons(vec![]).contains("NumberOfPolys=\"0\""));
+        assert!(polygons(vec![[0, 0, 0]; 2]).contains("NumberOfPolys=\"2\""));
+        let other = tempfile::tempdir().unwrap();
+        let mut frames = Frames::create(other.path(), every(1)).unwrap().without_vtk();
+        frames.record(&system, &state, 0).unwrap();
+        frames.finish(&system).unwrap();
+        let left: Vec<_> = std::fs::read_dir(other.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(left, [TRAJECTORY]);
+    }
+
+    /// Frames of an earlier run go, with their list; what others have put beside them stays.
+    #[test]
+    fn frames_are_cleared_and_nothing_else() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = |name: &str| parent.path().join(name);
+        std::fs::create_dir(path("frames")).unwrap();
+        let ours = ["frames.pvd", "frames/frame_000001.vtp"];
+        let others = ["frames/frame_notes.txt", "frames/mine.vtp"];
+        ours.iter().chain(&others).for_each(|name| std::fs::write(path(name), "").unwrap());
+        clear_frames(&OutputFolder::claim(parent.path(), false).unwrap()).unwrap();
+        assert!(!ours.iter().any(|name| path(name).exists()) && others.iter().all(|name| path(name).exists()));
+    }
+}

@@ -198,3 +198,19 @@ impl From<&RunFailure> for FailureReport {
         Self { step: failed.step, time: failed.time, message: failed.failure.to_string() }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::FailureReport;
+    use crate::integrate::Outcome;
+    use std::ops::ControlFlow;
+
+    /// A run that was asked to stop after ten steps could not do the eleventh.
+    #[test]
+    fn a_run_that_was_stopped_says_where() {
+        let outcome = |flow| Outcome { steps: 10, end: Ok(flow) };
+        assert_eq!(FailureReport::of(&outcome(ControlFlow::Continue(())), 2.5), None);
+        let report = FailureReport::of(&outcome(ControlFlow::Break(())), 2.5);
+        assert_eq!(report, Some(FailureReport { step: 11, time: 2.5, message: "asked to stop".into() }));
+    }
+}

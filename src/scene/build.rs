@@ -230,3 +230,55 @@ impl TimeSettings {
         self.duration.map_or(Ok(()), |duration| Rule::NotNegative.check("time.duration", duration))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::memory::watch::asked;
+    use crate::scene::{Particles, Scene, Springs, Values};
+
+    /// Particles in a row and springs between the first two.
+    fn scene(particles: usize, springs: usize) -> Scene {
+        Scene {
+            particles: Particles {
+                positions: (0..particles).map(|p| [p as f64, 0.0, 0.0].into()).collect(),
+                masses: Some(Values::Uniform(2.0)),
+                ..Particles::default()
+            },
+            springs: Springs {
+                pairs: vec![[0, 1]; springs],
+                stiffness: Some(Values::Uniform(3.0)),
+                ..Springs::default()
+            },
+            ..Scene::default()
+        }
+    }
+
+    /// What is asked for covers what the description holds, whether most of it is particles or springs.
+    #[test]
+    fn memory_is_asked_for_particles_and_springs() {
+        for (particles, springs) in [(3000, 1), (2, 3000)] {
+            let (builder, bytes) = asked("the scene", || scene(particles, springs).builder().unwrap());
+            let of_particles = [&builder.positions, &builder.velocities].map(|list| size_of_val(&list[..]));
+            let of_springs = size_of_val(&builder.pairs[..]) + size_of_val(&builder.springs[..]);
+            let held = of_particles.iter().sum::<usize>() + size_of_val(&builder.masses[..]) + of_springs;
+            assert!(held > 30 * 3000 && held < bytes as usize, "{held} {bytes}");
+            assert_eq!((builder.masses[1], builder.springs[0].stiffness, builder.springs[0].rest_length), (2.0, 3.0, 1.0));
+        }
+    }
+
+    /// What there is none of needs no parameters; what there is does.
+    #[test]
+    fn parameters_are_required_of_what_there_is() {
+        let nothing = Scene::default().builder().unwrap();
+        assert!(nothing.positions.is_empty() && nothing.springs.is_empty());
+        let without = |change: &dyn Fn(&mut Scene)| {
+            let mut scene = scene(3, 2);
+            change(&mut scene);
+            scene.builder().unwrap_err().to_string()
+        };
+        let message = without(&|scene| scene.particles.masses = None);
+        assert!(message.contains("particles.masses") && message.contains("each of the 3 particles"), "{message}");
+        let message = without(&|scene| scene.springs.stiffness = None);
+        assert!(message.contains("springs.stiffness") && message.contains("each of the 2 springs"), "{message}");
+    }
+}

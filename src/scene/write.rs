@@ -200,6 +200,9 @@ mod tests {
         let filled = list("", &[9; 20]);
         let lines: Vec<usize> = filled.lines().map(str::len).collect();
         assert_eq!(lines, ["key = [".len(), LINE, LINE, 2 + 9 + 2 + 9 + 1, 1]);
+        // 33 digits with two characters between them are 97, and as many as go between two spaces and a comma.
+        let digits = list("", &[1; 40]);
+        assert_eq!(digits.lines().map(str::len).collect::<Vec<_>>(), ["key = [".len(), LINE, 2 + 3 * 7 - 2 + 1, 1]);
         // What is longer than a line gets one of its own.
         assert_eq!(list("", &[120, 1]).lines().map(str::len).collect::<Vec<_>>(), [7, 123, 4, 1]);
         assert_eq!(list("none", &[]), "key = []  # none\n");

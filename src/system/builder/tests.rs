@@ -92,3 +92,42 @@ fn energies_and_their_sum_are_numbers() {
         assert!(message.starts_with(key) && message.ends_with("beyond the largest number"), "{message}");
     }
 }
+
+/// Two particles and a spring, changed.
+fn changed(change: impl FnOnce(&mut SystemBuilder)) -> Option<String> {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([1.0, 0.0, 0.0], 1.0);
+    builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+    change(&mut builder);
+    builder.build().err().map(|error| error.to_string())
+}
+
+#[test]
+fn lists_have_an_entry_for_everything() {
+    assert_eq!(changed(|_| {}), None);
+    for (message, key) in [
+        (changed(|builder| _ = builder.masses.pop()), "particles.masses"),
+        (changed(|builder| builder.velocities.push(Vector3::zeros())), "particles.velocities"),
+        (changed(|builder| _ = builder.springs.pop()), "springs"),
+    ] {
+        let message = message.unwrap();
+        assert!(message.starts_with(key) && message.contains("must have one entry for each of the "), "{message}");
+    }
+}
+
+#[test]
+fn masses_and_parameters_are_finite_and_positive() {
+    for value in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+        let messages = [
+            changed(|builder| builder.masses[1] = value),
+            changed(|builder| builder.springs[0].stiffness = value),
+            changed(|builder| builder.springs[0].rest_length = value),
+        ];
+        for (message, key) in messages.iter().zip(["particles.masses[1]", "springs.stiffness[0]", "springs.rest_lengths[0]"]) {
+            let message = message.as_deref().unwrap_or_default();
+            assert!(message.starts_with(key) && message.ends_with("must be finite and positive"), "{value}: {message}");
+        }
+    }
+    assert_eq!(changed(|builder| builder.masses[1] = f64::MIN_POSITIVE), None);
+}

@@ -149,6 +149,10 @@ fn parts_make_up_the_whole() {
     assert_eq!(found, [(2, 3, 2, true), (1, 3, 0, true)]);
     let found = in_parts(&row(), 3, |p| p, |Cut { system, .. }| system.is_damped());
     assert_eq!(found, [true; 3]);
+    let mut undamped = row();
+    undamped.springs.iter_mut().for_each(|spring| spring.damping = 0.0);
+    let found = in_parts(&undamped, 2, |p| p % 2, |Cut { system, .. }| system.is_damped());
+    assert_eq!(found, [false; 2]);
 }
 
 /// Ghosts get what their owners have, and nothing else changes.
