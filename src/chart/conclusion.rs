@@ -161,3 +161,6 @@ fn crossing(series: &[Series]) -> Option<String> {
         None => format!("Sparse Cholesky is as fast or faster up to {} degrees of freedom.", short(*largest)),
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -18,22 +18,15 @@ pub struct Copy {
     /// Another copy, which stays as the program was when the run began: the program itself may be worked on meanwhile.
     original: PathBuf,
     pub folder: PathBuf,
-    /// What Cargo builds of it, one folder for the copies of all rooms: dependencies are checked and built once.
-    build: PathBuf,
 }
 
 impl Copy {
     pub fn new(root: &Path, name: &str) -> Result<Self> {
-        let target = copy::target(root);
-        let beside = target.join(name);
-        let copy = Self {
-            original: beside.join("original"),
-            folder: beside.join("program"),
-            build: target.join("mutants-build"),
-        };
+        let beside = copy::target(root).join(name);
+        let copy = Self { original: beside.join("original"), folder: beside.join("program") };
         copy::program(root, &copy.original)?;
         copy.restore()?;
-        copy::dependencies(root, &copy.build)?;
+        copy::dependencies(root, &copy.folder.with_file_name("build"))?;
         Ok(copy)
     }
 
@@ -153,7 +146,7 @@ impl Copy {
         let output = Command::new(env!("CARGO"))
             .args(arguments)
             .args(["--profile", "faults", "--message-format", "json", "--target-dir"])
-            .arg(&self.build)
+            .arg(self.folder.with_file_name("build"))
             // A function with a hundred bodies takes an optimiser for ever.
             .env("CARGO_PROFILE_FAULTS_OPT_LEVEL", "0")
             .env("CARGO_INCREMENTAL", "1")

@@ -1,0 +1,332 @@
+//! A table made up by hand, and everything that can be read off it: decisions, sentences, pictures.
+
+use super::{called, crossing, flat, growth, spread, times};
+use crate::chart::digits::short;
+use crate::chart::{Quality, Reference, Run, SizeRun, WorkPrecision, best_of_each, curves, tail};
+use crate::figure::{Guide, Series};
+use crate::integrate::Status;
+use crate::system::State;
+use crate::work::Work;
+
+type Way = (&'static str, &'static str, &'static str);
+
+const EULER: &str = "linear-backward-euler";
+
+/// A run; its time is a microsecond for every unit of its cost, it solves once for every ten, and drifts as much as it errs.
+fn run((method, stiffness, solver): Way, dt: f64, cost: f64, error: Option<f64>) -> Run {
+    let quality = error.map(|error| Quality {
+        error,
+        energy_drift: -error,
+        linear_momentum_drift: 0.0,
+        angular_momentum_drift: 2.0 * error,
+    });
+    Run {
+        method,
+        stiffness,
+        solver,
+        tolerance: None,
+        rtol: None,
+        dt,
+        status: if error.is_some() { Status::Completed } else { Status::NotConverged },
+        failure: None,
+        error,
+        quality,
+        wall_seconds: 1e-6 * cost,
+        repeats: 1,
+        work: Work { solves: (cost / 10.0) as u64, ..Work::default() },
+        cost,
+    }
+}
+
+fn adaptive(rtol: f64, dt: f64, cost: f64, error: f64) -> Run {
+    Run { rtol: Some(rtol), ..run(("w2", "on-demand", "llt"), dt, cost, Some(error)) }
+}
+
+fn tolerance(method: &'static str, tolerance: f64, iterations: u64, error: f64) -> Run {
+    let work = Work { cg_iterations: iterations, ..Work::default() };
+    Run { tolerance: Some(tolerance), work, ..run((method, "on-demand", "cg"), 0.04, 1.0, Some(error)) }
+}
+
+fn size(kind: &'static str, solver: &'static str, dofs: usize, seconds_per_step: f64) -> SizeRun {
+    SizeRun { kind, dofs, solver, seconds_per_step, setup_seconds: 0.0, work: Work::default(), steps: 4 }
+}
+
+/// Two configurations of Euler's method, two ways of w2, an explicit method that is slow and fails with long steps, one that succeeds once,
+/// and one that never does.
+fn chart() -> WorkPrecision {
+    let fixed = |way: Way, rows: &[(f64, f64, Option<f64>)]| {
+        rows.iter().map(|&(dt, cost, error)| run(way, dt, cost, error)).collect::<Vec<_>>()
+    };
+    let mut explicit = fixed(
+        ("symplectic-euler", "none", "none"),
+        &[(0.1, 20.0, None), (0.05, 45.0, Some(2.0)), (0.025, 90.0, Some(0.006)), (0.0125, 180.0, Some(0.003))],
+    );
+    explicit.iter_mut().for_each(|run| run.wall_seconds *= 10.0);
+    let runs = [
+        fixed((EULER, "full", "llt"), &[(0.1, 100.0, Some(0.08)), (0.05, 200.0, Some(0.04)), (0.025, 400.0, Some(0.009))]),
+        fixed((EULER, "axial", "cg"), &[(0.1, 50.0, Some(0.09)), (0.05, 110.0, Some(0.03)), (0.025, 500.0, Some(0.008))]),
+        fixed(
+            ("w2", "tension", "llt"),
+            &[(0.1, 150.0, Some(0.02)), (0.05, 300.0, Some(0.005)), (0.025, 600.0, Some(0.00125))],
+        ),
+        vec![adaptive(1e-2, 0.04, 120.0, 0.03), adaptive(1e-3, 0.02, 290.0, 0.004)],
+        explicit,
+        fixed(("verlet", "none", "none"), &[(0.2, 60.0, Some(0.5)), (0.15, 70.0, None)]),
+        fixed(("bdf2", "on-demand", "llt"), &[(0.2, 60.0, None)]),
+    ];
+    let state = State { time: 1.0, positions: Vec::new(), velocities: Vec::new() };
+    WorkPrecision {
+        scene: "s".into(),
+        duration: 1.0,
+        reference: Reference { method: "made up".into(), error_estimate: 1e-7, state },
+        runs: runs.concat(),
+        tolerances: vec![
+            tolerance(EULER, 1e-2, 10, 0.05),
+            tolerance(EULER, 1e-4, 30, 0.041),
+            tolerance(EULER, 1e-6, 40, 0.04),
+            tolerance("w2", 1e-2, 5, 0.02),
+            tolerance("w2", 1e-4, 15, 0.02),
+        ],
+        sizes: vec![
+            size("cloth", "llt", 100, 1.0),
+            size("cloth", "llt", 200, 4.0),
+            size("cloth", "cg", 100, 2.0),
+            size("cloth", "cg", 200, 3.0),
+            size("cloth", "cg-assembled", 200, 5.0),
+            size("lattice", "llt", 50, 1.0),
+            size("lattice", "llt", 80, 2.0),
+            size("lattice", "cg", 50, 0.5),
+            size("lattice", "cg", 80, 2.0),
+        ],
+    }
+}
+
+#[test]
+fn decisions_are_the_least_of_what_can_be_relied_on() {
+    let chart = chart();
+    let decisions = chart.decisions();
+    // The least error is 0.00125.
+    assert_eq!(decisions.iter().map(|decision| decision.accuracy).collect::<Vec<_>>(), [0.1, 0.01]);
+    let of = |run: Option<&Run>| run.map(|run| (run.method, run.stiffness, run.cost));
+    assert_eq!(of(decisions[0].cheapest), Some((EULER, "axial", 50.0)));
+    assert_eq!(of(decisions[1].cheapest), Some(("symplectic-euler", "none", 90.0)));
+    assert_eq!(of(decisions[1].fastest), Some(("w2", "on-demand", 290.0)));
+    assert_eq!(of(decisions[1].notes), Some((EULER, "full", 400.0)));
+    let sentences = [
+        "For an error below 10 %: linear-backward-euler (axial, cg) with dt = 0.1 s (50 force evaluations, 0.05 ms).",
+        "For an error below 1 %: symplectic-euler with dt = 0.025 s (90 force evaluations, 0.9 ms); \
+         linear-backward-euler needs 4.44 times the work.",
+    ];
+    assert_eq!(chart.recommendations(), sentences);
+    let options = "The best option of each method below 1 %: symplectic-euler with dt = 0.025 s (90 force evaluations); \
+         w2 (on-demand) with adaptive steps, rtol = 0.001 (290 force evaluations); \
+         w2 (tension) with dt = 0.05 s (300 force evaluations); \
+         linear-backward-euler (full) with dt = 0.025 s (400 force evaluations).";
+    let reaches = "Steps from which on every shorter one did better: linear-backward-euler (axial, cg) up to dt = 0.1 s; \
+         w2 (tension) up to dt = 0.1 s; w2, adaptive (on-demand) up to adaptive steps, rtol = 0.01; \
+         symplectic-euler up to dt = 0.025 s; verlet nowhere; bdf2 (on-demand) nowhere, no run succeeded.";
+    assert_eq!(chart.conclusions(), [sentences[0], sentences[1], options, reaches]);
+    // Without Euler's method, and without anything.
+    let mut others = chart.clone();
+    others.runs.retain(|run| run.method != EULER);
+    let last = others.recommendations().pop().unwrap();
+    assert!(last.ends_with("0.9 ms); linear-backward-euler did not get there."), "{last}");
+    others.runs.clear();
+    assert_eq!(others.recommendations().len(), 1);
+    assert!(others.recommendations()[0].contains("nothing can be recommended"));
+}
+
+#[test]
+fn pictures_say_what_they_show() {
+    let chart = chart();
+    let figures = chart.figures();
+    let found: Vec<(&str, &str)> =
+        figures.iter().map(|figure| (figure.name, figure.plot.conclusion.as_str())).collect();
+    assert_eq!(
+        found,
+        [
+            (
+                "time",
+                "Least time below 1 %: w2 (on-demand) with adaptive steps, rtol = 0.001; \
+                 next w2 (tension) with dt = 0.05 s, 1.03 times."
+            ),
+            ("work", "Least work below 1 %: symplectic-euler with dt = 0.025 s; next w2 (on-demand), 3.22 times."),
+            (
+                "solves",
+                "Least solves below 1 %: w2 (on-demand) with adaptive steps, rtol = 0.001; \
+                 next w2 (tension) with dt = 0.05 s, 1.03 times."
+            ),
+            ("error", "The longest step that stays below 1 % has w2 (tension): 0.05 s."),
+            (
+                "options-euler",
+                "Best below 1 %: full with llt, dt = 0.025 s; next axial with cg, 1.25 times the work."
+            ),
+            ("options-w2", "Best below 1 %: tension with llt, dt = 0.05 s."),
+            (
+                "energy",
+                "With steps of 0.025 s w2 (tension) is off by 0.00125, linear-backward-euler (axial, cg) by 0.008."
+            ),
+            (
+                "angular-momentum",
+                "With steps of 0.025 s w2 (tension) is off by 0.0025, linear-backward-euler (axial, cg) by 0.016."
+            ),
+            (
+                "tolerance-error",
+                "The tolerance adds less than a tenth to the error of linear-backward-euler up to 1.0e-4, of w2 up to 0.01."
+            ),
+            (
+                "tolerance-work",
+                "From the loosest tolerance to the tightest iterations grow 4 times with linear-backward-euler, 3 times with w2."
+            ),
+            ("sizes-cloth", "Conjugate gradients are faster from 200 degrees of freedom on."),
+            ("sizes-lattice", "Sparse Cholesky is as fast or faster up to 80 degrees of freedom."),
+        ]
+    );
+    let figure = |name: &str| figures.iter().find(|figure| figure.name == name).unwrap();
+    let series = |name: &str, of: &str| {
+        let series = figure(name).plot.series.iter().find(|series| series.name == of && series.like.is_none());
+        series.map(|series| series.points.clone()).unwrap_or_default()
+    };
+    assert_eq!(series("work", "symplectic-euler"), [(0.006, 90.0), (0.003, 180.0)]);
+    assert_eq!(series("error", "w2, adaptive (on-demand)"), [(0.04, 0.03), (0.02, 0.004)]);
+    assert_eq!(series("options-euler", "full, llt"), [(0.08, 100.0), (0.04, 200.0), (0.009, 400.0)]);
+    assert_eq!(series("energy", "w2 (tension)"), [(0.1, 0.02), (0.05, 0.005), (0.025, 0.00125)]);
+    assert_eq!(series("sizes-cloth", "cg"), [(100.0, 2.0), (200.0, 3.0)]);
+    // What needs no linear solves is not in the picture of these.
+    assert!(series("solves", "symplectic-euler").is_empty());
+    // Failures by cause at what they cost, or at their step, in the colour of their method.
+    let failures = |name: &str| {
+        let failed = figure(name).plot.series.iter().filter_map(|series| Some((series.like.clone()?, series)));
+        failed.map(|(like, series)| (like, series.name.clone(), series.points.clone())).collect::<Vec<_>>()
+    };
+    let failed = |like: &str, cause: &str, point: (f64, f64)| (like.to_owned(), cause.to_owned(), vec![point]);
+    let infinity = f64::INFINITY;
+    assert_eq!(
+        failures("work"),
+        [
+            failed("symplectic-euler", "error above 100 %", (infinity, 45.0)),
+            failed("symplectic-euler", "not converged", (infinity, 20.0)),
+            failed("verlet", "not converged", (infinity, 70.0)),
+            failed("bdf2 (on-demand)", "not converged", (infinity, 60.0)),
+        ]
+    );
+    assert_eq!(failures("error")[0], failed("symplectic-euler", "error above 100 %", (0.05, infinity)));
+    // Hollow where steps adapt, and with conjugate gradients; numbers by method, and by option.
+    let look = |name: &str, of: &str| {
+        let series = figure(name).plot.series.iter().find(|series| series.name == of).unwrap();
+        series.look.map(|look| (look.number, look.hollow)).unwrap()
+    };
+    assert_eq!(look("work", "w2, adaptive (on-demand)").0, look("work", "w2 (tension)").0);
+    assert!(look("work", "w2, adaptive (on-demand)").1 && !look("work", "w2 (tension)").1);
+    assert_ne!(look("work", "w2 (tension)").0, look("work", "symplectic-euler").0);
+    assert_eq!((look("options-euler", "full, llt"), look("options-euler", "axial, cg")), ((0, false), (2, true)));
+}
+
+/// Guides pass through the geometric mean of the points of a picture, that of the axes in the middle of them.
+#[test]
+fn guides_pass_where_the_points_are() {
+    let mut chart = chart();
+    let way = (EULER, "full", "llt");
+    chart.runs = vec![run(way, 0.1, 10.0, Some(0.25)), run(way, 0.05, 1000.0, Some(0.01)), run(way, 0.2, 7.0, None)];
+    let figures = chart.figures();
+    let guides = |name: &str| {
+        let figure = figures.iter().find(|figure| figure.name == name).unwrap();
+        let slopes = figure.plot.guides.iter().filter_map(|guide| match guide {
+            Guide::Slope { slope, through } => Some((*slope, through.0, through.1)),
+            _ => None,
+        });
+        slopes.collect::<Vec<_>>()
+    };
+    let near = |found: Vec<(f64, f64, f64)>, slopes: [f64; 2], [x, y]: [f64; 2]| {
+        assert_eq!(found.len(), 2, "{found:?}");
+        for ((slope, at, height), expected) in found.into_iter().zip(slopes) {
+            assert!(slope == expected && (at / x - 1.0).abs() < 1e-12 && (height / y - 1.0).abs() < 1e-12, "{at} {height}");
+        }
+    };
+    near(guides("work"), [-1.0, -0.5], [0.05, 100.0]);
+    near(guides("error"), [1.0, 2.0], [0.005_f64.sqrt(), 0.05]);
+    let floor = |guide: &Guide| matches!(guide, Guide::Vertical { x, .. } if *x == 1e-7);
+    assert!(figures[0].plot.guides.iter().any(floor));
+    // Nothing to see: no pictures.
+    chart.runs.clear();
+    chart.tolerances.clear();
+    chart.sizes.clear();
+    assert!(chart.figures().is_empty());
+}
+
+/// From short steps up, as long as errors rise; one run alone is confirmed by nothing, and below the floor errors are not told apart.
+#[test]
+fn tails_end_where_a_finer_run_is_worse() {
+    let way = (EULER, "full", "llt");
+    let steps = |errors: &[Option<f64>], floor: f64| {
+        let rows = errors.iter().zip([0.4, 0.2, 0.1, 0.05]);
+        let runs: Vec<Run> = rows.map(|(&error, dt)| run(way, dt, 1.0 / dt, error)).collect();
+        tail(&curves(&runs)[0], floor).iter().map(|run| run.dt).collect::<Vec<_>>()
+    };
+    assert_eq!(steps(&[Some(0.4), Some(0.3), Some(0.2), Some(0.1)], 0.0), [0.05, 0.1, 0.2, 0.4]);
+    assert_eq!(steps(&[Some(0.1), Some(0.3), Some(0.2), Some(0.1)], 0.0), [0.05, 0.1, 0.2]);
+    assert_eq!(steps(&[Some(0.4), None, Some(0.2), Some(0.1)], 0.0), [0.05, 0.1]);
+    assert_eq!(steps(&[Some(0.4), Some(0.3), Some(0.1), Some(0.1)], 0.0), [0.0; 0]);
+    assert_eq!(steps(&[Some(0.4), Some(0.3), Some(0.1), Some(0.1)], 0.1), [0.05, 0.1, 0.2, 0.4]);
+    assert_eq!(steps(&[Some(0.4), Some(0.3), Some(0.1), Some(0.2)], 0.15), [0.0; 0]);
+    assert_eq!(steps(&[Some(0.4), Some(1.0), Some(0.1), Some(0.01)], 0.0), [0.05, 0.1]);
+}
+
+/// Of each method the configuration whose cost times the root of its error is least anywhere in its tail.
+#[test]
+fn the_best_configuration_costs_least_for_its_error() {
+    let chart = chart();
+    let best = best_of_each(&chart.runs, 0.0);
+    let names: Vec<(&str, &str)> = best.iter().map(|curve| (curve.method.as_str(), curve.stiffness)).collect();
+    let expected = [
+        (EULER, "axial"),
+        ("w2", "tension"),
+        ("w2, adaptive", "on-demand"),
+        ("symplectic-euler", "none"),
+        ("verlet", "none"),
+        ("bdf2", "on-demand"),
+    ];
+    assert_eq!(names, expected);
+}
+
+#[test]
+fn what_is_not_drawn_is_said() {
+    let euler = run((EULER, "full", "llt"), 0.1, 1.0, None);
+    let drawn = [Series::line("linear-backward-euler (full)", vec![])];
+    assert_eq!(called(&euler, &drawn), "linear-backward-euler (full)");
+    assert_eq!(called(&euler, &[]), "linear-backward-euler (full, not drawn)");
+    let w2 = adaptive(0.1, 0.1, 1.0, 0.1);
+    assert_eq!(called(&w2, &[Series::line("w2, adaptive (on-demand)", vec![])]), "w2 (on-demand)");
+    assert_eq!(called(&w2, &[Series::line("w2 (on-demand)", vec![])]), "w2 (on-demand, not drawn)");
+    assert_eq!(called(&run(("verlet", "none", "none"), 0.1, 1.0, None), &[]), "verlet");
+}
+
+#[test]
+fn nothing_drawn_says_nothing() {
+    assert!([spread(&[]), flat(&[]), growth(&[]), crossing(&[])].iter().all(Option::is_none));
+    let alone = [Series::line("llt", vec![(10.0, 1.0)])];
+    assert_eq!(crossing(&alone), None);
+    assert_eq!((times(1.0), times(1.004), times(1.006)), ("the same".into(), "the same".into(), "1.01 times".into()));
+}
+
+#[test]
+fn numbers_have_three_digits() {
+    for (value, text) in [
+        (0.0, "0"),
+        (1.0, "1"),
+        (-2.5, "-2.5"),
+        (1.2345, "1.23"),
+        (12.345, "12.3"),
+        (123.45, "123"),
+        (1234.5, "1234"),
+        (100.0, "100"),
+        (0.05, "0.05"),
+        (0.0012345, "0.00123"),
+        (0.00012345, "1.2e-4"),
+        (9_999_999.0, "9999999"),
+        (1e7, "1.0e7"),
+        (-1e-9, "-1.0e-9"),
+    ] {
+        assert_eq!(short(value), text);
+    }
+}
