@@ -262,7 +262,10 @@ mod tests {
             let of_springs = size_of_val(&builder.pairs[..]) + size_of_val(&builder.springs[..]);
             let held = of_particles.iter().sum::<usize>() + size_of_val(&builder.masses[..]) + of_springs;
             assert!(held > 30 * 3000 && held < bytes as usize, "{held} {bytes}");
-            assert_eq!((builder.masses[1], builder.springs[0].stiffness, builder.springs[0].rest_length), (2.0, 3.0, 1.0));
+            assert_eq!(
+                (builder.masses[1], builder.springs[0].stiffness, builder.springs[0].rest_length),
+                (2.0, 3.0, 1.0)
+            );
         }
     }
 

@@ -148,7 +148,11 @@ fn run() -> Result<bool> {
     let promising = request.seconds.map_or(PROMISING, |seconds| seconds.min(PROMISING));
     let left = trials.all(&switched, Some(promising))?;
     println!("{} mutants survived the most promising tests", left.len());
-    let left = if promising == request.seconds.unwrap_or(Duration::MAX) { left } else { trials.all(&left, request.seconds)? };
+    let left = if promising == request.seconds.unwrap_or(Duration::MAX) {
+        left
+    } else {
+        trials.all(&left, request.seconds)?
+    };
     println!("{} mutants survived", left.len());
     let mut record = record.into_inner().map_err(|error| error.to_string())?;
     for number in apart {

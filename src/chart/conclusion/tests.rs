@@ -63,8 +63,14 @@ fn chart() -> WorkPrecision {
     );
     explicit.iter_mut().for_each(|run| run.wall_seconds *= 10.0);
     let runs = [
-        fixed((EULER, "full", "llt"), &[(0.1, 100.0, Some(0.08)), (0.05, 200.0, Some(0.04)), (0.025, 400.0, Some(0.009))]),
-        fixed((EULER, "axial", "cg"), &[(0.1, 50.0, Some(0.09)), (0.05, 110.0, Some(0.03)), (0.025, 500.0, Some(0.008))]),
+        fixed(
+            (EULER, "full", "llt"),
+            &[(0.1, 100.0, Some(0.08)), (0.05, 200.0, Some(0.04)), (0.025, 400.0, Some(0.009))],
+        ),
+        fixed(
+            (EULER, "axial", "cg"),
+            &[(0.1, 50.0, Some(0.09)), (0.05, 110.0, Some(0.03)), (0.025, 500.0, Some(0.008))],
+        ),
         fixed(
             ("w2", "tension", "llt"),
             &[(0.1, 150.0, Some(0.02)), (0.05, 300.0, Some(0.005)), (0.025, 600.0, Some(0.00125))],
@@ -157,10 +163,7 @@ fn pictures_say_what_they_show() {
                  next w2 (tension) with dt = 0.05 s, 1.03 times."
             ),
             ("error", "The longest step that stays below 1 % has w2 (tension): 0.05 s."),
-            (
-                "options-euler",
-                "Best below 1 %: full with llt, dt = 0.025 s; next axial with cg, 1.25 times the work."
-            ),
+            ("options-euler", "Best below 1 %: full with llt, dt = 0.025 s; next axial with cg, 1.25 times the work."),
             ("options-w2", "Best below 1 %: tension with llt, dt = 0.05 s."),
             (
                 "energy",
@@ -240,7 +243,10 @@ fn guides_pass_where_the_points_are() {
     let near = |found: Vec<(f64, f64, f64)>, slopes: [f64; 2], [x, y]: [f64; 2]| {
         assert_eq!(found.len(), 2, "{found:?}");
         for ((slope, at, height), expected) in found.into_iter().zip(slopes) {
-            assert!(slope == expected && (at / x - 1.0).abs() < 1e-12 && (height / y - 1.0).abs() < 1e-12, "{at} {height}");
+            assert!(
+                slope == expected && (at / x - 1.0).abs() < 1e-12 && (height / y - 1.0).abs() < 1e-12,
+                "{at} {height}"
+            );
         }
     };
     near(guides("work"), [-1.0, -0.5], [0.05, 100.0]);

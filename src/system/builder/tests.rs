@@ -124,7 +124,9 @@ fn masses_and_parameters_are_finite_and_positive() {
             changed(|builder| builder.springs[0].stiffness = value),
             changed(|builder| builder.springs[0].rest_length = value),
         ];
-        for (message, key) in messages.iter().zip(["particles.masses[1]", "springs.stiffness[0]", "springs.rest_lengths[0]"]) {
+        for (message, key) in
+            messages.iter().zip(["particles.masses[1]", "springs.stiffness[0]", "springs.rest_lengths[0]"])
+        {
             let message = message.as_deref().unwrap_or_default();
             assert!(message.starts_with(key) && message.ends_with("must be finite and positive"), "{value}: {message}");
         }
