@@ -43,8 +43,9 @@ def launch(command, timeout, more):
 def many(ranks, *arguments, status=0, timeout=120, **more):
     command = ["mpirun", "--bind-to", "none", "-n", str(ranks), MPI, *map(str, arguments)]
     done = launch(command, timeout, more)
-    # Three of some thousand launches on a busy machine: Open MPI 4.1.4 calls the end of a rank improper after the program has said all
-    # that it has to say. Why was not found; what really ends so does it again.
+    # Three of some thousand launches on a busy machine. A rank that ends tells `mpirun` and waits two seconds for the answer; where
+    # `mpirun` gets no core for longer than that, it may call the end improper, of any program (see the guide). What really ends so does
+    # it again.
     if status == 0 and "exiting improperly" in done.stderr and "completed after" in done.stdout and "error:" not in done.stderr:
         print(f"repeated, for mpirun took an end for an improper one: {arguments[:2]} on {ranks}", flush=True)
         done = launch(command, timeout, more)

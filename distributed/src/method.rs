@@ -2,6 +2,7 @@
 
 use crate::or_end;
 use crate::petsc::Petsc;
+use crate::ranks;
 use crate::solver::{Choice, Preconditioner};
 use clap::builder::PossibleValuesParser;
 use sprung::Stiffness;
@@ -46,7 +47,9 @@ impl MethodArguments {
 
     /// PETSc, started with all options.
     pub fn start(&self) -> Petsc {
-        or_end(Petsc::start(&format!("{} {} {}", self.choice().options(), Choice::SPARE, self.petsc)))
+        let choice = self.choice();
+        let of_several = if ranks::ranks() > 1 { choice.options_of_several() } else { "" };
+        or_end(Petsc::start(&[choice.options(), of_several, Choice::SPARE, &self.petsc].join(" ")))
     }
 
     /// The stiffness policy asked for.
