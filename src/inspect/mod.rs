@@ -40,3 +40,6 @@ pub use smallest::smallest_eigenvalue;
 pub use smallest_set::{DropSet, Minimality, smallest_set};
 pub use spectrum::{Eigenpair, Spectrum, spectrum};
 pub use turning::{MOST_BRAKED, MOST_STRETCHED, Turn, Turning};
+
+#[cfg(test)]
+mod tests;

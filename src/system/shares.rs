@@ -135,5 +135,11 @@ mod tests {
                 assert_eq!(system.shares().len(), expected);
             }
         });
+        // One system may be asked on any number of threads.
+        let system = chain(4 * LEAST_SPRINGS, &[]);
+        for threads in [2, 3, 2] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            assert_eq!(pool.install(|| system.shares().len()), threads);
+        }
     }
 }

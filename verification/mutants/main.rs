@@ -135,6 +135,7 @@ fn run() -> Result<bool> {
     let copy = Copy::new(root, &request.folder())?;
     let (unviable, functions) = copy.with_switches(&mutants, &chosen)?;
     unviable.iter().for_each(|&number| record.set(number, Fate::Unviable));
+    record.keep()?;
     println!("building the tests with {} mutants", chosen.len() - unviable.len());
     let parts = trial::parts(copy.tests(&request.tests)?, &copy.folder, request.seconds)?;
     let in_constants = |number: &usize| mutants[number - 1].function.is_none();

@@ -39,6 +39,9 @@ pub struct Record<'m> {
     table: PathBuf,
 }
 
+/// So many of a file that are not caught are listed on the page; of more only their number is.
+const MANY: usize = 20;
+
 /// What is counted of a file or a room.
 const COLUMNS: &str = "mutants | do not compile | caught by the suite | by other tests | do not end | equivalent | not caught | alive after some tests | not tried |\n|---|---|---|---|---|---|---|---|---|---|\n";
 
@@ -228,8 +231,13 @@ impl<'m> Record<'m> {
         if !unlisted.is_empty() {
             text += "\n## Not caught, or not yet\n\n";
         }
-        for (file, change, line, _) in unlisted {
-            let _ = writeln!(text, "- `{file}`: {change}: `{line}`");
+        for of_file in unlisted.chunk_by(|a, b| a.0 == b.0) {
+            for (file, change, line, _) in of_file.iter().filter(|_| of_file.len() <= MANY) {
+                let _ = writeln!(text, "- `{file}`: {change}: `{line}`");
+            }
+            if let ([(file, ..), ..], true) = (of_file, of_file.len() > MANY) {
+                let _ = writeln!(text, "- `{file}`: {} of them, in `mutants/results`", of_file.len());
+            }
         }
         text += "\n## Equivalent mutants\n\nNo test can tell them from the program, or only from its speed; from `equivalent.toml`.\n";
         for Equivalent { file, reason, mutants } in &self.equivalents {

@@ -179,7 +179,7 @@ impl Part {
 fn run(parts: &[&Part], number: usize, folder: &Path, measured: Option<(Duration, &Path)>) -> Result<Fate> {
     let first = parts.first().ok_or("no tests")?;
     let duration: Duration = parts.iter().map(|part| part.duration).sum();
-    let patience = measured.map_or(duration * 6 + Duration::from_secs(3), |(longest, _)| longest);
+    let patience = measured.map_or(duration * 6 + Duration::from_secs(1), |(longest, _)| longest);
     let mut command = Command::new("sh");
     command
         .args(["-c", LIMITED, "sh", &patience.as_secs_f64().ceil().to_string()])

@@ -2,7 +2,7 @@
 
 use super::{called, crossing, flat, growth, spread, times};
 use crate::chart::digits::short;
-use crate::chart::{Quality, Reference, Run, SizeRun, WorkPrecision, best_of_each, curves, tail};
+use crate::chart::{Figure, Quality, Reference, Run, SizeRun, WorkPrecision, best_of_each, curves, tail};
 use crate::figure::{Guide, Series};
 use crate::integrate::Status;
 use crate::system::State;
@@ -137,6 +137,15 @@ fn decisions_are_the_least_of_what_can_be_relied_on() {
     others.runs.retain(|run| run.method != EULER);
     let last = others.recommendations().pop().unwrap();
     assert!(last.ends_with("0.9 ms); linear-backward-euler did not get there."), "{last}");
+    // With an option that both have.
+    others.runs = [("w2", 10.0), (EULER, 20.0)]
+        .into_iter()
+        .flat_map(|(method, cost)| {
+            [(0.1, 0.09), (0.05, 0.05)].map(|(dt, error)| run((method, "full", "llt"), dt, cost / dt, Some(error)))
+        })
+        .collect();
+    let only = others.recommendations().pop().unwrap();
+    assert!(only.ends_with("; linear-backward-euler needs 2 times the work."), "{only}");
     others.runs.clear();
     assert_eq!(others.recommendations().len(), 1);
     assert!(others.recommendations()[0].contains("nothing can be recommended"));
@@ -251,6 +260,18 @@ fn guides_pass_where_the_points_are() {
     };
     near(guides("work"), [-1.0, -0.5], [0.05, 100.0]);
     near(guides("error"), [1.0, 2.0], [0.005_f64.sqrt(), 0.05]);
+    // What has no place on logarithmic axes does not move them, and is not drawn: an error of zero, a failure that cost nothing.
+    chart.runs.push(run(way, 0.025, 2000.0, Some(0.0)));
+    chart.runs.push(run(way, 0.4, 0.0, None));
+    let with_zeros = chart.figures();
+    assert_eq!(with_zeros[1].plot.guides, figures[1].plot.guides);
+    let failures = |figures: &[Figure]| figures[1].plot.series.iter().filter(|series| series.like.is_some()).count();
+    assert_eq!((failures(&with_zeros), failures(&figures)), (1, 1));
+    let costs =
+        with_zeros[1].plot.series.iter().filter(|series| series.like.is_some()).flat_map(|series| &series.points);
+    assert!(costs.into_iter().all(|point| point.1 > 0.0));
+    let drifts = with_zeros.iter().find(|figure| figure.name == "energy").unwrap();
+    assert!(drifts.plot.series.iter().flat_map(|series| &series.points).all(|point| point.1 > 0.0));
     let floor = |guide: &Guide| matches!(guide, Guide::Vertical { x, .. } if *x == 1e-7);
     assert!(figures[0].plot.guides.iter().any(floor));
     // Nothing to see: no pictures.
@@ -276,6 +297,17 @@ fn tails_end_where_a_finer_run_is_worse() {
     assert_eq!(steps(&[Some(0.4), Some(0.3), Some(0.1), Some(0.1)], 0.1), [0.05, 0.1, 0.2, 0.4]);
     assert_eq!(steps(&[Some(0.4), Some(0.3), Some(0.1), Some(0.2)], 0.15), [0.0; 0]);
     assert_eq!(steps(&[Some(0.4), Some(1.0), Some(0.1), Some(0.01)], 0.0), [0.05, 0.1]);
+    // Errors are told apart from three times that of the reference on.
+    assert!((chart().floor() / 3e-7 - 1.0).abs() < 1e-15);
+}
+
+/// A run is of use, or has a cause why not.
+#[test]
+fn every_failure_has_a_cause() {
+    for error in [None, Some(0.0), Some(0.5), Some(1.0), Some(2.0)] {
+        let run = run((EULER, "full", "llt"), 0.1, 1.0, error);
+        assert_eq!(run.useful_error().is_none(), run.cause().is_some(), "{error:?}");
+    }
 }
 
 /// Of each method the configuration whose cost times the root of its error is least anywhere in its tail.
@@ -293,6 +325,19 @@ fn the_best_configuration_costs_least_for_its_error() {
         ("bdf2", "on-demand"),
     ];
     assert_eq!(names, expected);
+    // 10 √½ = 7.1 and 12 √0.01 = 1.2 on the shorter steps, in either order; of equal ones the first.
+    let rows = |stiffness: &'static str, cost: f64, error: f64| {
+        let way = (EULER, stiffness, "llt");
+        vec![run(way, 0.2, 100.0 * cost, Some(1.5 * error)), run(way, 0.1, cost, Some(error))]
+    };
+    for (first, second, expected) in [
+        (rows("full", 10.0, 0.5), rows("axial", 12.0, 0.01), "axial"),
+        (rows("axial", 12.0, 0.01), rows("full", 10.0, 0.5), "axial"),
+        (rows("tension", 12.0, 0.01), rows("axial", 12.0, 0.01), "tension"),
+    ] {
+        let runs = [first, second].concat();
+        assert_eq!(best_of_each(&runs, 0.0)[0].stiffness, expected);
+    }
 }
 
 #[test]

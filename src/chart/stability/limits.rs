@@ -196,4 +196,103 @@ mod tests {
             assert_eq!((a + d).abs() <= 2.0, crossed % 2 == 0, "{z}");
         }
     }
+    const AXIAL: StiffnessPolicy = StiffnessPolicy::Always(Stiffness::Axial);
+    const FULL: StiffnessPolicy = StiffnessPolicy::Always(Stiffness::Full);
+    const TENSION: StiffnessPolicy = StiffnessPolicy::Always(Stiffness::Tension);
+
+    fn z(method: Method, policy: StiffnessPolicy, stretch: f64, ratio: f64) -> Vec<f64> {
+        limits(method, policy, stretch, ratio).iter().map(|limit| limit.z).collect()
+    }
+
+    /// Every limit solves the equation it comes from: that of the Jury condition, of a trace of two, of an A that is singular across.
+    #[test]
+    fn limits_solve_their_equations() {
+        let near = |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
+        for (stretch, ratio) in [(1.25, 0.0), (2.0, 0.2), (4.0, 1.5)] {
+            // z_t²/z², and z along the springs.
+            let across = 1.0 - 1.0 / stretch;
+            for (method, of_damping) in [(Method::SymplecticEuler, 4.0), (Method::Verlet, 8.0)] {
+                let [along, beside] = z(method, AXIAL, stretch, ratio)[..] else { panic!("two limits") };
+                near(along * along + of_damping * ratio * along, 4.0);
+                near(beside * beside * across, 4.0);
+            }
+            let [dropped] = z(Method::LinearBackwardEuler, AXIAL, stretch, ratio)[..] else { panic!("a limit") };
+            near(dropped * dropped * across, 4.0);
+            let of_w2 = z(Method::W2, AXIAL, stretch, ratio);
+            assert_eq!(of_w2.len(), 3);
+            for (limit, dropped) in of_w2.iter().zip(dropped_term_limits()) {
+                near(limit * across.sqrt(), dropped);
+            }
+            let [along, beside] = z(Method::Dop853, TENSION, stretch, ratio)[..] else { panic!("two limits") };
+            assert!((along - dop853_limit(ratio)).abs() < 1e-12 && (beside * across.sqrt() - 5.96).abs() < 0.011);
+            // With the whole stiffness, or what of it is positive, nothing limits implicit methods.
+            for policy in [FULL, TENSION, StiffnessPolicy::OnDemand] {
+                assert!(
+                    [Method::LinearBackwardEuler, Method::W2]
+                        .iter()
+                        .all(|&of| z(of, policy, stretch, ratio).is_empty())
+                );
+            }
+        }
+        for stretch in [0.5, 0.8] {
+            let pressed = 1.0 / stretch - 1.0;
+            let [euler] = z(Method::LinearBackwardEuler, FULL, stretch, 0.0)[..] else { panic!("a limit") };
+            near(euler * euler * pressed, 1.0);
+            let [w2] = z(Method::W2, FULL, stretch, 0.0)[..] else { panic!("a limit") };
+            near(w2 * w2 * GAMMA * GAMMA * pressed, 1.0);
+            for method in [Method::Verlet, Method::SymplecticEuler, Method::Dop853] {
+                assert!(z(method, TENSION, stretch, 0.0).is_empty(), "{}", method.name());
+            }
+        }
+        // The motion across has no frequency at rest: what is left is that along.
+        assert_eq!(z(Method::Verlet, TENSION, 1.0, 0.0), [2.0]);
+        assert_eq!(z(Method::SymplecticEuler, TENSION, 1.0, 0.0), [2.0]);
+    }
+
+    /// On both sides of limits, and so near that nothing is said.
+    #[test]
+    fn predictions_change_at_limits() {
+        use Prediction::{Definite, Refused, Silent, Stable, Unstable};
+        let of = |method, policy, z, stretch| prediction(method, policy, z, stretch, 0.0, 1.1);
+        // At λ = 4/3 the motion across has half the frequency: limits of 4, and of 2 along.
+        let stretch = 4.0 / 3.0;
+        for (method, policy, z, expected) in [
+            (Method::LinearBackwardEuler, AXIAL, 3.5, Stable),
+            (Method::LinearBackwardEuler, AXIAL, 3.7, Silent),
+            (Method::LinearBackwardEuler, AXIAL, 4.3, Silent),
+            (Method::LinearBackwardEuler, AXIAL, 4.5, Unstable),
+            (Method::LinearBackwardEuler, FULL, 1e3, Stable),
+            (Method::LinearBackwardEuler, TENSION, 1e3, Stable),
+            (Method::SymplecticEuler, TENSION, 1.7, Stable),
+            (Method::SymplecticEuler, TENSION, 2.3, Unstable),
+            (Method::Verlet, TENSION, 4.5, Unstable),
+            (Method::W2, AXIAL, 4.0, Stable),
+            (Method::W2, AXIAL, 6.0, Unstable),
+            (Method::W2, AXIAL, 9.0, Silent),
+            (Method::W2, AXIAL, 12.0, Unstable),
+            (Method::ForwardEuler, TENSION, 0.01, Unstable),
+            (Method::Bdf2, TENSION, 0.01, Silent),
+        ] {
+            assert_eq!(of(method, policy, z, stretch), expected, "{} {z}", method.name());
+        }
+        // Between the narrow island's ends, 8.53 and 9.66, looked at closely.
+        assert_eq!(prediction(Method::W2, AXIAL, 9.0, stretch, 0.0, 1.01), Stable);
+        // At λ = 1/2 the motion across buckles as fast as that along is: A is singular at z = 1, and 1/γ = 3.41.
+        for (method, policy, z, expected) in [
+            (Method::LinearBackwardEuler, FULL, 0.8, Definite),
+            (Method::LinearBackwardEuler, FULL, 0.95, Silent),
+            (Method::LinearBackwardEuler, FULL, 1.2, Refused),
+            (Method::LinearBackwardEuler, TENSION, 1.2, Definite),
+            (Method::W2, FULL, 3.0, Definite),
+            (Method::W2, FULL, 4.0, Refused),
+            (Method::W2, AXIAL, 4.0, Definite),
+            (Method::W2, TENSION, 4.0, Definite),
+            (Method::Verlet, TENSION, 0.1, Silent),
+            (Method::ForwardEuler, TENSION, 0.1, Silent),
+        ] {
+            assert_eq!(of(method, policy, z, 0.5), expected, "{} {z}", method.name());
+        }
+        assert_eq!(of(Method::LinearBackwardEuler, TENSION, 0.1, 1.0), Silent);
+        assert_eq!(of(Method::LinearBackwardEuler, TENSION, 0.1, 1.0 + 1e-8), Stable);
+    }
 }

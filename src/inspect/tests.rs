@@ -1,0 +1,239 @@
+//! A straight chain between two walls, of which everything is known in closed form.
+//!
+//! With N free particles of mass m and springs of stiffness k, rest length l0 and length l, −K has along the chain the eigenvalues
+//! `(k/l0) μⱼ` and across it `k (1/l0 − 1/l) μⱼ`, with `μⱼ = 4 sin²(jπ/(2(N + 1)))`, j = 1 … N; A has `m/dt²` more.
+
+use super::krylov::Krylov;
+use super::{CriticalSteps, Inertia, InertiaMethod, Inspection, LargestStep, Minimality, Property, spectrum};
+use crate::force::Extensions;
+use crate::inspect::smallest_set;
+use crate::integrate::StepMatrices;
+use crate::linear::norm;
+use crate::spring::{Spring, Stiffness};
+use crate::system::{State, System, SystemBuilder};
+use crate::work::Work;
+use faer::Par;
+use nalgebra::DMatrix;
+use std::f64::consts::PI;
+
+const MASS: f64 = 2.0;
+const STIFFNESS: f64 = 50.0;
+
+/// In a plane, springs of length one.
+fn chain(free: usize, rest_length: f64) -> (System, State) {
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    for p in 0..free + 2 {
+        builder.particle([p as f64, 0.0, 0.0], MASS);
+    }
+    for p in 0..=free {
+        builder.spring(p, p + 1, Spring { stiffness: STIFFNESS, rest_length, damping: 0.0 });
+    }
+    builder.hold(0);
+    builder.hold(free + 1);
+    builder.build().unwrap()
+}
+
+fn mu(free: usize) -> Vec<f64> {
+    (1..=free).map(|j| 4.0 * (j as f64 * PI / (2.0 * (free as f64 + 1.0))).sin().powi(2)).collect()
+}
+
+fn coefficients(rest_length: f64) -> [f64; 2] {
+    [STIFFNESS / rest_length, STIFFNESS * (1.0 / rest_length - 1.0)]
+}
+
+/// Eigenvalues of A, ascending.
+fn eigenvalues(free: usize, rest_length: f64, dt: f64) -> Vec<f64> {
+    let mu = mu(free);
+    let of = |c: f64| mu.iter().map(move |mu| MASS / (dt * dt) + c * mu);
+    let mut values: Vec<f64> = coefficients(rest_length).into_iter().flat_map(of).collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+/// The step at which `m/dt²` is some number, in N/m.
+fn step_for(inertia: f64) -> f64 {
+    (MASS / inertia).sqrt()
+}
+
+/// Small ones are diagonalised, large ones searched: pressed to four fifths of their length, and stretched to twice it. (With 30 N/m a pivot
+/// of the pressed chain vanishes.)
+#[test]
+fn spectra_are_those_of_the_closed_form() {
+    for (free, rest_length, inertia) in [(130, 1.25, 33.0), (130, 0.5, 33.0), (9, 1.25, 33.0), (130, 1.25, 60.0)] {
+        let (system, state) = chain(free, rest_length);
+        let dt = step_for(inertia);
+        let a = StepMatrices::assemble(&system, &state, Stiffness::Full, dt).unwrap().a;
+        let values = eigenvalues(free, rest_length, dt);
+        let negative = values.iter().filter(|&&value| value < 0.0).count();
+        let signs = Inertia::of(&a).unwrap();
+        assert_eq!((signs.negative, signs.zero, signs.positive), (negative, 0, 2 * free - negative));
+        assert!(signs.method != InertiaMethod::None && signs.factorization_error <= signs.band && signs.band < 1e-11);
+        assert_eq!(signs.is_definite(), negative == 0);
+
+        let wanted = 6;
+        let mut work = Work::default();
+        let found = spectrum(&a, &signs, wanted, Par::Seq, &mut work).unwrap();
+        assert!(found.lowest.len() >= wanted && work.symbolic_factorizations == 1);
+        let size = values.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+        for (pair, value) in found.lowest.iter().zip(&values) {
+            // What is certified of both ends is half a millionth of ‖A‖.
+            assert!((pair.value - value).abs() <= 5e-7 * size, "{} {value}", pair.value);
+            assert!((norm(&pair.vector) - 1.0).abs() < 1e-12 && pair.residual < 1e-3 * size);
+        }
+        assert!((found.largest - values[2 * free - 1]).abs() <= 5e-7 * size, "{}", found.largest);
+        assert_eq!(found.smallest(), found.lowest[0].value);
+        assert_eq!(found.negative().len(), found.lowest.iter().filter(|pair| pair.value < 0.0).count());
+        let nearest = values.iter().fold(f64::INFINITY, |nearest, value| nearest.min(value.abs()));
+        // Of a definite matrix a thousandth of λ_min is certified.
+        assert!((found.condition * nearest / size - 1.0).abs() < 2e-3, "{} {}", found.condition, size / nearest);
+    }
+}
+
+/// A is definite as long as `m/dt²` outweighs `k (1/l − 1/l0) μ_N`; with the axial option the motion across a stretched chain is
+/// stable as long as `4 m/dt²` outweighs `k (1/l0 − 1/l) μ_N`.
+#[test]
+fn critical_steps_are_those_of_the_closed_form() {
+    for free in [5, 40] {
+        let highest = mu(free)[free - 1];
+        let check = |rest_length: f64, property, option, expected: Option<f64>| {
+            let (system, state) = chain(free, rest_length);
+            let mut steps = CriticalSteps::new(&system, &state, Par::Seq).unwrap();
+            match (steps.largest_step(property, option), expected) {
+                (LargestStep::Every, None) => {}
+                (LargestStep::UpTo { dt, refused }, Some(expected)) => {
+                    assert!(dt < refused && refused < dt * (1.0 + 1e-6), "{dt} {refused}");
+                    assert!((dt / expected - 1.0).abs() < 1e-6, "{dt} {expected}");
+                }
+                (found, _) => panic!("{found:?}, not {expected:?}"),
+            }
+            assert!(steps.work.factorizations > 0);
+        };
+        let [_, pressed] = coefficients(1.25);
+        let definite = Some(step_for(-pressed * highest));
+        check(1.25, Property::Definite, Stiffness::Full, definite);
+        check(1.25, Property::Stable, Stiffness::Full, definite);
+        let [_, stretched] = coefficients(0.5);
+        check(0.5, Property::Stable, Stiffness::Axial, Some(step_for(stretched * highest / 4.0)));
+    }
+}
+
+/// A without the transverse terms of some springs, across the chain: whether it is positive definite.
+fn is_definite_without(free: usize, inertia: f64, dropped: &[usize]) -> bool {
+    let [_, across] = coefficients(1.25);
+    let mut matrix = DMatrix::from_diagonal_element(free, free, inertia);
+    for spring in (0..=free).filter(|spring| !dropped.contains(spring)) {
+        // Its ends are the free particles before and behind it.
+        let ends = [spring.checked_sub(1), Some(spring).filter(|&end| end < free)];
+        for (a, end) in ends.iter().enumerate() {
+            for (b, other) in ends.iter().enumerate() {
+                if let (Some(end), Some(other)) = (end, other) {
+                    matrix[(*end, *other)] += if a == b { across } else { -across };
+                }
+            }
+        }
+    }
+    matrix.symmetric_eigenvalues().min() > 0.0
+}
+
+/// Without the springs of the set A is definite, and none of them can be spared.
+#[test]
+fn sets_are_enough_and_no_more() {
+    for (free, inertia) in [(7, 30.0), (7, 12.0), (20, 35.0)] {
+        let (system, state) = chain(free, 1.25);
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let mut work = Work::default();
+        let set = smallest_set(&system, &extensions, step_for(inertia), Par::Seq, &mut work).unwrap();
+        assert_eq!((set.minimality, set.tension), (Minimality::Irredundant, free + 1));
+        assert!(!set.springs.is_empty() && set.springs.len() < free + 1, "{:?}", set.springs);
+        assert!(is_definite_without(free, inertia, &set.springs));
+        for spared in &set.springs {
+            let others: Vec<usize> = set.springs.iter().copied().filter(|spring| spring != spared).collect();
+            assert!(!is_definite_without(free, inertia, &others), "{spared} of {:?}", set.springs);
+        }
+        // Nothing need be dropped where A is definite.
+        let none = smallest_set(&system, &extensions, step_for(41.0), Par::Seq, &mut work).unwrap();
+        assert!(none.springs.is_empty());
+    }
+}
+
+/// All of it at once, at the state of a short chain.
+#[test]
+fn inspections_say_what_is_known() {
+    let (free, inertia) = (7, 30.0);
+    let (system, state) = chain(free, 1.25);
+    let dt = step_for(inertia);
+    let found = Inspection::at(&system, &state, dt, Stiffness::Full, Par::Seq).unwrap();
+    let values = eigenvalues(free, 1.25, dt);
+    let negative = values.iter().filter(|&&value| value < 0.0).count();
+    assert!(negative > 1 && found.left_out.is_empty());
+    assert_eq!((found.growing_modes, found.compressed_springs, found.dt), (free, free + 1, dt));
+    let full = found.examined();
+    assert_eq!((full.option, full.inertia.negative), (Stiffness::Full, negative));
+    assert!((full.smallest - values[0]).abs() < 1e-9 && (full.largest - values[2 * free - 1]).abs() < 1e-9);
+    let critical = step_for(10.0 * mu(free)[free - 1]);
+    assert!(full.critical.dt().is_some_and(|dt| (dt / critical - 1.0).abs() < 1e-6));
+    for option in &found.options[1..] {
+        assert_eq!((option.inertia.negative, option.critical), (0, LargestStep::Every), "{}", option.option.name());
+        // Without what is negative across, m/dt² is all there is.
+        assert!((option.smallest - inertia).abs() < 1e-9);
+    }
+    assert_eq!(found.directions.len(), negative);
+    for (direction, value) in found.directions.iter().zip(&values) {
+        assert!((direction.eigenvalue - value).abs() < 1e-9);
+        assert!((direction.stiffness_curvature - (value - inertia)).abs() < 1e-9);
+        // Every spring is as strained, and bends the energy by its part of the whole.
+        let shares: f64 = direction.culprits.iter().map(|culprit| culprit.share).sum();
+        assert!((shares - 1.0).abs() < 0.01, "{shares}");
+        for culprit in &direction.culprits {
+            assert!((culprit.strain + 0.2).abs() < 1e-12 && culprit.curvature < 0.0);
+            assert_eq!(culprit.particles, [culprit.spring, culprit.spring + 1]);
+            assert!((culprit.share - culprit.curvature / direction.stiffness_curvature).abs() < 1e-12);
+            // There is no part along: without its transverse term it bends nothing.
+            assert!((culprit.relieved - (direction.eigenvalue - culprit.curvature)).abs() < 1e-9);
+        }
+        assert!(direction.movers.iter().all(|mover| mover.displacement.x.abs() < 1e-9));
+    }
+    let first = found.first.as_ref().unwrap();
+    assert!(!first.definite && first.worst().is_some());
+    let set = found.smallest_set.as_ref().unwrap();
+    assert!(is_definite_without(free, inertia, &set.springs));
+    assert!(!found.clusters.is_empty() && (found.clusters[0].strain + 0.2).abs() < 1e-12);
+
+    // A step so short that A is definite.
+    let safe = Inspection::at(&system, &state, step_for(50.0), Stiffness::Full, Par::Seq).unwrap();
+    assert!(safe.examined().inertia.is_definite() && safe.smallest_set.is_none() && safe.clusters.is_empty());
+    assert!(safe.first.as_ref().is_none_or(|first| first.definite));
+}
+
+/// Of a diagonal matrix: the largest entries, as often as they occur, with residuals that are what they say.
+#[test]
+fn krylov_spaces_find_the_largest_eigenvalues() {
+    let n = 300;
+    let mut diagonal: Vec<f64> = (0..n).map(|k| (k as f64 * 0.37).sin() * 5.0 - 1.0).collect();
+    diagonal[17] = 9.0;
+    diagonal[200] = 9.0;
+    diagonal[3] = 7.0;
+    let mut columns = 0;
+    let mut apply = |x: &[f64], y: &mut [f64]| {
+        columns += x.len() / n;
+        for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
+            x.iter().zip(y).zip(&diagonal).for_each(|((x, y), d)| *y = d * x);
+        }
+    };
+    let mut space = Krylov::new(n, 3, &mut apply);
+    let pairs = space.iterate(1e-9, 200, &mut apply);
+    assert_eq!(pairs.len(), 3);
+    for (pair, expected) in pairs.iter().zip([9.0, 9.0, 7.0]) {
+        assert!((pair.value - expected).abs() < 1e-10, "{}", pair.value);
+        let residual: f64 = pair.vector.iter().zip(&diagonal).map(|(x, d)| ((d - pair.value) * x).powi(2)).sum();
+        assert!(pair.residual < 1e-8 && residual.sqrt() < 1e-6 && (norm(&pair.vector) - 1.0).abs() < 1e-12);
+    }
+    let overlap: f64 = pairs[0].vector.iter().zip(&pairs[1].vector).map(|(x, y)| x * y).sum();
+    assert!(overlap.abs() < 1e-8, "{overlap}");
+    // An eigenvector to begin with needs no search.
+    let before = pairs[0].vector.clone();
+    let mut space = Krylov::from_vectors(n, 1, &[before], &mut apply);
+    let again = space.iterate(1e-6, 0, &mut apply);
+    assert!((again[0].value - 9.0).abs() < 1e-10 && again[0].residual < 1e-6);
+    assert!(columns < 2 * n, "{columns} products");
+}
