@@ -1,62 +1,161 @@
-//! Multigrid on cloths and lattices: set-up, cycle and solve beside the product with A.
+//! Multigrid in work units, and through a motion.
 //!
-//! `cargo bench --bench multigrid -- [THREADS [SCENE SIZE [STIFFER [OPTION]]]…]`, for example `2 cloth 316 1 tension`. Times are
-//! the least of several, in milliseconds, elapsed and (with one thread) computed: the latter counts on a busy machine.
+//! `cargo bench --bench multigrid -- [solve] [THREADS [SCENE SIZE [STIFFER [OPTION]]]…]`, for example `solve 2 cloth 316 1 tension`: a
+//! solve to 1e-10, set-up included, in products A·w of the same matrix. A product is timed beside every cycle and every set-up, so that
+//! what else the machine does slows both; with one thread times are those that it computed, not those that elapsed.
+//!
+//! `… -- motion THREADS DT STEPS SCENE…`, for example `motion 1 0.01 60 cloth:100 rough:100 verification/scenes/bunny.toml`: iterations to
+//! 1e-10 and set-ups of each step of linear backward Euler. `cloth` and `lattice` swing down from rest, `rough` is the cloth of the
+//! solves: stiff, and crumpled by 3 % of its spacing.
 
 #[path = "scenes.rs"]
 mod scenes;
 
+use cpu_time::ThreadTime;
 use sprung::force::Extensions;
-use sprung::linear::{CgSolver, LinearSolver, PreconditionerKind, Prepare};
-use sprung::multigrid::Multigrid;
+use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
+use sprung::linear::{CgSolver, Precondition, PreconditionerKind, Prepare, SolveFailure, SolverChoice, SolverOptions};
+use sprung::multigrid::{Multigrid, Part};
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
+use sprung::scene::builtin;
 use sprung::work::Work;
-use sprung::{State, Stiffness, System};
+use sprung::{Scene, State, Stiffness, System};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-const SCENES: [(&str, &str, &str, &str); 6] = [
-    ("cloth", "32", "1", "tension"),
-    ("cloth", "100", "1", "tension"),
-    ("cloth", "316", "1", "tension"),
-    ("lattice", "10", "1", "tension"),
-    ("lattice", "22", "1", "tension"),
-    ("lattice", "46", "1", "tension"),
-];
+const SCENES: [&str; 6] = ["cloth 32", "cloth 100", "cloth 316", "lattice 10", "lattice 22", "lattice 46"];
+
+/// Products beside a set-up.
+const PRODUCTS: usize = 10;
+
+/// A solve is timed so often that at least this many particles are solved for, and the cheapest counts.
+const PARTICLES: usize = 300_000;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
-    let threads = arguments.first().map_or(1, |threads| threads.parse().unwrap());
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    pool.install(|| {
-        if arguments.len() < 5 {
-            SCENES.into_iter().for_each(measure);
-        }
-        for scene in arguments[1.min(arguments.len())..].chunks_exact(4) {
-            measure((&scene[0], &scene[1], &scene[2], &scene[3]));
+    let mut words = arguments.iter().map(String::as_str).peekable();
+    let is_motion = words.next_if(|word| matches!(*word, "solve" | "motion")) == Some("motion");
+    let threads = words.next().map_or(1, |threads| threads.parse().unwrap());
+    let rest: Vec<&str> = words.collect();
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+        if is_motion {
+            let [dt, steps, scenes @ ..] = &rest[..] else { panic!("DT STEPS SCENE…") };
+            scenes.iter().for_each(|scene| motion(scene, dt.parse().unwrap(), steps.parse().unwrap()));
+        } else if rest.len() < 4 {
+            SCENES.iter().for_each(|scene| solve(scene.split_once(' ').unwrap(), 1.0, "tension"));
+        } else {
+            rest.chunks_exact(4).for_each(|scene| solve((scene[0], scene[1]), scene[2].parse().unwrap(), scene[3]));
         }
     });
 }
 
-/// Elapsed milliseconds, and those that this thread computed where the system tells.
-fn clocks() -> [f64; 2] {
-    thread_local!(static START: Instant = Instant::now());
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    let computed = text.split_whitespace().next().and_then(|nanoseconds| nanoseconds.parse::<f64>().ok());
-    [START.with(|start| start.elapsed().as_secs_f64() * 1e3), computed.unwrap_or(f64::NAN) / 1e6]
+/// Time of this thread if it does all the work, else time of day.
+#[derive(Debug, Clone, Copy)]
+enum Clock {
+    Thread(ThreadTime),
+    Day(Instant),
 }
 
-/// The least elapsed and computed time of some repeats.
-fn time(repeats: usize, mut f: impl FnMut()) -> String {
-    let mut least = [f64::INFINITY; 2];
-    for _ in 0..repeats {
-        let start = clocks();
-        f();
-        let end = clocks();
-        for k in 0..2 {
-            least[k] = least[k].min(end[k] - start[k]);
-        }
+impl Clock {
+    fn now() -> Self {
+        if rayon::current_num_threads() == 1 { Self::Thread(ThreadTime::now()) } else { Self::Day(Instant::now()) }
     }
-    format!("{:.1}/{:.1}", least[0], least[1])
+
+    /// Milliseconds since then; starts anew.
+    fn lap(&mut self) -> f64 {
+        let passed = match self {
+            Self::Thread(start) => start.elapsed(),
+            Self::Day(start) => start.elapsed(),
+        };
+        *self = Self::now();
+        passed.as_secs_f64() * 1e3
+    }
+}
+
+/// What set-up and solve are made of, in the order of the table.
+const ROWS: [&str; 9] = [
+    "set-up: smoother",
+    "set-up: prolongator",
+    "set-up: first coarse matrix",
+    "set-up: coarse levels",
+    "conversion",
+    "smoothing, finest level",
+    "transfers",
+    "coarse levels",
+    "conjugate gradients",
+];
+
+/// Milliseconds by rows, and those of products beside the set-up and beside the cycles.
+#[derive(Debug, Clone, Default)]
+struct Times {
+    rows: [f64; ROWS.len()],
+    setup_products: Vec<f64>,
+    products: Vec<f64>,
+}
+
+impl Times {
+    fn done(&mut self, part: Part, time: f64) {
+        let row = match part {
+            Part::Prolongator => 1,
+            Part::CoarseMatrix => 2,
+            Part::CoarseSetup => 3,
+            Part::Conversion => 4,
+            Part::Smoothing => 5,
+            Part::Transfer => 6,
+            Part::CoarseLevels => 7,
+        };
+        self.rows[row] += time;
+    }
+
+    /// The rows in products.
+    fn units(&self) -> [f64; ROWS.len()] {
+        let mean = |products: &[f64]| products.iter().sum::<f64>() / products.len() as f64;
+        let (setup, solve) = (mean(&self.setup_products), mean(&self.products));
+        std::array::from_fn(|row| self.rows[row] / if row < 4 { setup } else { solve })
+    }
+}
+
+/// Multigrid that times its parts, and a product beside them.
+#[derive(Debug)]
+struct Timed {
+    multigrid: Multigrid,
+    a: SystemOperator<'static>,
+    w: Vec<f64>,
+    y: Vec<f64>,
+    times: Arc<Mutex<Times>>,
+}
+
+impl Precondition for Timed {
+    fn name(&self) -> &'static str {
+        "timed multigrid"
+    }
+
+    fn update(&mut self, a: &SystemOperator, _: &mut Work) -> Result<(), SolveFailure> {
+        let mut times = self.times.lock().unwrap();
+        *times = Times::default();
+        let mut clock = Clock::now();
+        for part in 0..2 {
+            for _ in 0..PRODUCTS / 2 {
+                self.a.apply(&self.w, &mut self.y);
+                let time = clock.lap();
+                times.setup_products.push(time);
+            }
+            if part == 0 {
+                self.multigrid.refill(a).unwrap();
+                times.rows[0] = clock.lap();
+                self.multigrid.rebuild_watched(a, &mut |part| times.done(part, clock.lap())).unwrap();
+            }
+        }
+        Ok(())
+    }
+
+    fn apply(&mut self, r: &[f64], z: &mut [f64]) {
+        let mut times = self.times.lock().unwrap();
+        let mut clock = Clock::now();
+        self.multigrid.apply_watched(r, z, &mut |part| times.done(part, clock.lap()));
+        self.a.apply(&self.w, &mut self.y);
+        times.products.push(clock.lap());
+    }
 }
 
 /// Without damping, `stiffer` times as stiff.
@@ -69,39 +168,91 @@ fn scene(kind: &str, size: usize, stiffer: f64) -> (System, State) {
     builder.build().unwrap()
 }
 
-fn measure((kind, size, stiffer, option): (&str, &str, &str, &str)) {
-    let (system, state) = scene(kind, size.parse().unwrap(), stiffer.parse().unwrap());
+fn solve((kind, size): (&str, &str), stiffer: f64, option: &str) {
+    let (system, state) = scene(kind, size.parse().unwrap(), stiffer);
+    // The preconditioner keeps the matrix for its products.
+    let system: &'static System = Box::leak(Box::new(system));
     let option = Stiffness::ALL.into_iter().find(|o| o.name() == option).unwrap();
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
-    let a = SystemOperator::new(&system, &extensions, option, Combination::step(0.01));
+    let extensions = Extensions::at(system, &state.positions).unwrap();
+    let a = SystemOperator::new(system, &extensions, option, Combination::step(0.01));
     let b: Vec<f64> = (0..system.dofs().len()).map(|i| (i as f64 * 0.754_877_666).sin()).collect();
-    let mut z = b.clone();
 
-    let analyse = time(1, || drop(Multigrid::new(&system).unwrap()));
-    let mut multigrid = Multigrid::new(&system).unwrap();
+    let mut clock = Clock::now();
+    let mut multigrid = Multigrid::new(system).unwrap();
+    let analysis = clock.lap();
     multigrid.place(&state.positions);
-    multigrid.refill(&a).unwrap();
-    let first = time(1, || multigrid.rebuild(&a).unwrap());
-    let refill = time(3, || multigrid.refill(&a).unwrap());
-    let rebuild = time(3, || multigrid.rebuild(&a).unwrap());
-    let cycle = time(10, || multigrid.apply(&b, &mut z));
-    let product = time(10, || a.apply(&b, &mut z));
-    let levels = multigrid.levels();
-    let bytes = multigrid.bytes() / system.particles();
-    drop(multigrid);
+    let (levels, bytes) = (multigrid.levels(), multigrid.bytes() / system.particles());
+    // Its memory is touched for the first time here.
+    multigrid.refill(&a).and_then(|()| multigrid.rebuild(&a)).unwrap();
+    let first = clock.lap();
 
-    let mut work = Work::default();
-    let mut solver = CgSolver::matrix_free(&system, Some(PreconditionerKind::Multigrid), 1e-10).unwrap();
-    solver.place(&state.positions);
-    let mut solver = solver.prepare(&a, &mut work).unwrap();
-    z.fill(0.0);
-    // Once: the next time it would start from this solution.
-    let solve = time(1, || _ = solver.solve(&b, &mut z, &mut work).unwrap());
+    let times = Arc::new(Mutex::new(Times::default()));
+    let timed = Timed { multigrid, a: a.clone(), w: b.clone(), y: b.clone(), times: times.clone() };
+    let mut solver = CgSolver::with_preconditioner(system, Box::new(timed), 1e-10);
+    let mut best: Option<(Times, f64)> = None;
+    let mut iterations = 0;
+    for _ in 0..PARTICLES.div_ceil(system.particles()).clamp(1, 5) {
+        let mut work = Work::default();
+        let mut solver = solver.prepare(&a, &mut work).unwrap();
+        let mut x = vec![0.0; b.len()];
+        // From zeros it would start from the last solution.
+        x[0] = 1e-300;
+        clock.lap();
+        solver.solve(&b, &mut x, &mut work).unwrap();
+        let whole = clock.lap();
+        let mut times = times.lock().unwrap().clone();
+        times.rows[8] = whole - times.rows[4..8].iter().sum::<f64>() - times.products.iter().sum::<f64>();
+        let units = times.units().iter().sum();
+        if best.as_ref().is_none_or(|&(_, least)| units < least) {
+            best = Some((times, units));
+        }
+        iterations = work.cg_iterations;
+    }
+    let (times, whole) = best.unwrap();
+    let units = times.units();
+    let product = times.products.iter().sum::<f64>() / times.products.len() as f64;
     println!(
-        "{kind} {size} ×{stiffer} {}: {} iterations; analyse {analyse}, first set-up {first}, refill {refill}, rebuild \
-         {rebuild}, solve {solve}, cycle {cycle}, product {product}; {bytes} B a particle, nodes {:?}",
+        "{kind} {size} ×{stiffer} {}: {iterations} iterations, {whole:.0} products: set-up {:.0}, solve {:.0} ({:.2} an iteration); a product \
+         {product:.2} ms; analysis {:.0} products, first set-up {:.0}; {bytes} B a particle, nodes {:?}, entries {:.2}",
         option.name(),
-        work.cg_iterations,
+        units[..4].iter().sum::<f64>(),
+        units[4..].iter().sum::<f64>(),
+        units[4..].iter().sum::<f64>() / iterations as f64,
+        analysis / product,
+        first / product,
         levels.iter().map(|level| level.nodes).collect::<Vec<_>>(),
+        levels.iter().map(|level| level.entries).sum::<usize>() as f64 / levels[0].entries as f64,
+    );
+    for (row, (name, units)) in ROWS.iter().zip(units).enumerate() {
+        let each = if row < 4 { String::new() } else { format!(", {:.2} an iteration", units / iterations as f64) };
+        println!("    {name}: {units:.1}{each}");
+    }
+}
+
+fn motion(name: &str, dt: f64, steps: usize) {
+    let (system, mut state) = match name.split_once(':') {
+        Some(("cloth", size)) => builtin::cloth(size.parse().unwrap()).unwrap().build().unwrap(),
+        Some(("lattice", size)) => builtin::lattice(size.parse().unwrap()).unwrap().build().unwrap(),
+        Some((_, size)) => scene("cloth", size.parse().unwrap(), 1.0),
+        None => Scene::load(name).unwrap().build().unwrap(),
+    };
+    let preconditioner = Some(PreconditionerKind::Multigrid);
+    let linear = SolverOptions { solver: SolverChoice::Cg, preconditioner, ..Default::default() };
+    let options = ImplicitOptions { stiffness: Stiffness::Tension.into(), linear };
+    let mut stepper = LinearBackwardEuler::new(&system, &state, &options).unwrap();
+    let mut before = Work::default();
+    let (mut iterations, mut setups) = (Vec::new(), Vec::new());
+    for _ in 0..steps {
+        stepper.step(&mut state, dt).unwrap();
+        let work = stepper.statistics().work;
+        iterations.push(work.cg_iterations - before.cg_iterations);
+        setups.push(work.multigrid_setups - before.multigrid_setups);
+        before = work;
+    }
+    println!(
+        "{name}, dt {dt}: {} iterations, {} set-ups; most {}; by steps {iterations:?}; set-ups {setups:?}",
+        before.cg_iterations,
+        before.multigrid_setups,
+        iterations.iter().max().unwrap(),
     );
 }

@@ -323,6 +323,38 @@ fn coarse_levels_are_kept_as_long_as_they_serve() {
     assert!(work.cg_iterations.abs_diff(705) <= 6, "{} iterations", work.cg_iterations);
 }
 
+/// Iterations of every step.
+fn iterations(scene: &(System, State), dt: f64, steps: usize) -> Vec<u64> {
+    let preconditioner = Some(PreconditionerKind::Multigrid);
+    let linear = SolverOptions { solver: SolverChoice::Cg, preconditioner, ..Default::default() };
+    let options = ImplicitOptions { stiffness: Stiffness::Tension.into(), linear };
+    let mut state = scene.1.clone();
+    let mut stepper = LinearBackwardEuler::new(&scene.0, &state, &options).unwrap();
+    let mut before = 0;
+    let mut step = || {
+        stepper.step(&mut state, dt).unwrap();
+        let all = stepper.statistics().work.cg_iterations;
+        all - std::mem::replace(&mut before, all)
+    };
+    (0..steps).map(|_| step()).collect()
+}
+
+/// Of the second step and the third: a cloth that begins flat and at rest takes next to none in the first.
+#[test]
+fn iterations_of_a_motion_stay_within_half_as_many_again_as_those_of_its_first_steps() {
+    let falling = || builtin::cloth(40).unwrap().build().unwrap();
+    for (name, scene, dt) in [
+        ("cloth", falling(), 0.01),
+        ("cloth", falling(), 1.0 / 60.0),
+        ("rough cloth", cloth(40, 1.0), 1.0 / 60.0),
+        ("lattice", builtin::lattice(8).unwrap().build().unwrap(), 1.0 / 60.0),
+    ] {
+        let counts = iterations(&scene, dt, 40);
+        let (first, most) = (counts[1].max(counts[2]), counts[1..].iter().max().unwrap());
+        assert!(*most as f64 <= 1.5 * first as f64, "{name}, dt {dt}: {counts:?}");
+    }
+}
+
 #[test]
 fn the_automatic_choice_takes_multigrid_where_block_jacobi_is_slow() {
     let scene = cloth(40, 1.0);

@@ -2,7 +2,9 @@
 //!
 //! The finest level always has the matrix at hand. The coarse levels are recomputed when the iterations that their age has
 //! cost since they were new add up to what recomputing costs: whatever comes next, this is at most twice the work of the
-//! best choice of moments (the argument of renting or buying skis). All is counted in iterations, never in seconds: a run
+//! best choice of moments (the argument of renting or buying skis). They are also recomputed after a solve in which they took a
+//! quarter more iterations than new ones: in a motion that speeds up what is slow now is slower in the next step, and iterations
+//! are to stay what they were in the first ones. All is counted in iterations, never in seconds: a run
 //! does the same as often as it is repeated (see `docs/robustness.md` for what another kind of processor may change).
 
 use super::outcome::{Evidence, SolveFailure};
@@ -13,11 +15,15 @@ use crate::system::System;
 use crate::work::Work;
 use nalgebra::Vector3;
 
-/// What recomputing the coarse levels costs, in iterations: as measured, between 14 and 25.
-const REBUILD: f64 = 20.0;
+/// What recomputing the coarse levels costs, in iterations: as measured, between 8 and 11 (`cargo bench --bench multigrid`).
+const REBUILD: f64 = 10.0;
+
+/// Coarse levels that took so many times the iterations of new ones, and more than one beyond, are not used again: the next solve would
+/// take still more.
+const SLOW: f64 = 1.25;
 
 /// Iterations that old coarse levels may take in one solve, in those that new ones took.
-const PATIENCE: f64 = 2.0;
+const PATIENCE: f64 = 1.5;
 
 /// Age of the coarse levels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,7 +85,7 @@ impl ReusedMultigrid {
     /// levels; `None` when they are new.
     pub fn patience(&self, digits: f64) -> Option<u64> {
         match self.coarse {
-            Coarse::Used { per_digit, .. } => Some((PATIENCE * per_digit * digits + REBUILD) as u64),
+            Coarse::Used { per_digit, .. } => Some((PATIENCE * per_digit * digits + 0.5 * REBUILD) as u64),
             Coarse::New | Coarse::Missing => None,
         }
     }
@@ -92,7 +98,13 @@ impl ReusedMultigrid {
         }
         match &mut self.coarse {
             Coarse::New => self.coarse = Coarse::Used { per_digit: iterations as f64 / digits, lost: 0.0 },
-            Coarse::Used { per_digit, lost } => *lost += (iterations as f64 - *per_digit * digits).max(0.0),
+            Coarse::Used { per_digit, lost } => {
+                let (taken, expected) = (iterations as f64, *per_digit * digits);
+                *lost += (taken - expected).max(0.0);
+                if taken > SLOW * expected + 1.0 {
+                    *lost = lost.max(REBUILD);
+                }
+            }
             Coarse::Missing => {}
         }
     }
@@ -149,21 +161,27 @@ mod tests {
             multigrid.record(iterations, digits);
             assert_eq!(multigrid.coarse, coarse, "after {iterations} iterations for {digits} digits");
         }
+        // A quarter more than six a digit and one are seven and a half and one.
+        for (iterations, lost) in [(8, 2.0), (9, 10.0)] {
+            let mut multigrid = aged(used(6.0, 0.0));
+            multigrid.record(iterations, 1.0);
+            assert_eq!(multigrid.coarse, used(6.0, lost), "after {iterations} iterations for one digit");
+        }
         let mut multigrid = aged(Coarse::Missing);
         multigrid.record(30, 5.0);
         assert_eq!(multigrid.coarse, Coarse::Missing);
     }
 
-    /// Old coarse levels may take twice the iterations of new ones and the price of new ones, twenty iterations:
-    /// 2·3·4 + 20.
+    /// Old coarse levels may take half as many iterations again as new ones, and half the price of new ones, ten iterations:
+    /// 1.5·3·4 + 5.
     #[test]
     fn patience_ends() {
-        assert_eq!(aged(used(3.0, 1.0)).patience(4.0), Some(44));
+        assert_eq!(aged(used(3.0, 1.0)).patience(4.0), Some(23));
         assert_eq!(aged(Coarse::New).patience(4.0), None);
         assert_eq!(aged(Coarse::Missing).patience(4.0), None);
     }
 
-    /// Coarse levels are recomputed as soon as twenty iterations are lost, and where there are none that a solve has used.
+    /// Coarse levels are recomputed as soon as ten iterations are lost, and where there are none that a solve has used.
     #[test]
     fn coarse_levels_last_until_their_price_is_lost() {
         let (system, state) = cloth(3).unwrap().build().unwrap();
@@ -173,9 +191,9 @@ mod tests {
             (Coarse::Missing, 1, Coarse::New),
             (Coarse::New, 1, Coarse::New),
             (used(3.0, 0.0), 0, used(3.0, 0.0)),
-            (used(3.0, 19.75), 0, used(3.0, 19.75)),
-            (used(3.0, 20.0), 1, Coarse::New),
-            (used(3.0, 20.25), 1, Coarse::New),
+            (used(3.0, 9.75), 0, used(3.0, 9.75)),
+            (used(3.0, 10.0), 1, Coarse::New),
+            (used(3.0, 10.25), 1, Coarse::New),
         ] {
             let (mut multigrid, mut work) = (aged(before), Work::default());
             multigrid.update(&a, &mut work).unwrap();

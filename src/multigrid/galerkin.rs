@@ -28,6 +28,9 @@ const SECTION: usize = 16_384;
 /// Rows of A_c that one thread sums up at a stretch: few of them have a part in a section.
 const GRAIN: usize = 64;
 
+/// Aggregates around a node that are added up before they go to a row of A_c.
+const FEW: usize = 6;
+
 /// The triple product. Its intermediate A P takes several times the memory of P, so it is made section by section.
 #[derive(Debug, Clone)]
 pub(super) struct Galerkin<const N: usize, const M: usize> {
@@ -82,53 +85,95 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
         for Section { rows, coarse } in sections {
             let positions = product.positions(rows);
             let section = &mut section[..positions.len()];
-            for_each_row_of(product, rows.clone(), GRAIN, section, &|row, sums| {
-                sums.fill(zero());
-                a.visit(row, |node, a| {
-                    let mut slots = Slots::new(product.columns(row), sums);
-                    for (column, p) in p.row(node) {
-                        if let Some(sum) = slots.find(column) {
-                            add_product(sum, a, &double(p));
-                        }
-                    }
-                });
-            });
+            for_each_row_of(
+                product,
+                rows.clone(),
+                GRAIN,
+                section,
+                #[inline(always)]
+                |row, sums| {
+                    sums.fill(zero());
+                    a.visit(
+                        row,
+                        #[inline(always)]
+                        |node, a| {
+                            let mut slots = Slots::new(product.columns(row), sums);
+                            for (column, p) in p.row(node) {
+                                if let Some(sum) = slots.find(column) {
+                                    add_product(sum, a, &double(p));
+                                }
+                            }
+                        },
+                    );
+                },
+            );
             let values = &mut values[pattern.positions(coarse)];
-            for_each_row_of(pattern, coarse.clone(), GRAIN, values, &|row, sums| {
-                for (node, p) in prolongator.column_within(row, rows.clone()) {
-                    let p = double(p);
-                    let mut slots = Slots::new(pattern.columns(row), sums);
-                    let of_node = product.row(node);
-                    let blocks = &section[of_node.start - positions.start..of_node.end - positions.start];
-                    for (&column, product) in product.columns(node).iter().zip(blocks) {
-                        if let Some(sum) = slots.find(column as usize) {
-                            add_transposed_product(sum, &p, product);
+            for_each_row_of(
+                pattern,
+                coarse.clone(),
+                GRAIN,
+                values,
+                #[inline(always)]
+                |row, sums| {
+                    for (node, p) in prolongator.column_within(row, rows.clone()) {
+                        let p = double(p);
+                        let mut slots = Slots::new(pattern.columns(row), sums);
+                        let of_node = product.row(node);
+                        let blocks = &section[of_node.start - positions.start..of_node.end - positions.start];
+                        for (&column, product) in product.columns(node).iter().zip(blocks) {
+                            if let Some(sum) = slots.find(column as usize) {
+                                add_transposed_product(sum, &p, product);
+                            }
                         }
                     }
-                }
-            });
+                },
+            );
         }
-        for_each_row_of(pattern, 0..pattern.rows(), GRAIN, values, &|row, sums| {
-            for (node, t) in prolongator.tentative_column(row) {
-                let t: Block<N, M> = double(t);
-                a.visit(node, |other, a| {
-                    let Some((aggregate, of_other)) = prolongator.tentative_row(other) else { return };
-                    if let Ok(slot) = pattern.columns(row).binary_search(&aggregate)
-                        && let Some(sum) = sums.get_mut(slot)
-                    {
-                        let mut product: Block<N, M> = zero();
-                        add_product(&mut product, a, &double(of_other));
-                        product.as_flattened_mut().iter_mut().for_each(|entry| *entry *= UNSMOOTHED);
-                        add_transposed_product(sum, &t, &product);
-                    }
-                });
-            }
-            if let Some(block) = Slots::new(pattern.columns(row), sums).find(row) {
-                for motion in (0..M).filter(|&motion| !prolongator.modes[row].has(motion)) {
-                    block[motion][motion] = 1.0;
+        for_each_row_of(
+            pattern,
+            0..pattern.rows(),
+            GRAIN,
+            values,
+            #[inline(always)]
+            |row, sums| {
+                for (node, t) in prolongator.tentative_column(row) {
+                    let t: Block<N, M> = double(t);
+                    let mut add = |aggregate: u32, product: &Block<N, M>| {
+                        if let Ok(slot) = pattern.columns(row).binary_search(&aggregate)
+                            && let Some(sum) = sums.get_mut(slot)
+                        {
+                            add_transposed_product(sum, &t, product);
+                        }
+                    };
+                    // A node has many neighbours in few aggregates: A T is added up by these first.
+                    let mut count = 0;
+                    let mut products = [(0, zero()); FEW];
+                    a.visit(node, |other, a| {
+                        let Some((aggregate, of_other)) = prolongator.tentative_row(other) else { return };
+                        let found = products[..count].iter().position(|&(known, _)| known == aggregate);
+                        let at = found.unwrap_or_else(|| {
+                            if count == FEW {
+                                let (aggregate, product) = products[FEW - 1];
+                                add(aggregate, &product);
+                                count -= 1;
+                            }
+                            products[count] = (aggregate, zero());
+                            count += 1;
+                            count - 1
+                        });
+                        let mut weighted = *a;
+                        weighted.as_flattened_mut().iter_mut().for_each(|entry| *entry *= UNSMOOTHED);
+                        add_product(&mut products[at].1, &weighted, &double(of_other));
+                    });
+                    products[..count].iter().for_each(|(aggregate, product)| add(*aggregate, product));
                 }
-            }
-        });
+                if let Some(block) = Slots::new(pattern.columns(row), sums).find(row) {
+                    for motion in (0..M).filter(|&motion| !prolongator.modes[row].has(motion)) {
+                        block[motion][motion] = 1.0;
+                    }
+                }
+            },
+        );
     }
 
     /// Bytes held.

@@ -97,46 +97,70 @@ impl<const N: usize> GaussSeidel<N> {
     pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), BadBlock> {
         let Self { domain, lower, outside, diagonal, .. } = self;
         let domain_of = |row: usize| row / *domain;
-        for_each_sparse_row(&lower.pattern, &mut lower.values, diagonal, &|row, lower, diagonal| {
-            let mut lower = lower.iter_mut();
-            let mut magnitudes = [0.0; N];
-            let mut block = zero();
-            a.visit(row, |column, entries| {
-                if column == row {
-                    block = *entries;
-                } else if domain_of(column) != domain_of(row) {
-                    for (sum, entries) in magnitudes.iter_mut().zip(entries) {
-                        *sum += 0.5 * factor * entries.iter().map(|entry| entry.abs()).sum::<f64>();
-                    }
-                } else if column < row
-                    && let Some(place) = lower.next()
-                {
-                    *place = single(factor, entries);
+        for_each_sparse_row(
+            &lower.pattern,
+            &mut lower.values,
+            diagonal,
+            #[inline(always)]
+            |row, lower, diagonal| {
+                let mut lower = lower.iter_mut();
+                let mut magnitudes = [0.0; N];
+                let mut block = zero();
+                a.visit(
+                    row,
+                    #[inline(always)]
+                    |column, entries| {
+                        if column == row {
+                            block = *entries;
+                        } else if domain_of(column) != domain_of(row) {
+                            for (sum, entries) in magnitudes.iter_mut().zip(entries) {
+                                *sum += 0.5 * factor * entries.iter().map(|entry| entry.abs()).sum::<f64>();
+                            }
+                        } else if column < row
+                            && let Some(place) = lower.next()
+                        {
+                            *place = single(factor, entries);
+                        }
+                    },
+                );
+                let inverse = damped(&block, factor, &magnitudes).unwrap_or(zero());
+                *diagonal = Diagonal { inverse: single(1.0, &inverse), outside: magnitudes.map(|sum| sum as f32) };
+            },
+        );
+        for_each_sparse_row(
+            &outside.pattern,
+            &mut outside.values,
+            diagonal,
+            #[inline(always)]
+            |row, outside, _| {
+                let mut outside = outside.iter_mut();
+                if outside.len() > 0 {
+                    a.visit(
+                        row,
+                        #[inline(always)]
+                        |column, entries| {
+                            if domain_of(column) != domain_of(row)
+                                && let Some(place) = outside.next()
+                            {
+                                *place = single(factor, entries);
+                            }
+                        },
+                    );
                 }
-            });
-            let inverse = damped(&block, factor, &magnitudes).unwrap_or(zero());
-            *diagonal = Diagonal { inverse: single(1.0, &inverse), outside: magnitudes.map(|sum| sum as f32) };
-        });
-        for_each_sparse_row(&outside.pattern, &mut outside.values, diagonal, &|row, outside, _| {
-            let mut outside = outside.iter_mut();
-            if outside.len() > 0 {
-                a.visit(row, |column, entries| {
-                    if domain_of(column) != domain_of(row)
-                        && let Some(place) = outside.next()
-                    {
-                        *place = single(factor, entries);
-                    }
-                });
-            }
-        });
+            },
+        );
         let is_missing = |diagonal: &Diagonal<N>| diagonal.inverse.iter().flatten().all(|&entry| entry == 0.0);
         let Some(row) = diagonal.iter().position(is_missing) else { return Ok(()) };
         let mut block = zero();
-        a.visit(row, |column, entries| {
-            if column == row {
-                block = *entries;
-            }
-        });
+        a.visit(
+            row,
+            #[inline(always)]
+            |column, entries| {
+                if column == row {
+                    block = *entries;
+                }
+            },
+        );
         let magnitudes = diagonal[row].outside.map(f64::from);
         damped(&block, factor, &magnitudes).map(drop).map_err(|bad| BadBlock { row, bad })
     }
@@ -149,59 +173,79 @@ impl<const N: usize> GaussSeidel<N> {
 
     /// `x = M⁻¹ b`, a forward sweep from zero, and `r = b − A x`.
     pub fn forward(&self, b: &[[f32; N]], x: &mut [[f32; N]], r: &mut [[f32; N]]) {
-        for_chunks(x, r, self.domain, |start, x, r| {
-            for i in 0..x.len() {
-                let row = start + i;
-                let Diagonal { inverse, outside } = &self.diagonal[row];
-                let mut sum = b[row];
-                for (column, a) in self.lower.row(row) {
-                    subtract_apply(&mut sum, a, &x[column - start]);
+        for_chunks(
+            x,
+            r,
+            self.domain,
+            #[inline(always)]
+            |start, x, r| {
+                for i in 0..x.len() {
+                    let row = start + i;
+                    let Diagonal { inverse, outside } = &self.diagonal[row];
+                    let mut sum = b[row];
+                    for (column, a) in self.lower.row(row) {
+                        subtract_apply(&mut sum, a, &x[column - start]);
+                    }
+                    x[i] = apply(inverse, &sum);
+                    let mut opposite = [0.0; N];
+                    for k in 0..N {
+                        r[i][k] = outside[k] * x[i][k];
+                        opposite[k] = -x[i][k];
+                    }
+                    for (column, a) in self.lower.row(row) {
+                        add_transposed_apply(&mut r[column - start], a, &opposite);
+                    }
                 }
-                x[i] = apply(inverse, &sum);
-                let mut opposite = [0.0; N];
-                for k in 0..N {
-                    r[i][k] = outside[k] * x[i][k];
-                    opposite[k] = -x[i][k];
-                }
-                for (column, a) in self.lower.row(row) {
-                    add_transposed_apply(&mut r[column - start], a, &opposite);
-                }
-            }
-        });
+            },
+        );
         if self.outside.values.is_empty() {
             return;
         }
-        for_each_row(r, |row, r| {
-            for (column, a) in self.outside.row(row) {
-                subtract_apply(r, a, &x[column]);
-            }
-        });
+        for_each_row(
+            r,
+            #[inline(always)]
+            |row, r| {
+                for (column, a) in self.outside.row(row) {
+                    subtract_apply(r, a, &x[column]);
+                }
+            },
+        );
     }
 
     /// `x += M⁻ᵀ (b − A x)`, a backward sweep.
     pub fn backward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
         let Self { domain, lower, outside, diagonal, rest } = self;
-        for_each_row(rest, |row, rest| {
-            let mut sum: [f32; N] = std::array::from_fn(|k| b[row][k] + diagonal[row].outside[k] * x[row][k]);
-            for (column, a) in outside.row(row) {
-                subtract_apply(&mut sum, a, &x[column]);
-            }
-            *rest = sum;
-        });
-        for_chunks(x, rest, *domain, |start, x, rest| {
-            for i in (0..x.len()).rev() {
-                let row = start + i;
-                let mut sum = rest[i];
-                for (column, a) in lower.row(row) {
-                    subtract_apply(&mut sum, a, &x[column - start]);
+        for_each_row(
+            rest,
+            #[inline(always)]
+            |row, rest| {
+                let mut sum: [f32; N] = std::array::from_fn(|k| b[row][k] + diagonal[row].outside[k] * x[row][k]);
+                for (column, a) in outside.row(row) {
+                    subtract_apply(&mut sum, a, &x[column]);
                 }
-                x[i] = apply(&diagonal[row].inverse, &sum);
-                let opposite = x[i].map(|x| -x);
-                for (column, a) in lower.row(row) {
-                    add_transposed_apply(&mut rest[column - start], a, &opposite);
+                *rest = sum;
+            },
+        );
+        for_chunks(
+            x,
+            rest,
+            *domain,
+            #[inline(always)]
+            |start, x, rest| {
+                for i in (0..x.len()).rev() {
+                    let row = start + i;
+                    let mut sum = rest[i];
+                    for (column, a) in lower.row(row) {
+                        subtract_apply(&mut sum, a, &x[column - start]);
+                    }
+                    x[i] = apply(&diagonal[row].inverse, &sum);
+                    let opposite = x[i].map(|x| -x);
+                    for (column, a) in lower.row(row) {
+                        add_transposed_apply(&mut rest[column - start], a, &opposite);
+                    }
                 }
-            }
-        });
+            },
+        );
     }
 
     /// Bytes held.

@@ -15,9 +15,9 @@
 //! `Pᵀ A P + ε Tᵀ A T`, the second term for motions that P smooths away, see `galerkin`.
 //!
 //! **Once an iteration**, a cycle from zero: a forward sweep of block Gauss–Seidel, the coarse correction
-//! `x += P A_c⁻¹ Pᵀ (b − A x)` by the next level, a backward sweep. On the coarsest level a dense Cholesky factorization. Coarse levels
-//! ask their next one twice (a W-cycle), which costs next to nothing there. With M the matrix of the forward sweep and B_c the
-//! coarse levels' approximation of A_c⁻¹ a cycle is
+//! `x += P A_c⁻¹ Pᵀ (b − A x)` by the next level, a backward sweep. On the coarsest level a dense Cholesky factorization. Each level asks
+//! the next one once (a V-cycle): asking twice takes the same number of iterations and a third more time on the coarse levels. With M
+//! the matrix of the forward sweep and B_c the coarse levels' approximation of A_c⁻¹ a cycle is
 //!
 //! ```text
 //! B = M̄⁻¹ + (I − M⁻ᵀ A) P B_c Pᵀ (I − A M⁻¹),   M̄ = M (M + Mᵀ − A)⁻¹ Mᵀ,
@@ -35,6 +35,7 @@
 //! | Gram matrices for the bases | they take one pass, and show which motions an aggregate does not have |
 //! | λ_max(D⁻¹A) = 2, its bound | nothing to estimate, see `prolongator` |
 //! | cycle in single precision, coarse matrices computed in double | half the time, the same iterations |
+//! | loops compiled for wide vectors, picked at run time | set-up in three quarters of the time, see `parallel` |
 //! | one triangle of each matrix, each block used twice | half the time of a sweep, see `gauss_seidel` |
 //! | finest matrix in double precision never stored | recomputing rows from the springs is cheap |
 //! | the smoother's domains depend on size alone | the same bits for any number of threads |
@@ -69,6 +70,7 @@ mod graph;
 mod modes;
 mod order;
 mod parallel;
+mod parts;
 mod prolongator;
 mod sparse;
 mod stage;
@@ -79,7 +81,9 @@ use crate::operator::SystemOperator;
 use crate::system::{Dof, System};
 use finest::{Finest, near_one};
 use nalgebra::Vector3;
-use stage::{Cycle, Refusal, Stage};
+pub use parts::Part;
+use parts::Watch;
+use stage::{Refusal, Stage};
 
 /// Unknowns that are solved for directly: a dense factorization of this order takes a few milliseconds.
 const LARGEST_DENSE: usize = 400;
@@ -204,12 +208,25 @@ impl Multigrid {
     /// # Errors
     /// When A is seen not to be positive definite, or not finite.
     pub fn rebuild(&mut self, a: &SystemOperator) -> Result<(), SetupFailure> {
-        hierarchy!(&mut self.0, h => h.rebuild(a))
+        self.rebuild_watched(a, &mut |_| ())
+    }
+
+    /// As [`rebuild`](Self::rebuild), and says after every part that it is done.
+    ///
+    /// # Errors
+    /// As [`rebuild`](Self::rebuild).
+    pub fn rebuild_watched(&mut self, a: &SystemOperator, done: &mut dyn FnMut(Part)) -> Result<(), SetupFailure> {
+        hierarchy!(&mut self.0, h => h.rebuild(a, done))
     }
 
     /// `z = B r`, reduced vectors, B symmetric positive definite: one V-cycle.
     pub fn apply(&mut self, r: &[f64], z: &mut [f64]) {
-        hierarchy!(&mut self.0, h => h.apply(r, z));
+        self.apply_watched(r, z, &mut |_| ());
+    }
+
+    /// As [`apply`](Self::apply), and says after every part that it is done.
+    pub fn apply_watched(&mut self, r: &[f64], z: &mut [f64], done: &mut dyn FnMut(Part)) {
+        hierarchy!(&mut self.0, h => h.apply(r, z, done));
     }
 
     /// The levels, from the finest.
@@ -237,7 +254,7 @@ struct Hierarchy<const D: usize, const M: usize> {
 impl<const D: usize, const M: usize> Hierarchy<D, M> {
     fn new(system: &System, largest_dense: usize) -> Result<Self> {
         let (finest, graph) = Finest::new(system)?;
-        let stage = Stage::new(&finest.pattern, &graph, Cycle::V, largest_dense)?;
+        let stage = Stage::new(&finest.pattern, &graph, largest_dense)?;
         let zeros = || vec![[0.0; D]; finest.pattern.rows()];
         let (right_hand_side, solution) = (zeros(), zeros());
         Ok(Self { finest, stage, factor: 1.0, right_hand_side, solution })
@@ -249,9 +266,9 @@ impl<const D: usize, const M: usize> Hierarchy<D, M> {
         stage.update_smoother(&finest.rows(a), *factor).map_err(|refusal| self.explain(a, refusal))
     }
 
-    fn rebuild(&mut self, a: &SystemOperator) -> Result<(), SetupFailure> {
+    fn rebuild(&mut self, a: &SystemOperator, done: Watch) -> Result<(), SetupFailure> {
         let Self { finest, stage, factor, .. } = self;
-        stage.update_coarse(&finest.rows(a), *factor, finest).map_err(|refusal| self.explain(a, refusal))
+        stage.update_coarse(&finest.rows(a), *factor, finest, done).map_err(|refusal| self.explain(a, refusal))
     }
 
     /// A pivot that is not positive means an indefinite matrix only if the matrix is finite.
@@ -271,12 +288,14 @@ impl<const D: usize, const M: usize> Hierarchy<D, M> {
     }
 
     /// Powers of two keep the numbers of the cycle within single precision, and are exact.
-    fn apply(&mut self, r: &[f64], z: &mut [f64]) {
+    fn apply(&mut self, r: &[f64], z: &mut [f64], done: Watch) {
         let Self { finest, stage, factor, right_hand_side, solution } = self;
         let scale = near_one(r.iter().fold(0.0, |largest, r| f64::max(largest, r.abs())));
         finest.gather(r, scale, right_hand_side);
-        stage.apply(right_hand_side, solution);
+        done(Part::Conversion);
+        stage.apply(right_hand_side, solution, done);
         finest.scatter(solution, *factor / scale, z);
+        done(Part::Conversion);
     }
 
     fn bytes(&self) -> usize {

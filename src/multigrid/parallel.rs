@@ -1,5 +1,6 @@
 //! Rows shared out among threads. Every row is computed by one thread, always in the same way: results do not depend on how
-//! many there are.
+//! many there are. Loops over rows are compiled for every kind of processor that [`pulp`] tells apart, with what they call as far as
+//! that is inlined: its vectors are wider, and the results are the same to the bit, because nothing is reordered or fused.
 
 use super::sparse::Pattern;
 use rayon::prelude::*;
@@ -8,13 +9,39 @@ use std::ops::Range;
 /// Rows that are not worth a second thread.
 const GRAIN: usize = 2048;
 
+/// Does something with the widest vectors that the processor has, if all that it calls is inlined. A closure must be called by
+/// reference for that: taken by value it goes through a function of its own.
+struct Widely<'f, F>(&'f mut F);
+
+impl<F: FnMut()> pulp::NullaryFnOnce for Widely<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        (self.0)();
+    }
+}
+
+fn widely(mut f: impl FnMut()) {
+    pulp::Arch::new().dispatch(Widely(&mut f));
+}
+
 /// Calls `f(row, value)` for every entry of a vector.
 pub(super) fn for_each_row<T: Send>(values: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
-    let rows = |(start, values): (usize, &mut [T])| (start..).zip(values).for_each(|(row, value)| f(row, value));
+    let rows = |start: usize, values: &mut [T]| {
+        widely(
+            #[inline(always)]
+            || {
+                for (row, value) in (start..).zip(values.iter_mut()) {
+                    f(row, value);
+                }
+            },
+        );
+    };
     if values.len() <= GRAIN {
-        rows((0, values));
+        rows(0, values);
     } else {
-        values.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, values)| rows((chunk * GRAIN, values)));
+        values.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, values)| rows(chunk * GRAIN, values));
     }
 }
 
@@ -25,11 +52,17 @@ pub(super) fn for_chunks<T: Send, U: Send>(
     length: usize,
     f: impl Fn(usize, &mut [T], &mut [U]) + Sync,
 ) {
+    let chunk = |start: usize, first: &mut [T], second: &mut [U]| {
+        widely(
+            #[inline(always)]
+            || f(start, first, second),
+        );
+    };
     if first.len() <= length {
-        f(0, first, second);
+        chunk(0, first, second);
     } else {
         let chunks = first.par_chunks_mut(length).zip(second.par_chunks_mut(length)).enumerate();
-        chunks.for_each(|(chunk, (first, second))| f(chunk * length, first, second));
+        chunks.for_each(|(at, (first, second))| chunk(at * length, first, second));
     }
 }
 
@@ -38,9 +71,9 @@ pub(super) fn for_each_sparse_row<T: Send, U: Send>(
     pattern: &Pattern,
     values: &mut [T],
     beside: &mut [U],
-    f: &(impl Fn(usize, &mut [T], &mut U) + Sync),
+    f: impl Fn(usize, &mut [T], &mut U) + Sync,
 ) {
-    split(pattern, 0..pattern.rows(), GRAIN, values, beside, f);
+    split(pattern, 0..pattern.rows(), GRAIN, values, beside, &f);
 }
 
 /// Calls `f(row, values of the row)` for some rows of a sparse matrix; `values` are those of these rows. At most `grain` rows
@@ -50,10 +83,29 @@ pub(super) fn for_each_row_of<T: Send>(
     rows: Range<usize>,
     grain: usize,
     values: &mut [T],
-    f: &(impl Fn(usize, &mut [T]) + Sync),
+    f: impl Fn(usize, &mut [T]) + Sync,
 ) {
     let mut beside = vec![(); rows.len()];
-    split(pattern, rows, grain, values, &mut beside, &|row, values, ()| f(row, values));
+    for_each_beside(
+        pattern,
+        rows,
+        grain,
+        values,
+        &mut beside,
+        #[inline(always)]
+        |row, values, ()| f(row, values),
+    );
+}
+
+fn for_each_beside<T: Send, U: Send>(
+    pattern: &Pattern,
+    rows: Range<usize>,
+    grain: usize,
+    values: &mut [T],
+    beside: &mut [U],
+    f: impl Fn(usize, &mut [T], &mut U) + Sync,
+) {
+    split(pattern, rows, grain, values, beside, &f);
 }
 
 fn split<T: Send, U: Send>(
@@ -65,12 +117,17 @@ fn split<T: Send, U: Send>(
     f: &(impl Fn(usize, &mut [T], &mut U) + Sync),
 ) {
     if rows.len() <= grain {
-        let mut rest = values;
-        for (row, beside) in rows.zip(beside) {
-            let (mine, others) = rest.split_at_mut(pattern.row(row).len());
-            f(row, mine, beside);
-            rest = others;
-        }
+        widely(
+            #[inline(always)]
+            || {
+                let mut rest = &mut values[..];
+                for (row, beside) in rows.clone().zip(beside.iter_mut()) {
+                    let (mine, others) = rest.split_at_mut(pattern.row(row).len());
+                    f(row, mine, beside);
+                    rest = others;
+                }
+            },
+        );
     } else {
         let half = rows.len() / 2;
         let middle = rows.start + half;
@@ -109,7 +166,7 @@ mod tests {
             let pattern = Pattern::build(rows, |row, columns| columns.extend(0..row as u32 % 3)).unwrap();
             let mut values = vec![0; pattern.blocks()];
             let mut beside = vec![0; rows];
-            for_each_sparse_row(&pattern, &mut values, &mut beside, &|row, values, beside| {
+            for_each_sparse_row(&pattern, &mut values, &mut beside, |row, values, beside| {
                 assert_eq!(values.len(), row % 3);
                 values.iter_mut().for_each(|value| *value += row + 1);
                 *beside += row + 1;
@@ -119,7 +176,7 @@ mod tests {
 
             let some = rows / 3..rows;
             let mut values = vec![0; pattern.positions(&some).len()];
-            for_each_row_of(&pattern, some.clone(), 7, &mut values, &|row, values| {
+            for_each_row_of(&pattern, some.clone(), 7, &mut values, |row, values| {
                 values.iter_mut().for_each(|value| *value += row + 1);
             });
             let mut all = vec![0; pattern.positions(&(0..some.start)).len()];

@@ -93,35 +93,58 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         frames: &(impl Frames<N, M> + ?Sized),
     ) {
         let Self { aggregates, starts, members, modes, tentative, matrix, transpose, by_columns } = self;
-        for_each_row(modes, |aggregate, modes| {
-            let members = &members[starts[aggregate]..starts[aggregate + 1]];
-            *modes = AggregateModes::of(members.iter().map(|&node| frames.frame(node as usize)));
-        });
-        for_each_row(tentative, |node, t| {
-            let of_aggregate = |aggregate: u32| single(1.0, &modes[aggregate as usize].tentative(&frames.frame(node)));
-            *t = aggregates.of_node(node).map_or(zero(), of_aggregate);
-        });
+        for_each_row(
+            modes,
+            #[inline(always)]
+            |aggregate, modes| {
+                let members = &members[starts[aggregate]..starts[aggregate + 1]];
+                *modes = AggregateModes::of(members.iter().map(|&node| frames.frame(node as usize)));
+            },
+        );
+        for_each_row(
+            tentative,
+            #[inline(always)]
+            |node, t| {
+                let of_aggregate =
+                    |aggregate: u32| single(1.0, &modes[aggregate as usize].tentative(&frames.frame(node)));
+                *t = aggregates.of_node(node).map_or(zero(), of_aggregate);
+            },
+        );
         let BlockMatrix { pattern, values } = matrix;
-        for_each_sparse_row(pattern, values, &mut vec![(); pattern.rows()], &|row, p, ()| {
-            let columns = pattern.columns(row);
-            let slot =
-                |node| aggregates.of_node(node).and_then(|aggregate| columns.iter().position(|&c| c == aggregate));
-            p.fill(zero());
-            a.visit(row, |node, a| {
-                if let Some(slot) = slot(node) {
-                    add_product(&mut p[slot], &single(factor, a), &tentative[node]);
+        for_each_sparse_row(
+            pattern,
+            values,
+            &mut vec![(); pattern.rows()],
+            #[inline(always)]
+            |row, p, ()| {
+                let columns = pattern.columns(row);
+                let slot =
+                    |node| aggregates.of_node(node).and_then(|aggregate| columns.iter().position(|&c| c == aggregate));
+                p.fill(zero());
+                a.visit(
+                    row,
+                    #[inline(always)]
+                    |node, a| {
+                        if let Some(slot) = slot(node) {
+                            add_product(&mut p[slot], &single(factor, a), &tentative[node]);
+                        }
+                    },
+                );
+                let mut damped = *smoother.inverse(row);
+                damped.as_flattened_mut().iter_mut().for_each(|entry| *entry *= -OMEGA);
+                for (p, &aggregate) in p.iter_mut().zip(columns) {
+                    let mut smoothed = if aggregates.of_node(row) == Some(aggregate) { tentative[row] } else { zero() };
+                    add_product(&mut smoothed, &damped, p);
+                    *p = smoothed;
                 }
-            });
-            let mut damped = *smoother.inverse(row);
-            damped.as_flattened_mut().iter_mut().for_each(|entry| *entry *= -OMEGA);
-            for (p, &aggregate) in p.iter_mut().zip(columns) {
-                let mut smoothed = if aggregates.of_node(row) == Some(aggregate) { tentative[row] } else { zero() };
-                add_product(&mut smoothed, &damped, p);
-                *p = smoothed;
-            }
-        });
+            },
+        );
         let values = &matrix.values;
-        for_each_row(by_columns, |place, p| *p = values[transpose.entry(place).1 as usize]);
+        for_each_row(
+            by_columns,
+            #[inline(always)]
+            |place, p| *p = values[transpose.entry(place).1 as usize],
+        );
     }
 
     /// Nodes and blocks of a column of P.
@@ -170,21 +193,29 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
 
     /// `r_c = Pᵀ r`.
     pub fn restrict(&self, r: &[[f32; N]], coarse: &mut [[f32; M]]) {
-        for_each_row(coarse, |aggregate, sum| {
-            *sum = [0.0; M];
-            for (node, p) in self.column(aggregate) {
-                add_transposed_apply(sum, p, &r[node]);
-            }
-        });
+        for_each_row(
+            coarse,
+            #[inline(always)]
+            |aggregate, sum| {
+                *sum = [0.0; M];
+                for (node, p) in self.column(aggregate) {
+                    add_transposed_apply(sum, p, &r[node]);
+                }
+            },
+        );
     }
 
     /// `x += P e`.
     pub fn prolong(&self, coarse: &[[f32; M]], x: &mut [[f32; N]]) {
-        for_each_row(x, |row, x| {
-            for (aggregate, p) in self.matrix.row(row) {
-                add_apply(x, p, &coarse[aggregate]);
-            }
-        });
+        for_each_row(
+            x,
+            #[inline(always)]
+            |row, x| {
+                for (aggregate, p) in self.matrix.row(row) {
+                    add_apply(x, p, &coarse[aggregate]);
+                }
+            },
+        );
     }
 
     /// Bytes held.

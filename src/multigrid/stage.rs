@@ -2,25 +2,16 @@
 
 use super::LevelSize;
 use super::aggregate::Aggregates;
-use super::block::{BadPivot, add_apply};
+use super::block::BadPivot;
 use super::coarsest::{BadRow, Dense};
 use super::galerkin::Galerkin;
 use super::gauss_seidel::{BadBlock, GaussSeidel};
 use super::graph::Graph;
 use super::modes::Frames;
-use super::parallel::for_each_row;
+use super::parts::{Part, Watch};
 use super::prolongator::Prolongator;
 use super::sparse::{Pattern, Rows};
 use crate::error::Result;
-
-/// How often a level asks the next one for a correction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Cycle {
-    /// Once.
-    V,
-    /// Twice, the second time for what the first one left, unless the first one was exact.
-    W,
-}
 
 /// A matrix and how it is solved, approximately.
 #[derive(Debug)]
@@ -49,9 +40,6 @@ pub(super) struct Level<const N: usize, const M: usize> {
     residual: Vec<[f32; N]>,
     coarse_residual: Vec<[f32; M]>,
     correction: Vec<[f32; M]>,
-    /// A second correction, where there is one.
-    second: Vec<[f32; M]>,
-    factor: f64,
     next: Stage<M, M>,
 }
 
@@ -70,7 +58,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
     ///
     /// # Errors
     /// More blocks than 32-bit indices can count.
-    pub fn new(a: &Pattern, graph: &Graph, cycle: Cycle, largest_dense: usize) -> Result<Self> {
+    pub fn new(a: &Pattern, graph: &Graph, largest_dense: usize) -> Result<Self> {
         let rows = a.rows();
         if rows * N <= largest_dense {
             return Ok(Self::Direct(Dense::new(rows * N)));
@@ -83,9 +71,8 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         let coarse_graph = graph.quotient(aggregates.count(), |node| aggregates.of_node(node));
         let prolongator = Prolongator::new(a, aggregates)?;
         let galerkin = Galerkin::new(a, &prolongator)?;
-        let next = Stage::new(&galerkin.coarse.pattern, &coarse_graph, Cycle::W, largest_dense)?;
+        let next = Stage::new(&galerkin.coarse.pattern, &coarse_graph, largest_dense)?;
         let coarse = prolongator.columns();
-        let second = if cycle == Cycle::W && matches!(next, Stage::Coarsen(_)) { coarse } else { 0 };
         Ok(Self::Coarsen(Box::new(Level {
             smoother,
             prolongator,
@@ -93,8 +80,6 @@ impl<const N: usize, const M: usize> Stage<N, M> {
             residual: vec![[0.0; N]; rows],
             coarse_residual: vec![[0.0; M]; coarse],
             correction: vec![[0.0; M]; coarse],
-            second: vec![[0.0; M]; second],
-            factor: 1.0,
             next,
         })))
     }
@@ -124,15 +109,20 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         a: &impl Rows<N>,
         factor: f64,
         frames: &(impl Frames<N, M> + ?Sized),
+        done: Watch,
     ) -> Result<(), Refusal> {
         let Self::Coarsen(level) = self else { return Ok(()) };
-        level.factor = factor;
         let Level { smoother, prolongator, galerkin, next, .. } = &mut **level;
         prolongator.update(a, factor, smoother, frames);
+        done(Part::Prolongator);
         galerkin.update(a, prolongator);
-        next.update_smoother(&galerkin.coarse, factor)
-            .and_then(|()| next.update_coarse(&galerkin.coarse, factor, &prolongator.modes[..]))
-            .map_err(|refusal| Refusal { level: refusal.level + 1, ..refusal })
+        done(Part::CoarseMatrix);
+        let below = next
+            .update_smoother(&galerkin.coarse, factor)
+            .and_then(|()| next.update_coarse(&galerkin.coarse, factor, &prolongator.modes[..], &mut |_| ()))
+            .map_err(|refusal| Refusal { level: refusal.level + 1, ..refusal });
+        done(Part::CoarseSetup);
+        below
     }
 
     /// A particle or node of this level among those that make up a node of a lower one.
@@ -144,12 +134,13 @@ impl<const N: usize, const M: usize> Stage<N, M> {
     }
 
     /// `x ≈ (factor·A)⁻¹ b`: one V-cycle from zero.
-    pub fn apply(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
+    pub fn apply(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], done: Watch) {
         match self {
             Self::Direct(dense) => dense.solve(b, x),
             Self::Uncoupled(level) => level.smoother.forward(b, x, &mut level.residual),
-            Self::Coarsen(level) => level.cycle(b, x),
+            Self::Coarsen(level) => return level.cycle(b, x, done),
         }
+        done(Part::Smoothing);
     }
 
     /// Sizes of this level and all below.
@@ -172,26 +163,18 @@ impl<const N: usize, const M: usize> Stage<N, M> {
 }
 
 impl<const N: usize, const M: usize> Level<N, M> {
-    fn cycle(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
-        let Self { smoother, prolongator, galerkin, residual, coarse_residual, correction, second, factor, next } =
-            self;
+    fn cycle(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], done: Watch) {
+        let Self { smoother, prolongator, residual, coarse_residual, correction, next, .. } = self;
         smoother.forward(b, x, residual);
+        done(Part::Smoothing);
         prolongator.restrict(residual, coarse_residual);
-        next.apply(coarse_residual, correction);
-        if !second.is_empty() {
-            let a = &galerkin.coarse;
-            for_each_row(coarse_residual, |row, r| {
-                let mut product = [0.0; M];
-                a.visit(row, |column, a| add_apply(&mut product, a, &correction[column].map(f64::from)));
-                *r = std::array::from_fn(|k| (f64::from(r[k]) - *factor * product[k]) as f32);
-            });
-            next.apply(coarse_residual, second);
-            for (correction, second) in correction.iter_mut().flatten().zip(second.as_flattened()) {
-                *correction += second;
-            }
-        }
+        done(Part::Transfer);
+        next.apply(coarse_residual, correction, &mut |_| ());
+        done(Part::CoarseLevels);
         prolongator.prolong(correction, x);
+        done(Part::Transfer);
         smoother.backward(b, x);
+        done(Part::Smoothing);
     }
 
     fn bytes(&self) -> usize {
@@ -201,7 +184,6 @@ impl<const N: usize, const M: usize> Level<N, M> {
             + size_of_val(&self.residual[..])
             + size_of_val(&self.coarse_residual[..])
             + size_of_val(&self.correction[..])
-            + size_of_val(&self.second[..])
             + self.next.bytes()
     }
 }

@@ -4,7 +4,7 @@ use super::super::block::Block;
 use super::super::galerkin::UNSMOOTHED;
 use super::super::sparse::Rows;
 use super::super::{Hierarchy, LevelSize};
-use super::{Cycle, Stage};
+use super::Stage;
 use crate::force::Extensions;
 use crate::operator::{Combination, LinearOperator as _, SystemOperator};
 use crate::spring::{Spring, Stiffness};
@@ -104,7 +104,6 @@ fn reference<const N: usize, const M: usize>(
     stage: &Stage<N, M>,
     a: &impl Rows<N>,
     factor: f64,
-    cycle: Cycle,
     motions: &DMatrix<f64>,
     levels: &mut usize,
 ) -> DMatrix<f64> {
@@ -145,12 +144,9 @@ fn reference<const N: usize, const M: usize>(
     let galerkin = p.transpose() * &unscaled * &p + UNSMOOTHED * (t.transpose() * &unscaled * &t) + absent;
     assert_near(&dense(&level.galerkin.coarse), &galerkin, SINGLE, "A_c");
 
-    // Once or twice down, and both sweeps.
+    // Down, and both sweeps.
     let coarse = &level.galerkin.coarse;
-    let mut below = reference(&level.next, coarse, factor, Cycle::W, &coarse_motions, levels);
-    if cycle == Cycle::W && matches!(level.next, Stage::Coarsen(_)) {
-        below = 2.0 * &below - &below * (factor * galerkin) * &below;
-    }
+    let below = reference(&level.next, coarse, factor, &coarse_motions, levels);
     let forward = part(&scaled, N, |r, c| c <= r).try_inverse().unwrap();
     let corrected = &forward + &p * below * p.transpose() * (&identity - &scaled * &forward);
     &corrected + forward.transpose() * (&identity - &scaled * &corrected)
@@ -182,7 +178,7 @@ fn check<const D: usize, const M: usize>(counts: [usize; 3], largest_dense: usiz
     let mut hierarchy = Hierarchy::<D, M>::new(&system, largest_dense).unwrap();
     hierarchy.finest.place(&state.positions);
     hierarchy.refill(&a).unwrap();
-    hierarchy.rebuild(&a).unwrap();
+    hierarchy.rebuild(&a, &mut |_| ()).unwrap();
 
     // The finest matrix is that of the system, with x = 0 for axes that are held.
     let finest = hierarchy.finest.rows(&a);
@@ -213,7 +209,7 @@ fn check<const D: usize, const M: usize>(counts: [usize; 3], largest_dense: usiz
 
     let mut levels = 0;
     let motions = rigid_motions(&hierarchy, &system, &state);
-    let by_formula = factor * reference(&hierarchy.stage, &finest, factor, Cycle::V, &motions, &mut levels);
+    let by_formula = factor * reference(&hierarchy.stage, &finest, factor, &motions, &mut levels);
     let sizes: Vec<LevelSize> = hierarchy.stage.sizes(&hierarchy.finest.pattern);
     assert_eq!((levels, sizes.len()), (expected_levels, expected_levels));
     let entries = found.iter().filter(|entry| **entry != 0.0).count();
@@ -225,7 +221,7 @@ fn check<const D: usize, const M: usize>(counts: [usize; 3], largest_dense: usiz
     for (k, mut column) in applied.column_iter_mut().enumerate() {
         let mut r = vec![0.0; order];
         r[k] = 3e5;
-        hierarchy.apply(&r, column.as_mut_slice());
+        hierarchy.apply(&r, column.as_mut_slice(), &mut |_| ());
     }
     let place = |row: usize| rows.iter().position(|&of| of == Some(row)).unwrap();
     let expected = DMatrix::from_fn(order, order, |r, c| 3e5 * by_formula[(place(r), place(c))]);
