@@ -318,9 +318,9 @@ fn a_smooth_motion_gives_good_first_guesses() {
 fn coarse_levels_are_kept_as_long_as_they_serve() {
     let scene = cloth(40, 1.0);
     let (_, work) = run(&scene, Some(PreconditionerKind::Multigrid), DT, 30);
-    assert_eq!((work.solves, work.multigrid_setups), (30, 10));
+    assert_eq!((work.solves, work.multigrid_setups), (30, 24));
     // The width of the processor's vectors decides about roundings, and these about an iteration now and then.
-    assert!(work.cg_iterations.abs_diff(705) <= 6, "{} iterations", work.cg_iterations);
+    assert!(work.cg_iterations.abs_diff(505) <= 6, "{} iterations", work.cg_iterations);
 }
 
 /// Iterations of every step.

@@ -3,8 +3,9 @@
 //! The finest level always has the matrix at hand. The coarse levels are recomputed when the iterations that their age has
 //! cost since they were new add up to what recomputing costs: whatever comes next, this is at most twice the work of the
 //! best choice of moments (the argument of renting or buying skis). They are also recomputed after a solve in which they took a
-//! quarter more iterations than new ones: in a motion that speeds up what is slow now is slower in the next step, and iterations
-//! are to stay what they were in the first ones. All is counted in iterations, never in seconds: a run
+//! quarter more iterations than new ones. Where coarse levels are too old one step after they were new, as in a fast motion, they are
+//! recomputed in every step for a while, and then tried again: iterations stay those of new coarse levels, for at most twice
+//! the work of never or always recomputing them. All is counted in iterations, never in seconds: a run
 //! does the same as often as it is repeated (see `docs/robustness.md` for what another kind of processor may change).
 
 use super::outcome::{Evidence, SolveFailure};
@@ -25,6 +26,12 @@ const SLOW: f64 = 1.25;
 /// Iterations that old coarse levels may take in one solve, in those that new ones took.
 const PATIENCE: f64 = 1.5;
 
+/// What coarse levels may lose in the first solve with the next matrix; if more, the next so many matrices get new ones, and from time to
+/// time twice as many, up to the most.
+const AGED: f64 = 0.5 * REBUILD;
+const RENEWALS: u32 = 64;
+const MOST_RENEWALS: u32 = 512;
+
 /// Age of the coarse levels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Coarse {
@@ -41,6 +48,12 @@ enum Coarse {
 pub struct ReusedMultigrid {
     multigrid: Multigrid,
     coarse: Coarse,
+    /// Solves since the coarse levels were new.
+    solves: u32,
+    /// Matrices that get new coarse levels whatever the old ones cost.
+    renewals: u32,
+    /// How many such matrices there will be the next time.
+    next_renewals: u32,
 }
 
 impl ReusedMultigrid {
@@ -49,7 +62,8 @@ impl ReusedMultigrid {
     /// # Errors
     /// More matrix blocks than 32-bit indices can count.
     pub fn new(system: &System) -> Result<Self> {
-        Ok(Self { multigrid: Multigrid::new(system)?, coarse: Coarse::Missing })
+        let multigrid = Multigrid::new(system)?;
+        Ok(Self { multigrid, coarse: Coarse::Missing, solves: 0, renewals: 0, next_renewals: RENEWALS })
     }
 
     /// See [`Multigrid::place`].
@@ -64,17 +78,34 @@ impl ReusedMultigrid {
     pub fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
         self.multigrid.refill(a).map_err(failure)?;
         match self.coarse {
-            Coarse::Used { lost, .. } if lost < REBUILD => Ok(()),
-            _ => self.rebuild(a, work),
+            Coarse::Used { lost, .. } if lost < REBUILD && self.renewals == 0 => Ok(()),
+            _ => {
+                self.renewals = self.renewals.saturating_sub(1);
+                self.renew(a, work)
+            }
         }
     }
 
-    /// Recomputes the coarse levels; counts it.
+    /// Recomputes the coarse levels in a solve that they have made too long; counts it.
     ///
     /// # Errors
     /// What shows that the matrix is not positive definite, or not finite.
     pub fn rebuild(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
+        if matches!(self.coarse, Coarse::Used { .. }) && self.solves <= 1 {
+            self.age_fast();
+        }
+        self.renew(a, work)
+    }
+
+    /// Takes note of coarse levels that one matrix later are too old.
+    fn age_fast(&mut self) {
+        self.renewals = self.next_renewals;
+        self.next_renewals = (2 * self.next_renewals).min(MOST_RENEWALS);
+    }
+
+    fn renew(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
         work.multigrid_setups += 1;
+        self.solves = 0;
         self.coarse = Coarse::Missing;
         self.multigrid.rebuild(a).map_err(failure)?;
         self.coarse = Coarse::New;
@@ -103,10 +134,14 @@ impl ReusedMultigrid {
                 *lost += (taken - expected).max(0.0);
                 if taken > SLOW * expected + 1.0 {
                     *lost = lost.max(REBUILD);
+                    if self.solves == 1 && taken - expected >= AGED {
+                        self.age_fast();
+                    }
                 }
             }
             Coarse::Missing => {}
         }
+        self.solves = self.solves.saturating_add(1);
     }
 
     /// See [`Multigrid::apply`].
@@ -199,6 +234,30 @@ mod tests {
             multigrid.update(&a, &mut work).unwrap();
             assert_eq!((work.multigrid_setups, multigrid.coarse), (setups, after), "{before:?}");
         }
+    }
+
+    /// Six iterations a digit in the first solve: eighty for ten digits in the next one are twenty too many, more than a quarter. So are those of
+    /// a solve with the next matrix that has to ask for new coarse levels. What ages later only loses.
+    #[test]
+    fn coarse_levels_that_age_in_one_step_are_made_anew_for_a_while() {
+        let (system, state) = cloth(3).unwrap().build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
+        let (mut multigrid, mut work) = (ReusedMultigrid::new(&system).unwrap(), Work::default());
+        let mut step = |multigrid: &mut ReusedMultigrid, iterations: u64| {
+            multigrid.update(&a, &mut work).unwrap();
+            multigrid.record(iterations, 10.0);
+            work.multigrid_setups
+        };
+        let setups: Vec<u64> = [60, 60, 80, 60, 80].into_iter().map(|k| step(&mut multigrid, k)).collect();
+        assert_eq!((setups, multigrid.renewals), (vec![1, 1, 1, 2, 2], 64));
+        for renewed in 1..=64 {
+            assert_eq!(step(&mut multigrid, 60), 2 + renewed);
+        }
+        assert_eq!((step(&mut multigrid, 61), multigrid.renewals), (66, 0));
+        multigrid.solves = 1;
+        multigrid.rebuild(&a, &mut Work::default()).unwrap();
+        assert_eq!((multigrid.renewals, multigrid.next_renewals), (128, 256));
     }
 
     /// The places of the particles reach the multigrid inside: it does what one does that was told them directly.
