@@ -64,6 +64,21 @@
 //! particle of a cloth; the transfers read P, about 200 a particle, twice; the coarse levels of a cloth have half as many entries as A.
 //! Half of the set-up is the first `Pᵀ A P`, about 3000 multiplications a particle.
 //!
+//! In motion, 60 steps of `linear-backward-euler` under `tension` to 1e-10 (`… -- motion`): iterations of the first steps, the most, and
+//! how often the coarse levels were made anew. A cloth's first step, flat and at rest, takes one and does not count.
+//!
+//! | scene | dt, s | first | most | set-ups |
+//! |---|---|---|---|---|
+//! | cloth 100, swings down | 0.01 | 16, 15, 15 | 16 | 60 |
+//! | | 1/60 | 16, 15, 15 | 18 | 60 |
+//! | cloth 100, stiff and crumpled by 3 % | 0.01 | 20, 22, 26 | 26 | 54 |
+//! | | 1/60 | 20, 29, 21 | 29 | 59 |
+//! | lattice 22 | 1/60 | 15, 14, 14 | 15 | 3 |
+//! | bunny | 1/60 | 23, 20, 19 | 28 | 10 |
+//!
+//! What made them grow was the age of the coarse levels alone: where they are of the matrix at hand, iterations are those of the first
+//! steps. A step of a falling cloth is enough to double them, so `linear::reuse` then makes them anew in every step.
+//!
 //! Under `axial` A has soft motions that are not rigid: all those that stretch no spring. The stiffer, the more iterations
 //! they cost.
 //!
