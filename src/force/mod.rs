@@ -3,6 +3,7 @@
 //! Forces are full-length vectors, in N, and are *added* to what the caller passes in. Springs between two wholly
 //! prescribed particles are left out of forces (they move nothing) but count in the elastic energy.
 
+mod batch;
 mod energy;
 mod extensions;
 mod pairs;

@@ -1,5 +1,6 @@
 //! All forces at once, in one pass over the springs that keeps nothing: what explicit methods need.
 
+use super::batch::{AddForces, Numbered};
 use super::{DegenerateSpring, add_external_forces};
 use crate::spring::Extension;
 use crate::system::{Moment, Share, System};
@@ -37,17 +38,39 @@ pub fn set_total_force(system: &System, at: &Moment<'_>, force: &mut [Vector3<f6
     if let Some(shares) = system.several_shares() {
         return add_shares(system, at, &shares, force);
     }
-    for (spring, [i, j], _) in system.active() {
-        let f = on_first_end(system, at, spring, [i, j])?;
-        force[i] += f;
-        force[j] -= f;
+    if system.active_springs().len() == system.springs().len() {
+        // Nothing is looked up that stands in order.
+        let springs = system.pairs().iter().zip(system.springs()).enumerate();
+        return add(system, at, springs.map(|(number, (pair, spring))| (number, pair.map(|p| p as usize), spring)), 0, force);
     }
-    Ok(())
+    add(system, at, system.active(), 0, force)
 }
 
-/// The force on end i of a spring.
-#[inline(always)]
-fn on_first_end(
+/// Adds the forces of springs to those of their ends that `total`, the particles from `first` on, holds.
+fn add<'a>(
+    system: &System,
+    at: &'a Moment<'a>,
+    mut springs: impl Iterator<Item = Numbered<'a>>,
+    first: usize,
+    total: &'a mut [Vector3<f64>],
+) -> Result<(), DegenerateSpring> {
+    if !system.has_spring_law() {
+        return pulp::Arch::new().dispatch(AddForces { at, springs, first, total });
+    }
+    springs.try_for_each(|(spring, [i, j], _)| {
+        let f = by_law(system, at, spring, [i, j])?;
+        if let Some(total) = total.get_mut(i.wrapping_sub(first)) {
+            *total += f;
+        }
+        if let Some(total) = total.get_mut(j.wrapping_sub(first)) {
+            *total -= f;
+        }
+        Ok(())
+    })
+}
+
+/// The force on end i of a spring that has a law of the caller's own.
+fn by_law(
     system: &System,
     at: &Moment<'_>,
     spring: usize,
@@ -74,18 +97,11 @@ fn add_shares(
     match shares {
         [] => Ok(()),
         [Share { particles, springs }] => {
-            for &position in &**springs {
-                let spring = system.active_springs()[position as usize] as usize;
-                let [i, j] = system.pair(spring);
-                let f = on_first_end(system, at, spring, [i, j])?;
-                if let Some(total) = total.get_mut(i.wrapping_sub(particles.start)) {
-                    *total += f;
-                }
-                if let Some(total) = total.get_mut(j.wrapping_sub(particles.start)) {
-                    *total -= f;
-                }
-            }
-            Ok(())
+            let numbered = |&position: &u32| {
+                let number = system.active_springs()[position as usize] as usize;
+                (number, system.pair(number), &system.springs()[number])
+            };
+            add(system, at, springs.iter().map(numbered), particles.start, total)
         }
         [first, ..] => {
             let (left, right) = shares.split_at(shares.len() / 2);

@@ -2,14 +2,16 @@
 
 use super::{Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::{Extensions, add_damping_force, add_elastic_force, add_external_forces, add_weight};
+use crate::force::{Extensions, set_total_force};
 use crate::system::{State, System};
 use nalgebra::Vector3;
+
+/// What a step sees of a particle: x and v, its force and mass, and where x' and v' go.
+type Particle<'a> = ((&'a Vector3<f64>, &'a Vector3<f64>), (&'a Vector3<f64>, f64), (&'a mut Vector3<f64>, &'a mut Vector3<f64>));
 
 /// Forces at a state, and the state that a step leads to.
 struct Explicit<'s> {
     system: &'s System,
-    extensions: Extensions,
     force: Vec<Vector3<f64>>,
     next: State,
     statistics: Statistics,
@@ -17,22 +19,23 @@ struct Explicit<'s> {
 
 impl<'s> Explicit<'s> {
     fn new(system: &'s System, state: &State) -> Result<Self> {
-        let extensions = Extensions::at(system, &state.positions)?;
+        Extensions::at(system, &state.positions)?;
         let force = vec![Vector3::zeros(); system.particles()];
-        Ok(Self { system, extensions, force, next: state.clone(), statistics: Statistics::default() })
+        Ok(Self { system, force, next: state.clone(), statistics: Statistics::default() })
     }
 
     /// `f_el + f_d + g` at a state.
     fn set_force(&mut self, state: &State) -> Result<(), StepFailure> {
-        let Self { system, extensions, force, .. } = self;
         self.statistics.work.force_evaluations += 1;
-        extensions.update(system, &state.positions)?;
-        force.fill(Vector3::zeros());
-        add_elastic_force(system, extensions, force);
-        add_damping_force(system, extensions, &state.velocities, force);
-        add_weight(system, force);
-        add_external_forces(system, &state.moment(), force);
-        Ok(())
+        Ok(set_total_force(self.system, &state.moment(), &mut self.force)?)
+    }
+
+    /// Every particle, after its force is known.
+    fn particles<'a>(&'a mut self, state: &'a State) -> impl Iterator<Item = Particle<'a>> {
+        let Self { system, force, next, .. } = self;
+        let here = state.positions.iter().zip(&state.velocities);
+        let there = next.positions.iter_mut().zip(&mut next.velocities);
+        here.zip(force.iter().zip(system.masses())).zip(there).map(|((here, (force, mass)), there)| (here, (force, *mass), there))
     }
 
     /// Puts prescribed coordinates in place and accepts the next state if it is finite.
@@ -85,10 +88,9 @@ impl TimeStepper for ForwardEuler<'_> {
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         self.0.set_force(state)?;
-        let Explicit { system, force, next, .. } = &mut self.0;
-        for (p, mass) in system.masses().iter().enumerate() {
-            next.positions[p] = state.positions[p] + state.velocities[p] * dt;
-            next.velocities[p] = state.velocities[p] + force[p] * (dt / mass);
+        for ((x, v), (force, mass), (next_x, next_v)) in self.0.particles(state) {
+            *next_x = x + v * dt;
+            *next_v = v + force * (dt / mass);
         }
         self.0.accept(state, dt)
     }
@@ -137,10 +139,9 @@ impl TimeStepper for SymplecticEuler<'_> {
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         self.0.set_force(state)?;
-        let Explicit { system, force, next, .. } = &mut self.0;
-        for (p, mass) in system.masses().iter().enumerate() {
-            next.velocities[p] = state.velocities[p] + force[p] * (dt / mass);
-            next.positions[p] = state.positions[p] + next.velocities[p] * dt;
+        for ((x, v), (force, mass), (next_x, next_v)) in self.0.particles(state) {
+            *next_v = v + force * (dt / mass);
+            *next_x = x + *next_v * dt;
         }
         self.0.accept(state, dt)
     }

@@ -95,26 +95,29 @@ impl<'s> Verlet<'s> {
             prescribed.set_velocities(piece.middle(), &mut self.next.velocities);
             self.set_force(Velocities::Given)?;
         }
+        let masses = self.system.masses();
         let State { positions, velocities, .. } = &mut self.next;
-        for (((x, v), f), mass) in positions.iter_mut().zip(&mut *velocities).zip(&self.force).zip(self.system.masses())
-        {
-            *v += f * (0.5 * h / mass);
-            *x += *v * h;
-        }
-        prescribed.set_positions(piece.end, positions);
-        self.system.refresh(positions);
+        let moving = positions.iter_mut().zip(&mut *velocities).zip(self.force.iter().zip(masses));
         if self.is_damped {
-            for (((p, v), f), mass) in
-                self.predicted.iter_mut().zip(&*velocities).zip(&self.force).zip(self.system.masses())
-            {
-                *p = v + f * (0.5 * h / mass);
+            for (((x, v), (f, mass)), p) in moving.zip(&mut self.predicted) {
+                let kick = f * (0.5 * h / mass);
+                *v += kick;
+                *x += *v * h;
+                *p = *v + kick;
             }
             prescribed.set_velocities(piece.middle(), &mut self.predicted);
             self.system.refresh(&mut self.predicted);
+        } else {
+            for ((x, v), (f, mass)) in moving {
+                *v += f * (0.5 * h / mass);
+                *x += *v * h;
+            }
         }
+        prescribed.set_positions(piece.end, positions);
+        self.system.refresh(positions);
         self.next.time = piece.end;
         self.set_force(Velocities::Predicted)?;
-        for ((v, f), mass) in self.next.velocities.iter_mut().zip(&self.force).zip(self.system.masses()) {
+        for ((v, f), mass) in self.next.velocities.iter_mut().zip(&self.force).zip(masses) {
             *v += f * (0.5 * h / mass);
         }
         self.system.refresh(&mut self.next.velocities);

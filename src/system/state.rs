@@ -55,7 +55,11 @@ impl State {
 
     /// Whether the time is finite, and no coordinate or velocity is beyond [`LARGEST`](Self::LARGEST), infinite or undefined.
     pub fn is_finite(&self) -> bool {
-        self.time.is_finite() && self.positions.iter().chain(&self.velocities).all(Self::is_finite_vector)
+        // Every number is looked at: a loop that ends early takes them one by one.
+        let are_finite = |vectors: &[Vector3<f64>]| {
+            vectors.iter().fold(true, |all, v| v.iter().fold(all, |all, c| all & (c.abs() <= Self::LARGEST)))
+        };
+        self.time.is_finite() && are_finite(&self.positions) && are_finite(&self.velocities)
     }
 
     /// Whether no component is beyond [`LARGEST`](Self::LARGEST), infinite or undefined.

@@ -4,6 +4,7 @@
 //! that of methods whose linearisation is in question; sums are made in blocks, so that they have the same bits whatever the
 //! number of threads.
 
+mod batch;
 mod driven;
 mod external;
 mod figures;

@@ -17,7 +17,8 @@
 //! kinks. Here they count for what they store.
 
 use super::Sides;
-use crate::spring::{Extension, Spring};
+use super::batch::{Block, Step};
+use crate::spring::Spring;
 use crate::system::{Axes, State, System};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -75,11 +76,11 @@ pub(super) struct Span {
 
 /// What a pass needs of a spring and would have to divide for.
 #[derive(Debug, Clone, Copy)]
-struct Constants {
+pub(super) struct Constants {
     /// k/l0, in N/m.
-    stiffness: f64,
+    pub stiffness: f64,
     /// 1/μ of its ends, in 1/kg.
-    mobility: f64,
+    pub mobility: f64,
 }
 
 /// All springs at the last state.
@@ -121,7 +122,8 @@ impl<'s> Springs<'s> {
             let first = number * BLOCK;
             let resolved = resolved.get(first..).unwrap_or_default();
             let step = Step { system, state, dt, inverse: if dt > 0.0 { 1.0 / dt } else { 0.0 } };
-            *sums = step.block(resolved, &constants[first..first + spans.len()], first, spans);
+            let constants = &constants[first..first + spans.len()];
+            *sums = pulp::Arch::new().dispatch(Block { step, resolved, constants, first, spans });
         };
         if sums.len() > 1 {
             spans.par_chunks_mut(BLOCK).zip(sums.par_iter_mut()).enumerate().for_each(block);
@@ -129,68 +131,6 @@ impl<'s> Springs<'s> {
             spans.chunks_mut(BLOCK).zip(sums.iter_mut()).enumerate().for_each(block);
         }
         sums.iter().fold(Sums::default(), Sums::add).of_all(system)
-    }
-}
-
-/// What all blocks of a pass see.
-struct Step<'a> {
-    system: &'a System,
-    state: &'a State,
-    dt: f64,
-    /// 1/dt; divisions are what a pass would wait for.
-    inverse: f64,
-}
-
-impl Step<'_> {
-    /// The springs from `first` on, as many as there are spans.
-    fn block(&self, resolved: &[f64], constants: &[Constants], first: usize, spans: &mut [Span]) -> Sums {
-        let Self { system, state, dt, inverse } = *self;
-        let has_law = system.has_spring_law();
-        let step = dt * dt;
-        let mut sums = Sums::default();
-        let springs = system.springs().iter().zip(system.pairs()).skip(first);
-        for (at, (((spring, &[i, j]), span), constants)) in springs.zip(spans).zip(constants).enumerate() {
-            if !system.counts(first + at) {
-                continue;
-            }
-            let (i, j) = (i as usize, j as usize);
-            let d = state.positions[i] - state.positions[j];
-            let v = state.velocities[i] - state.velocities[j];
-            let length = d.norm();
-            let reciprocal = 1.0 / length;
-            let rate = if length > 0.0 { d.dot(&v) * reciprocal } else { 0.0 };
-            let (stiffness, elastic) = if has_law {
-                let tangent = system.spring_at(first + at, length);
-                let extension = Extension { direction: Vector3::zeros(), length };
-                (tangent.stiffness / tangent.rest_length, system.elastic_energy(first + at, &extension))
-            } else {
-                let change = length - spring.rest_length;
-                (constants.stiffness, 0.5 * constants.stiffness * change * change)
-            };
-            sums.elastic += elastic;
-            if dt > 0.0 {
-                let squared = v.norm_squared();
-                let lift = 0.5 * step * (squared - rate * rate) * reciprocal;
-                let energy = 0.5 * stiffness * lift * lift;
-                sums.lifted += energy;
-                // The quotient with v⊥² cancelled.
-                let across = lift * step * reciprocal;
-                sums.lifted_twice += energy * 0.5 * stiffness * constants.mobility * across;
-                sums.reach = sums.reach.max(step * squared * reciprocal * reciprocal);
-                let longest = resolved.get(at).copied().unwrap_or(-1.0);
-                if spring.damping > 0.0 && longest >= 0.0 {
-                    let Sides { mean, slope, bend } = Sides::of(span, length, rate, inverse);
-                    let certain = spring.damping * dt * mean * mean;
-                    sums.certain += certain;
-                    sums.dissipated += certain;
-                    if dt <= longest {
-                        sums.dissipated += spring.damping * dt * (slope * slope * (1.0 / 12.0) + bend * bend * 0.2);
-                    }
-                }
-            }
-            *span = Span { length, rate };
-        }
-        sums
     }
 }
 

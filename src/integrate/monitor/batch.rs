@@ -1,0 +1,249 @@
+//! Springs of a pass by the batch, for processors that compute on several numbers at once: as forces are, see `force::batch`.
+//!
+//! One loop gathers what springs need from their ends into lists, the others go through the lists without a branch. Sums are made
+//! slot by slot of the batch, and the slots are added at the end of a block.
+
+use super::Sides;
+use super::springs::{Constants, Span, Sums};
+use crate::spring::{Extension, Spring};
+use crate::system::{State, System};
+use nalgebra::Vector3;
+
+/// Springs of a batch: its lists are to stay in the fastest cache.
+const BATCH: usize = 32;
+
+/// What all blocks of a pass see.
+#[derive(Clone, Copy)]
+pub(super) struct Step<'a> {
+    pub system: &'a System,
+    pub state: &'a State,
+    pub dt: f64,
+    /// 1/dt; divisions are what a pass would wait for.
+    pub inverse: f64,
+}
+
+/// The springs from `first` on, as many as there are spans; compiled for every kind of processor that [`pulp`] tells apart.
+pub(super) struct Block<'a> {
+    pub step: Step<'a>,
+    /// The longest step that resolves each spring, in s; negative for driven ones. Empty where nothing is damped.
+    pub resolved: &'a [f64],
+    pub constants: &'a [Constants],
+    pub first: usize,
+    pub spans: &'a mut [Span],
+}
+
+impl pulp::NullaryFnOnce for Block<'_> {
+    type Output = Sums;
+
+    #[inline(always)]
+    fn call(self) -> Sums {
+        let Self { step, resolved, constants, first, spans } = self;
+        let Step { system, state, .. } = step;
+        let is_damped = !resolved.is_empty();
+        // Of a system that is not a part of another all springs count.
+        let all_count = system.peers().is_none();
+        let (mut slots, mut batch) = (Slots::new(), Batch::new());
+        let of_block = first..first + spans.len();
+        let (springs, pairs) = (&system.springs()[of_block.clone()], &system.pairs()[of_block]);
+        for (number, spans) in spans.chunks_mut(BATCH).enumerate() {
+            let at = number * BATCH;
+            let of_batch = at..at + spans.len();
+            if spans.len() < BATCH || !all_count {
+                // Springs that are not there, or do not count here, are at rest and without stiffness: they add nothing.
+                batch = Batch::new();
+            }
+            let each = springs[of_batch.clone()].iter().zip(&pairs[of_batch.clone()]).zip(&constants[of_batch.clone()]);
+            for (slot, ((spring, pair), constants)) in each.enumerate() {
+                if all_count || system.counts(first + at + slot) {
+                    batch.gather(slot, state, spring, *pair, constants);
+                }
+            }
+            batch.set_spans();
+            if system.has_spring_law() {
+                batch.set_energies_by_law(system, first + at, spans.len());
+            } else {
+                batch.set_energies();
+            }
+            slots.add_energies(&batch);
+            if step.dt > 0.0 {
+                slots.add_motion(&batch, &step);
+                if is_damped {
+                    batch.gather_before(spans, &springs[of_batch.clone()], &resolved[of_batch]);
+                    slots.add_dissipation(&batch, &step);
+                }
+            }
+            for ((span, &length), &rate) in spans.iter_mut().zip(&batch.length).zip(&batch.rate) {
+                *span = Span { length, rate };
+            }
+        }
+        slots.sums()
+    }
+}
+
+type List = [f64; BATCH];
+
+/// The numbers of a batch.
+struct Batch {
+    /// l², d·Δv and Δv².
+    squared: List,
+    product: List,
+    speed: List,
+    rest_length: List,
+    stiffness: List,
+    mobility: List,
+    length: List,
+    /// 1/l.
+    reciprocal: List,
+    rate: List,
+    elastic: List,
+    before: [List; 2],
+    /// b, zero for springs whose dissipation is counted elsewhere.
+    damping: List,
+    resolved: List,
+}
+
+impl Batch {
+    #[inline(always)]
+    fn new() -> Self {
+        let (zeros, ones) = ([0.0; BATCH], [1.0; BATCH]);
+        Self {
+            squared: ones,
+            product: zeros,
+            speed: zeros,
+            rest_length: ones,
+            stiffness: zeros,
+            mobility: zeros,
+            length: ones,
+            reciprocal: ones,
+            rate: zeros,
+            elastic: zeros,
+            before: [ones, zeros],
+            damping: zeros,
+            resolved: zeros,
+        }
+    }
+
+    #[inline(always)]
+    fn gather(&mut self, slot: usize, state: &State, spring: &Spring, [i, j]: [u32; 2], constants: &Constants) {
+        let (i, j) = (i as usize, j as usize);
+        let d = state.positions[i] - state.positions[j];
+        let v = state.velocities[i] - state.velocities[j];
+        self.squared[slot] = d.norm_squared();
+        self.product[slot] = d.dot(&v);
+        self.speed[slot] = v.norm_squared();
+        self.rest_length[slot] = spring.rest_length;
+        self.stiffness[slot] = constants.stiffness;
+        self.mobility[slot] = constants.mobility;
+    }
+
+    #[inline(always)]
+    fn set_spans(&mut self) {
+        for slot in 0..BATCH {
+            let length = self.squared[slot].sqrt();
+            let reciprocal = 1.0 / length;
+            self.length[slot] = length;
+            self.reciprocal[slot] = reciprocal;
+            self.rate[slot] = if length > 0.0 { self.product[slot] * reciprocal } else { 0.0 };
+        }
+    }
+
+    #[inline(always)]
+    fn set_energies(&mut self) {
+        for slot in 0..BATCH {
+            let change = self.length[slot] - self.rest_length[slot];
+            self.elastic[slot] = 0.5 * self.stiffness[slot] * change * change;
+        }
+    }
+
+    /// Of `count` springs from `first` on that have a law of the caller's own, with the stiffness of their tangents.
+    fn set_energies_by_law(&mut self, system: &System, first: usize, count: usize) {
+        for (slot, spring) in (first..first + count).enumerate().filter(|&(_, spring)| system.counts(spring)) {
+            let length = self.length[slot];
+            let tangent = system.spring_at(spring, length);
+            self.stiffness[slot] = tangent.stiffness / tangent.rest_length;
+            self.elastic[slot] = system.elastic_energy(spring, &Extension { direction: Vector3::zeros(), length });
+        }
+    }
+
+    /// Where springs were at the last state, and what their damping needs.
+    #[inline(always)]
+    fn gather_before(&mut self, spans: &[Span], springs: &[Spring], resolved: &[f64]) {
+        for (slot, ((span, spring), &resolved)) in spans.iter().zip(springs).zip(resolved).enumerate() {
+            let [length, rate] = &mut self.before;
+            (length[slot], rate[slot]) = (span.length, span.rate);
+            self.damping[slot] = if resolved >= 0.0 { spring.damping } else { 0.0 };
+            self.resolved[slot] = resolved;
+        }
+    }
+}
+
+/// Sums of a block, one for every slot of a batch.
+struct Slots {
+    elastic: List,
+    dissipated: List,
+    certain: List,
+    lifted: List,
+    lifted_twice: List,
+    reach: List,
+}
+
+impl Slots {
+    #[inline(always)]
+    fn new() -> Self {
+        let zeros = [0.0; BATCH];
+        Self { elastic: zeros, dissipated: zeros, certain: zeros, lifted: zeros, lifted_twice: zeros, reach: zeros }
+    }
+
+    #[inline(always)]
+    fn add_energies(&mut self, batch: &Batch) {
+        for slot in 0..BATCH {
+            self.elastic[slot] += batch.elastic[slot];
+        }
+    }
+
+    /// What springs that turn, and ends that pass each other, make of the step.
+    #[inline(always)]
+    fn add_motion(&mut self, batch: &Batch, step: &Step) {
+        let square = step.dt * step.dt;
+        for slot in 0..BATCH {
+            let (rate, reciprocal) = (batch.rate[slot], batch.reciprocal[slot]);
+            let lift = 0.5 * square * (batch.speed[slot] - rate * rate) * reciprocal;
+            let half = 0.5 * batch.stiffness[slot];
+            let energy = half * lift * lift;
+            self.lifted[slot] += energy;
+            // The quotient with v⊥² cancelled.
+            let across = lift * square * reciprocal;
+            self.lifted_twice[slot] += energy * half * batch.mobility[slot] * across;
+            let passed = square * batch.speed[slot] * reciprocal * reciprocal;
+            self.reach[slot] = if passed > self.reach[slot] { passed } else { self.reach[slot] };
+        }
+    }
+
+    #[inline(always)]
+    fn add_dissipation(&mut self, batch: &Batch, step: &Step) {
+        let [lengths, rates] = &batch.before;
+        for slot in 0..BATCH {
+            let before = Span { length: lengths[slot], rate: rates[slot] };
+            let Sides { mean, slope, bend } = Sides::of(&before, batch.length[slot], batch.rate[slot], step.inverse);
+            let damping = batch.damping[slot] * step.dt;
+            let certain = damping * mean * mean;
+            let resolved = damping * (slope * slope * (1.0 / 12.0) + bend * bend * 0.2);
+            let is_damped = damping > 0.0;
+            self.certain[slot] += if is_damped { certain } else { 0.0 };
+            self.dissipated[slot] += if is_damped { certain } else { 0.0 };
+            self.dissipated[slot] += if is_damped & (step.dt <= batch.resolved[slot]) { resolved } else { 0.0 };
+        }
+    }
+
+    fn sums(&self) -> Sums {
+        let total = |list: &List| list.iter().sum();
+        Sums {
+            elastic: total(&self.elastic),
+            dissipated: total(&self.dissipated),
+            certain: total(&self.certain),
+            lifted: total(&self.lifted),
+            lifted_twice: total(&self.lifted_twice),
+            reach: self.reach.iter().copied().fold(0.0, f64::max),
+        }
+    }
+}
