@@ -11,11 +11,12 @@ use bytemuck::cast_slice;
 use cpu_time::ThreadTime;
 use nalgebra::Vector3;
 use sprung::force::set_total_force;
-use sprung::integrate::{ImplicitOptions, Monitor, MonitorOptions, TimeStepper};
+use sprung::integrate::{ImplicitOptions, Monitor, MonitorOptions, Schedule, TimeStepper, run_monitored};
 use sprung::{Method, State, System, nalgebra};
 use std::error::Error;
 use std::hint::black_box;
 use std::io::{BufRead, Write};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -28,7 +29,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         ["export", kind, size, folder] => export(kind, size.parse()?, Path::new(folder)),
         ["serve", kind, size] => {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-            pool.install(|| serve(kind, size.parse().map_err(|_| ())?).map_err(|_| ())).map_err(|()| "cannot serve".into())
+            pool.install(|| serve(kind, size.parse().map_err(|_| ())?).map_err(|_| ()))
+                .map_err(|()| "cannot serve".into())
         }
         ["threads"] => threads(),
         // `cargo bench` without arguments runs the kernels; this wants to be asked for.
@@ -50,8 +52,7 @@ fn export(kind: &str, size: usize, folder: &Path) -> Result<(), Box<dyn Error>> 
     write("gravity", cast_slice(&flat(&[system.gravity()])))?;
     write("masses", cast_slice(system.masses()))?;
     write("springs", cast_slice(system.pairs()))?;
-    let parameters: Vec<f64> =
-        system.springs().iter().flat_map(|s| [s.stiffness, s.rest_length, s.damping]).collect();
+    let parameters: Vec<f64> = system.springs().iter().flat_map(|s| [s.stiffness, s.rest_length, s.damping]).collect();
     write("parameters", cast_slice(&parameters))?;
     let held: Vec<u32> =
         system.prescribed().iter().filter(|(dof, ..)| dof.axis == 0).map(|(dof, ..)| dof.particle as u32).collect();
@@ -64,7 +65,6 @@ struct Runner<'s> {
     stepper: Box<dyn TimeStepper + 's>,
     monitor: Monitor<'s>,
     state: State,
-    steps: u64,
 }
 
 impl<'s> Runner<'s> {
@@ -74,17 +74,18 @@ impl<'s> Runner<'s> {
             stepper: method.stepper(system, start, &ImplicitOptions::default())?,
             monitor: Monitor::new(system, start, MonitorOptions::default())?,
             state: start.clone(),
-            steps: 0,
         })
     }
 
-    fn step(&mut self, is_monitored: bool) -> Result<(), Box<dyn Error>> {
-        self.stepper.step(&mut self.state, DT)?;
-        self.steps += 1;
-        if is_monitored {
-            self.monitor.enter(self.steps, &self.state, DT, self.stepper.local_error())?;
-        }
-        Ok(())
+    fn step(&mut self, steps: u32) -> Result<(), Box<dyn Error>> {
+        Ok((0..steps).try_for_each(|_| self.stepper.step(&mut self.state, DT))?)
+    }
+
+    /// Steps as the command makes them, but for records.
+    fn step_monitored(&mut self, steps: u32) {
+        let Self { stepper, state, monitor, .. } = self;
+        let schedule = Schedule::steps(DT, steps.into());
+        run_monitored(&mut **stepper, state, &schedule, monitor, |_, _, _| ControlFlow::Continue(()));
     }
 
     fn force(&self, force: &mut [Vector3<f64>]) -> Result<(), Box<dyn Error>> {
@@ -109,13 +110,11 @@ fn serve(kind: &str, size: usize) -> Result<(), Box<dyn Error>> {
         }
         let steps: u32 = what.parse()?;
         let begin = ThreadTime::now();
-        for _ in 0..steps {
-            match kind {
-                "forces" => euler.force(&mut force)?,
-                "symplectic-euler" => euler.step(false)?,
-                "verlet" => verlet.step(false)?,
-                _ => monitored.step(true)?,
-            }
+        match kind {
+            "forces" => (0..steps).try_for_each(|_| euler.force(&mut force))?,
+            "symplectic-euler" => euler.step(steps)?,
+            "verlet" => verlet.step(steps)?,
+            _ => monitored.step_monitored(steps),
         }
         println!("{:.1}", begin.elapsed().as_secs_f64() * 1e9 / f64::from(steps));
         std::io::stdout().flush()?;
@@ -129,7 +128,9 @@ fn threads() -> Result<(), Box<dyn Error>> {
     let pools = [1, 2].map(|threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build());
     let [one, two] = pools;
     let pools = [one?, two?];
-    for (kind, size) in [("cloth", 40), ("cloth", 52), ("cloth", 60), ("cloth", 100), ("lattice", 22), ("cloth", 316), ("lattice", 46)] {
+    for (kind, size) in
+        [("cloth", 40), ("cloth", 52), ("cloth", 60), ("cloth", 100), ("lattice", 22), ("cloth", 316), ("lattice", 46)]
+    {
         let (system, state) = scenes::scene(kind, size)?.build()?;
         let mut forces = [vec![Vector3::zeros(); system.particles()], vec![Vector3::zeros(); system.particles()]];
         let calls = 1_000_000usize.div_ceil(system.springs().len());
@@ -152,7 +153,11 @@ fn threads() -> Result<(), Box<dyn Error>> {
             return Err("the number of threads is in the result".into());
         }
         quotients.sort_by(f64::total_cmp);
-        println!("| {kind} {size} | {} | {fastest:.0} | {:.2} |", system.springs().len(), quotients[quotients.len() / 2]);
+        println!(
+            "| {kind} {size} | {} | {fastest:.0} | {:.2} |",
+            system.springs().len(),
+            quotients[quotients.len() / 2]
+        );
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! Runs that end when they have cost enough, or somebody asks them to.
 
 use crate::error::Result;
-use crate::integrate::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper};
+use crate::integrate::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper, Watch};
 use crate::linear::{CostModel, LinearSolver};
 use crate::system::State;
 use std::cell::Cell;
@@ -74,6 +74,11 @@ impl<S: TimeStepper + ?Sized> TimeStepper for Metered<'_, S> {
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
         self.meter()?;
         self.stepper.step(state, dt)
+    }
+
+    fn step_seen(&mut self, state: &mut State, dt: f64, watch: &mut dyn Watch) -> Result<(), StepFailure> {
+        self.meter()?;
+        self.stepper.step_seen(state, dt, watch)
     }
 
     fn restart(&mut self) {

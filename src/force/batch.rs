@@ -12,16 +12,18 @@
 //! −d (k (l − l0)/l0 + b (d·Δv)/l)/l.
 //! ```
 
-use crate::error::DegenerateSpring;
 use crate::spring::Spring;
 use crate::system::Moment;
 use nalgebra::Vector3;
 
 /// Springs of a batch: its lists are to stay in the fastest cache.
-const BATCH: usize = 32;
+pub(crate) const BATCH: usize = 32;
 
-/// A spring with its number and its ends.
-pub(super) type Numbered<'a> = (usize, [usize; 2], &'a Spring);
+/// One number for every spring of a batch.
+pub(crate) type List = [f64; BATCH];
+
+/// A spring with its ends.
+pub(crate) type Ends<'a> = ([u32; 2], &'a Spring);
 
 /// Adds the forces of springs to their ends, compiled for every kind of processor that [`pulp`] tells apart.
 pub(super) struct AddForces<'a, I> {
@@ -32,33 +34,17 @@ pub(super) struct AddForces<'a, I> {
     pub total: &'a mut [Vector3<f64>],
 }
 
-impl<'a, I: Iterator<Item = Numbered<'a>>> pulp::NullaryFnOnce for AddForces<'a, I> {
-    type Output = Result<(), DegenerateSpring>;
+impl<'a, I: Iterator<Item = Ends<'a>>> pulp::NullaryFnOnce for AddForces<'a, I> {
+    type Output = Result<(), Coincident>;
 
     #[inline(always)]
     fn call(self) -> Self::Output {
         let Self { at, mut springs, first, total } = self;
-        let mut batch = Batch::new();
-        // Successive springs often share their first end: its sum stays in registers until another one comes.
-        let mut run = Run { particle: usize::MAX, force: Vector3::zeros() };
+        let (mut batch, mut run) = (Batch::new(), Run::new());
         loop {
-            let count = batch.gather(at, &mut springs);
-            if batch.is_degenerate() {
-                return Err(batch.degenerate());
-            }
-            batch.set_pulls();
-            for ((&[i, j], d), pull) in batch.ends.iter().zip(&batch.d).zip(&batch.pull).take(count) {
-                if i != run.particle {
-                    run.end(first, total);
-                    let force = total.get(i.wrapping_sub(first)).copied().unwrap_or_default();
-                    run = Run { particle: i, force };
-                }
-                let f = d * *pull;
-                run.force -= f;
-                if let Some(total) = total.get_mut(j.wrapping_sub(first)) {
-                    *total += f;
-                }
-            }
+            let count = batch.gather::<false>(at, &mut springs);
+            batch.set_pulls()?;
+            batch.add_forces(count, first, total, &mut run);
             if count < BATCH {
                 run.end(first, total);
                 return Ok(());
@@ -67,67 +53,96 @@ impl<'a, I: Iterator<Item = Numbered<'a>>> pulp::NullaryFnOnce for AddForces<'a,
     }
 }
 
-/// The end that successive springs share, and its force so far.
-struct Run {
-    particle: usize,
+/// Some spring has ends that coincide.
+pub(crate) struct Coincident;
+
+/// The end that successive springs often share, and its force so far, which stays in registers until another one comes.
+pub(crate) struct Run {
+    particle: u32,
     force: Vector3<f64>,
 }
 
 impl Run {
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self { particle: u32::MAX, force: Vector3::zeros() }
+    }
+
     /// Puts the sum back, if `total`, the particles from `first` on, holds it.
     #[inline(always)]
-    fn end(&self, first: usize, total: &mut [Vector3<f64>]) {
-        if let Some(total) = total.get_mut(self.particle.wrapping_sub(first)) {
+    pub fn end(&self, first: usize, total: &mut [Vector3<f64>]) {
+        if let Some(total) = total.get_mut((self.particle as usize).wrapping_sub(first)) {
             *total = self.force;
         }
     }
 }
 
-/// The numbers of a batch. What is left of the one before in a batch that is not full does no harm.
-struct Batch {
-    numbers: [usize; BATCH],
-    ends: [[usize; 2]; BATCH],
+/// The numbers of a batch. What is left of the one before in a batch that is not full does no harm to forces.
+pub(crate) struct Batch {
+    ends: [[u32; 2]; BATCH],
     d: [Vector3<f64>; BATCH],
-    /// l².
-    squared: [f64; BATCH],
-    /// d·Δv; zero without damping, whatever the velocities are.
-    along: [f64; BATCH],
-    stiffness: [f64; BATCH],
-    rest_length: [f64; BATCH],
-    damping: [f64; BATCH],
+    squared: List,
+    /// d·Δv where there is damping, whatever velocities are where there is none.
+    along: List,
+    stiffness: List,
+    damping: List,
     /// The tension over the length, in N/m.
-    pull: [f64; BATCH],
+    pull: List,
+    pub rest_length: List,
+    pub length: List,
+    /// 1/l.
+    pub inverse: List,
+    /// d·Δv and Δv² of all springs, where they are asked for.
+    pub product: List,
+    pub speed: List,
 }
 
 impl Batch {
     #[inline(always)]
-    fn new() -> Self {
+    pub fn new() -> Self {
         let (zeros, ones) = ([0.0; BATCH], [1.0; BATCH]);
         Self {
-            numbers: [0; BATCH],
             ends: [[0; 2]; BATCH],
             d: [Vector3::zeros(); BATCH],
             squared: ones,
             along: zeros,
             stiffness: ones,
-            rest_length: ones,
             damping: zeros,
             pull: zeros,
+            rest_length: ones,
+            length: ones,
+            inverse: ones,
+            product: zeros,
+            speed: zeros,
         }
     }
 
-    /// Takes the next springs; returns how many there were.
+    /// Takes the next springs, with all that their velocities say where that is `WATCHED`; returns how many there were.
     #[inline(always)]
-    fn gather<'a>(&mut self, at: &Moment<'_>, springs: &mut impl Iterator<Item = Numbered<'a>>) -> usize {
+    pub fn gather<'a, const WATCHED: bool>(
+        &mut self,
+        at: &Moment<'_>,
+        springs: &mut impl Iterator<Item = Ends<'a>>,
+    ) -> usize {
+        let (mut from, mut xi, mut vi) = (u32::MAX, Vector3::zeros(), Vector3::zeros());
         for slot in 0..BATCH {
-            let Some((number, [i, j], spring)) = springs.next() else { return slot };
-            let d = at.positions[i] - at.positions[j];
-            self.numbers[slot] = number;
+            let Some(([i, j], spring)) = springs.next() else { return slot };
+            if i != from {
+                (from, xi, vi) = (i, at.positions[i as usize], at.velocities[i as usize]);
+            }
+            let d = xi - at.positions[j as usize];
+            let is_damped = spring.damping > 0.0;
             self.ends[slot] = [i, j];
             self.d[slot] = d;
             self.squared[slot] = d.norm_squared();
-            self.along[slot] =
-                if spring.damping > 0.0 { d.dot(&(at.velocities[i] - at.velocities[j])) } else { 0.0 };
+            if WATCHED {
+                let v = vi - at.velocities[j as usize];
+                self.product[slot] = d.dot(&v);
+                self.speed[slot] = v.norm_squared();
+                self.along[slot] = if is_damped { self.product[slot] } else { 0.0 };
+            } else {
+                self.along[slot] = if is_damped { d.dot(&(vi - at.velocities[j as usize])) } else { 0.0 };
+            }
             self.stiffness[slot] = spring.stiffness;
             self.rest_length[slot] = spring.rest_length;
             self.damping[slot] = spring.damping;
@@ -135,27 +150,38 @@ impl Batch {
         BATCH
     }
 
-    /// Whether the ends of any spring coincide. A root is zero where its square is.
+    /// Computes lengths and tensions. A root is zero where its square is.
     #[inline(always)]
-    fn is_degenerate(&self) -> bool {
-        self.squared.iter().fold(false, |any, &squared| any | (squared == 0.0))
-    }
-
-    /// The first spring whose ends coincide.
-    #[cold]
-    fn degenerate(&self) -> DegenerateSpring {
-        let slot = self.squared.iter().position(|&squared| squared == 0.0).unwrap_or(0);
-        DegenerateSpring { spring: self.numbers[slot], pair: self.ends[slot] }
-    }
-
-    #[inline(always)]
-    fn set_pulls(&mut self) {
+    pub fn set_pulls(&mut self) -> Result<(), Coincident> {
+        if self.squared.iter().fold(false, |any, &squared| any | (squared == 0.0)) {
+            return Err(Coincident);
+        }
         for slot in 0..BATCH {
             let length = self.squared[slot].sqrt();
             let inverse = 1.0 / length;
             let strain = (length - self.rest_length[slot]) / self.rest_length[slot];
             let damped = self.damping[slot] * (self.along[slot] * inverse);
             self.pull[slot] = (self.stiffness[slot] * strain + damped) * inverse;
+            self.length[slot] = length;
+            self.inverse[slot] = inverse;
+        }
+        Ok(())
+    }
+
+    /// Adds the forces of the first `count` springs to those of their ends that `total`, the particles from `first` on, holds.
+    #[inline(always)]
+    pub fn add_forces(&self, count: usize, first: usize, total: &mut [Vector3<f64>], run: &mut Run) {
+        for ((&[i, j], d), pull) in self.ends.iter().zip(&self.d).zip(&self.pull).take(count) {
+            if i != run.particle {
+                run.end(first, total);
+                let force = total.get((i as usize).wrapping_sub(first)).copied().unwrap_or_default();
+                *run = Run { particle: i, force };
+            }
+            let f = d * *pull;
+            run.force -= f;
+            if let Some(total) = total.get_mut((j as usize).wrapping_sub(first)) {
+                *total += f;
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 //! Forces are full-length vectors, in N, and are *added* to what the caller passes in. Springs between two wholly
 //! prescribed particles are left out of forces (they move nothing) but count in the elastic energy.
 
-mod batch;
+pub(crate) mod batch;
 mod energy;
 mod extensions;
 mod pairs;
@@ -13,6 +13,7 @@ pub use crate::error::DegenerateSpring;
 pub use energy::{Energy, angular_momentum, linear_momentum};
 pub use extensions::Extensions;
 pub use total::set_total_force;
+pub(crate) use total::{first_degenerate, has_only_active, set_other_forces};
 
 use crate::spring::{Extension, Spring};
 use crate::system::{Moment, System};

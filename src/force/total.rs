@@ -1,8 +1,8 @@
 //! All forces at once, in one pass over the springs that keeps nothing: what explicit methods need.
 
-use super::batch::{AddForces, Numbered};
+use super::batch::{AddForces, Coincident, Ends};
 use super::{DegenerateSpring, add_external_forces};
-use crate::spring::Extension;
+use crate::spring::{Extension, Spring};
 use crate::system::{Moment, Share, System};
 use nalgebra::Vector3;
 
@@ -30,33 +30,66 @@ use nalgebra::Vector3;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn set_total_force(system: &System, at: &Moment<'_>, force: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
+    set_other_forces(system, at, force);
+    if let Some(shares) = system.several_shares() {
+        return add_shares(system, at, &shares, force);
+    }
+    if system.has_spring_law() {
+        return add_by_law(system, at, system.active(), 0, force);
+    }
+    if has_only_active(system) {
+        // Nothing is looked up that stands in order.
+        return add(system, at, system.pairs().iter().copied().zip(system.springs()), 0, force);
+    }
+    add(system, at, system.active_springs().iter().map(|&number| numbered(system, number)), 0, force)
+}
+
+/// Whether every spring is active.
+pub(crate) fn has_only_active(system: &System) -> bool {
+    system.active_springs().len() == system.springs().len()
+}
+
+fn numbered(system: &System, number: u32) -> Ends<'_> {
+    (system.pairs()[number as usize], &system.springs()[number as usize])
+}
+
+/// Sets `force` to weights and what comes from outside: all but the forces of springs.
+pub(crate) fn set_other_forces(system: &System, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
     let gravity = system.gravity();
     for (f, mass) in force.iter_mut().zip(system.masses()) {
         *f = gravity * *mass;
     }
     add_external_forces(system, at, force);
-    if let Some(shares) = system.several_shares() {
-        return add_shares(system, at, &shares, force);
-    }
-    if system.active_springs().len() == system.springs().len() {
-        // Nothing is looked up that stands in order.
-        let springs = system.pairs().iter().zip(system.springs()).enumerate();
-        return add(system, at, springs.map(|(number, (pair, spring))| (number, pair.map(|p| p as usize), spring)), 0, force);
-    }
-    add(system, at, system.active(), 0, force)
 }
 
 /// Adds the forces of springs to those of their ends that `total`, the particles from `first` on, holds.
 fn add<'a>(
     system: &System,
     at: &'a Moment<'a>,
-    mut springs: impl Iterator<Item = Numbered<'a>>,
+    springs: impl Iterator<Item = Ends<'a>>,
     first: usize,
     total: &'a mut [Vector3<f64>],
 ) -> Result<(), DegenerateSpring> {
-    if !system.has_spring_law() {
-        return pulp::Arch::new().dispatch(AddForces { at, springs, first, total });
-    }
+    let added = pulp::Arch::new().dispatch(AddForces { at, springs, first, total });
+    added.map_err(|Coincident| first_degenerate(system, at.positions))
+}
+
+/// The first spring whose ends coincide, where there is one.
+#[cold]
+pub(crate) fn first_degenerate(system: &System, positions: &[Vector3<f64>]) -> DegenerateSpring {
+    let coincide = |(_, [i, j]): &(usize, [usize; 2])| (positions[*i] - positions[*j]).norm_squared() == 0.0;
+    let (spring, pair) = system.active().map(|(spring, pair, _)| (spring, pair)).find(coincide).unwrap_or_default();
+    DegenerateSpring { spring, pair }
+}
+
+/// As [`add`], of springs that have a law of the caller's own.
+fn add_by_law<'a>(
+    system: &System,
+    at: &Moment<'_>,
+    mut springs: impl Iterator<Item = (usize, [usize; 2], &'a Spring)>,
+    first: usize,
+    total: &mut [Vector3<f64>],
+) -> Result<(), DegenerateSpring> {
     springs.try_for_each(|(spring, [i, j], _)| {
         let f = by_law(system, at, spring, [i, j])?;
         if let Some(total) = total.get_mut(i.wrapping_sub(first)) {
@@ -70,12 +103,7 @@ fn add<'a>(
 }
 
 /// The force on end i of a spring that has a law of the caller's own.
-fn by_law(
-    system: &System,
-    at: &Moment<'_>,
-    spring: usize,
-    pair: [usize; 2],
-) -> Result<Vector3<f64>, DegenerateSpring> {
+fn by_law(system: &System, at: &Moment<'_>, spring: usize, pair: [usize; 2]) -> Result<Vector3<f64>, DegenerateSpring> {
     let [i, j] = pair;
     let extension = Extension::between(&at.positions[i], &at.positions[j]).ok_or(DegenerateSpring { spring, pair })?;
     let parameters = system.spring_at(spring, extension.length);
@@ -97,11 +125,13 @@ fn add_shares(
     match shares {
         [] => Ok(()),
         [Share { particles, springs }] => {
-            let numbered = |&position: &u32| {
-                let number = system.active_springs()[position as usize] as usize;
-                (number, system.pair(number), &system.springs()[number])
-            };
-            add(system, at, springs.iter().map(numbered), particles.start, total)
+            let numbers = springs.iter().map(|&position| system.active_springs()[position as usize]);
+            if system.has_spring_law() {
+                let each = numbers.map(|number| number as usize);
+                let each = each.map(|number| (number, system.pair(number), &system.springs()[number]));
+                return add_by_law(system, at, each, particles.start, total);
+            }
+            add(system, at, numbers.map(|number| numbered(system, number)), particles.start, total)
         }
         [first, ..] => {
             let (left, right) = shares.split_at(shares.len() / 2);

@@ -7,7 +7,8 @@ use crate::system::{State, System};
 use nalgebra::Vector3;
 
 /// What a step sees of a particle: x and v, its force and mass, and where x' and v' go.
-type Particle<'a> = ((&'a Vector3<f64>, &'a Vector3<f64>), (&'a Vector3<f64>, f64), (&'a mut Vector3<f64>, &'a mut Vector3<f64>));
+type Particle<'a> =
+    ((&'a Vector3<f64>, &'a Vector3<f64>), (&'a Vector3<f64>, f64), (&'a mut Vector3<f64>, &'a mut Vector3<f64>));
 
 /// Forces at a state, and the state that a step leads to.
 struct Explicit<'s> {
@@ -35,7 +36,9 @@ impl<'s> Explicit<'s> {
         let Self { system, force, next, .. } = self;
         let here = state.positions.iter().zip(&state.velocities);
         let there = next.positions.iter_mut().zip(&mut next.velocities);
-        here.zip(force.iter().zip(system.masses())).zip(there).map(|((here, (force, mass)), there)| (here, (force, *mass), there))
+        here.zip(force.iter().zip(system.masses()))
+            .zip(there)
+            .map(|((here, (force, mass)), there)| (here, (force, *mass), there))
     }
 
     /// Puts prescribed coordinates in place and accepts the next state if it is finite.

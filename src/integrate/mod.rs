@@ -30,6 +30,7 @@ mod stiffness_policy;
 mod terms;
 mod verlet;
 mod w_method;
+mod watch;
 
 pub use adaptive::{AdaptiveStepper, Adaptivity, ErrorEstimate, Sampling, run_adaptive, run_adaptive_monitored};
 pub(crate) use adaptive::{hermite, run_equal_monitored};
@@ -53,6 +54,7 @@ pub use statistics::Statistics;
 pub use stiffness_policy::StiffnessPolicy;
 pub use verlet::Verlet;
 pub use w_method::WMethod;
+pub(crate) use watch::Watch;
 
 use crate::linear::LinearSolver;
 use crate::system::State;
@@ -72,6 +74,16 @@ pub trait TimeStepper {
     /// # Errors
     /// Why the step could not be done; the state is then as it was.
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure>;
+
+    /// As [`step`](Self::step), for a monitor's account of the springs: a method that goes through all springs where the step ends lets it
+    /// see them on the way.
+    ///
+    /// # Errors
+    /// As of `step`.
+    #[doc(hidden)]
+    fn step_seen(&mut self, state: &mut State, dt: f64, _watch: &mut dyn Watch) -> Result<(), StepFailure> {
+        self.step(state, dt)
+    }
 
     /// Forgets what was kept of the steps before. To be called where the state or its rate has been changed otherwise than by
     /// steps: by hand, or by a kink of a prescribed path.

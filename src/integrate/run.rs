@@ -136,7 +136,10 @@ fn drive(
     let mut steps = schedule.first();
     while let Some(dt) = schedule.step(steps) {
         let (before, number) = (state.time, steps + 1);
-        let mut done = stepper.step(state, dt);
+        let mut done = match &mut monitor {
+            Some(monitor) => stepper.step_seen(state, dt, monitor.springs()),
+            None => stepper.step(state, dt),
+        };
         if done.as_ref().is_err_and(|failure| failure.status() == Status::Interrupted) {
             return Outcome { steps, end: Ok(ControlFlow::Break(())) };
         }

@@ -15,8 +15,8 @@
 //! keeps the order.
 
 use super::pieces::Piece;
-use super::{Statistics, StepFailure, TimeStepper};
-use crate::error::Result;
+use super::{Statistics, StepFailure, TimeStepper, Watch};
+use crate::error::{DegenerateSpring, Result};
 use crate::force::{Extensions, set_total_force};
 use crate::system::{Moment, State, System};
 use nalgebra::Vector3;
@@ -75,25 +75,34 @@ impl<'s> Verlet<'s> {
         })
     }
 
-    /// Sets the force at `next`, with the velocities given or predicted.
-    fn set_force(&mut self, at: Velocities) -> Result<(), StepFailure> {
+    /// Sets the force at `next`, with the velocities given or predicted, in sight of who watches the end of a step of so many seconds.
+    fn set_force(&mut self, at: Velocities, seen: Option<(&mut dyn Watch, f64)>) -> Result<(), StepFailure> {
         let Self { system, next, force, predicted, .. } = self;
         self.statistics.work.force_evaluations += 1;
         let velocities = match at {
             Velocities::Predicted if self.is_damped => predicted,
             _ => &next.velocities,
         };
-        let set = set_total_force(system, &Moment { velocities, ..next.moment() }, force);
-        StepFailure::of_any(system, set.map_err(Into::into))
+        let moment = Moment { velocities, ..next.moment() };
+        let of_any = |set: Result<(), DegenerateSpring>| StepFailure::of_any(system, set.map_err(Into::into));
+        match seen {
+            None => of_any(set_total_force(system, &moment, force)),
+            Some((watch, dt)) if watch.takes_forces(system) => of_any(watch.set_force(&moment, dt, force)),
+            Some((watch, dt)) => {
+                of_any(set_total_force(system, &moment, force))?;
+                watch.see(&moment, dt);
+                Ok(())
+            }
+        }
     }
 
-    /// Advances `next` over a piece of a step.
-    fn advance(&mut self, piece: &Piece) -> Result<(), StepFailure> {
+    /// Advances `next` over a piece of a step; `seen` is for its end.
+    fn advance(&mut self, piece: &Piece, seen: Option<(&mut dyn Watch, f64)>) -> Result<(), StepFailure> {
         let prescribed = self.system.prescribed();
         let h = piece.length();
         if !self.knows_force {
             prescribed.set_velocities(piece.middle(), &mut self.next.velocities);
-            self.set_force(Velocities::Given)?;
+            self.set_force(Velocities::Given, None)?;
         }
         let masses = self.system.masses();
         let State { positions, velocities, .. } = &mut self.next;
@@ -116,7 +125,12 @@ impl<'s> Verlet<'s> {
         prescribed.set_positions(piece.end, positions);
         self.system.refresh(positions);
         self.next.time = piece.end;
-        self.set_force(Velocities::Predicted)?;
+        if seen.is_some() && !self.is_damped {
+            // What is prescribed, and what ghosts have, is looked at too.
+            prescribed.set_velocities(piece.middle(), &mut self.next.velocities);
+            self.system.refresh(&mut self.next.velocities);
+        }
+        self.set_force(Velocities::Predicted, seen)?;
         for ((v, f), mass) in self.next.velocities.iter_mut().zip(&self.force).zip(masses) {
             *v += f * (0.5 * h / mass);
         }
@@ -126,14 +140,34 @@ impl<'s> Verlet<'s> {
     }
 
     /// Advances `next` over a whole step.
-    fn complete(&mut self, dt: f64) -> Result<(), StepFailure> {
+    fn complete(&mut self, dt: f64, mut watch: Option<&mut dyn Watch>) -> Result<(), StepFailure> {
         let (mut time, end) = (self.next.time, self.next.time + dt);
         while let Some(piece) = Piece::next(self.system.prescribed(), time, end, dt) {
-            self.advance(&piece)?;
+            let is_last = piece.end >= end;
+            let seen: Option<(&mut dyn Watch, f64)> = match &mut watch {
+                Some(watch) if is_last => Some((&mut **watch, dt)),
+                _ => None,
+            };
+            self.advance(&piece, seen)?;
             time = piece.end;
         }
         self.next.prescribe(self.system);
         StepFailure::of_any(self.system, if self.next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) })
+    }
+
+    /// A step, in sight of who watches.
+    fn go(&mut self, state: &mut State, dt: f64, watch: Option<&mut dyn Watch>) -> Result<(), StepFailure> {
+        if self.next.positions != state.positions || self.next.velocities != state.velocities {
+            self.knows_force = false;
+            self.next.copy_from(state);
+        }
+        self.next.time = state.time;
+        let outcome = self.complete(dt, watch);
+        match outcome {
+            Ok(()) => state.copy_from(&self.next),
+            Err(_) => self.knows_force = false,
+        }
+        outcome
     }
 }
 
@@ -150,17 +184,11 @@ impl TimeStepper for Verlet<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
-        if self.next.positions != state.positions || self.next.velocities != state.velocities {
-            self.knows_force = false;
-            self.next.copy_from(state);
-        }
-        self.next.time = state.time;
-        let outcome = self.complete(dt);
-        match outcome {
-            Ok(()) => state.copy_from(&self.next),
-            Err(_) => self.knows_force = false,
-        }
-        outcome
+        self.go(state, dt, None)
+    }
+
+    fn step_seen(&mut self, state: &mut State, dt: f64, watch: &mut dyn Watch) -> Result<(), StepFailure> {
+        self.go(state, dt, Some(watch))
     }
 
     fn restart(&mut self) {

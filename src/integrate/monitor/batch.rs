@@ -2,21 +2,21 @@
 //!
 //! One loop gathers what springs need from their ends into lists, the others go through the lists without a branch. Sums are made
 //! slot by slot of the batch, and the slots are added at the end of a block.
+//!
+//! A method that evaluates forces where a step ends can have both in one pass, which gathers once and computes lengths once.
 
 use super::Sides;
-use super::springs::{Constants, Span, Sums};
+use super::sums::{BLOCK, Constants, Span, Sums};
+use crate::force::batch::{BATCH, Batch as Forces, Coincident, List, Run};
 use crate::spring::{Extension, Spring};
-use crate::system::{State, System};
+use crate::system::{Moment, System};
 use nalgebra::Vector3;
-
-/// Springs of a batch: its lists are to stay in the fastest cache.
-const BATCH: usize = 32;
 
 /// What all blocks of a pass see.
 #[derive(Clone, Copy)]
 pub(super) struct Step<'a> {
     pub system: &'a System,
-    pub state: &'a State,
+    pub at: Moment<'a>,
     pub dt: f64,
     /// 1/dt; divisions are what a pass would wait for.
     pub inverse: f64,
@@ -38,7 +38,7 @@ impl pulp::NullaryFnOnce for Block<'_> {
     #[inline(always)]
     fn call(self) -> Sums {
         let Self { step, resolved, constants, first, spans } = self;
-        let Step { system, state, .. } = step;
+        let Step { system, at: moment, .. } = step;
         let is_damped = !resolved.is_empty();
         // Of a system that is not a part of another all springs count.
         let all_count = system.peers().is_none();
@@ -55,7 +55,8 @@ impl pulp::NullaryFnOnce for Block<'_> {
             let each = springs[of_batch.clone()].iter().zip(&pairs[of_batch.clone()]).zip(&constants[of_batch.clone()]);
             for (slot, ((spring, pair), constants)) in each.enumerate() {
                 if all_count || system.counts(first + at + slot) {
-                    batch.gather(slot, state, spring, *pair, constants);
+                    batch.gather(slot, &moment, spring, *pair);
+                    batch.set_constants(slot, constants);
                 }
             }
             batch.set_spans();
@@ -64,23 +65,65 @@ impl pulp::NullaryFnOnce for Block<'_> {
             } else {
                 batch.set_energies();
             }
-            slots.add_energies(&batch);
-            if step.dt > 0.0 {
-                slots.add_motion(&batch, &step);
-                if is_damped {
-                    batch.gather_before(spans, &springs[of_batch.clone()], &resolved[of_batch]);
-                    slots.add_dissipation(&batch, &step);
-                }
+            if is_damped {
+                batch.gather_before(spans, &springs[of_batch.clone()], &resolved[of_batch]);
             }
-            for ((span, &length), &rate) in spans.iter_mut().zip(&batch.length).zip(&batch.rate) {
-                *span = Span { length, rate };
-            }
+            slots.add(&batch, &step, is_damped);
+            batch.leave(spans);
         }
         slots.sums()
     }
 }
 
-type List = [f64; BATCH];
+/// All springs of a system, with the forces that they put on their ends added to `force`; for systems all of whose springs are active
+/// and count, without a law of the caller's own.
+pub(super) struct WithForces<'a> {
+    pub step: Step<'a>,
+    pub resolved: &'a [f64],
+    pub constants: &'a [Constants],
+    pub spans: &'a mut [Span],
+    pub sums: &'a mut [Sums],
+    pub force: &'a mut [Vector3<f64>],
+}
+
+impl pulp::NullaryFnOnce for WithForces<'_> {
+    type Output = Result<(), Coincident>;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let Self { step, resolved, constants, spans, sums, force } = self;
+        let Step { system, at, .. } = step;
+        let is_damped = !resolved.is_empty();
+        let mut ends = system.pairs().iter().copied().zip(system.springs());
+        let (mut forces, mut run, mut batch) = (Forces::new(), Run::new(), Batch::new());
+        for (block, (spans, sums)) in spans.chunks_mut(BLOCK).zip(sums).enumerate() {
+            let mut slots = Slots::new();
+            for (number, spans) in spans.chunks_mut(BATCH).enumerate() {
+                let first = block * BLOCK + number * BATCH;
+                let of_batch = first..first + spans.len();
+                if spans.len() < BATCH {
+                    (forces, batch) = (Forces::new(), Batch::new());
+                }
+                let count = forces.gather::<true>(&at, &mut ends);
+                forces.set_pulls()?;
+                forces.add_forces(count, 0, force, &mut run);
+                batch.take(&forces);
+                for (slot, constants) in constants[of_batch.clone()].iter().enumerate() {
+                    batch.set_constants(slot, constants);
+                }
+                batch.set_energies();
+                if is_damped {
+                    batch.gather_before(spans, &system.springs()[of_batch.clone()], &resolved[of_batch]);
+                }
+                slots.add(&batch, &step, is_damped);
+                batch.leave(spans);
+            }
+            *sums = slots.sums();
+        }
+        run.end(0, force);
+        Ok(())
+    }
+}
 
 /// The numbers of a batch.
 struct Batch {
@@ -124,16 +167,32 @@ impl Batch {
     }
 
     #[inline(always)]
-    fn gather(&mut self, slot: usize, state: &State, spring: &Spring, [i, j]: [u32; 2], constants: &Constants) {
+    fn gather(&mut self, slot: usize, at: &Moment<'_>, spring: &Spring, [i, j]: [u32; 2]) {
         let (i, j) = (i as usize, j as usize);
-        let d = state.positions[i] - state.positions[j];
-        let v = state.velocities[i] - state.velocities[j];
+        let d = at.positions[i] - at.positions[j];
+        let v = at.velocities[i] - at.velocities[j];
         self.squared[slot] = d.norm_squared();
         self.product[slot] = d.dot(&v);
         self.speed[slot] = v.norm_squared();
         self.rest_length[slot] = spring.rest_length;
+    }
+
+    #[inline(always)]
+    fn set_constants(&mut self, slot: usize, constants: &Constants) {
         self.stiffness[slot] = constants.stiffness;
         self.mobility[slot] = constants.mobility;
+    }
+
+    /// In place of [`gather`](Self::gather) and [`set_spans`](Self::set_spans): what forces have been computed from. No length is zero.
+    #[inline(always)]
+    fn take(&mut self, forces: &Forces) {
+        self.speed = forces.speed;
+        self.rest_length = forces.rest_length;
+        self.length = forces.length;
+        self.reciprocal = forces.inverse;
+        for slot in 0..BATCH {
+            self.rate[slot] = forces.product[slot] * forces.inverse[slot];
+        }
     }
 
     #[inline(always)]
@@ -175,6 +234,14 @@ impl Batch {
             self.resolved[slot] = resolved;
         }
     }
+
+    /// Leaves what the next step will find.
+    #[inline(always)]
+    fn leave(&self, spans: &mut [Span]) {
+        for ((span, &length), &rate) in spans.iter_mut().zip(&self.length).zip(&self.rate) {
+            *span = Span { length, rate };
+        }
+    }
 }
 
 /// Sums of a block, one for every slot of a batch.
@@ -195,9 +262,15 @@ impl Slots {
     }
 
     #[inline(always)]
-    fn add_energies(&mut self, batch: &Batch) {
+    fn add(&mut self, batch: &Batch, step: &Step, is_damped: bool) {
         for slot in 0..BATCH {
             self.elastic[slot] += batch.elastic[slot];
+        }
+        if step.dt > 0.0 {
+            self.add_motion(batch, step);
+            if is_damped {
+                self.add_dissipation(batch, step);
+            }
         }
     }
 

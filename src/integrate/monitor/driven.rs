@@ -17,7 +17,8 @@
 //! corrections are left out as they are there: `b h r̄ ḡ` goes with the dissipation `b h r̄²`.
 
 use super::Sides;
-use super::springs::{Span, resolved_step, span};
+use super::springs::{resolved_step, span};
+use super::sums::Span;
 use crate::system::{Motion, State, System};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};

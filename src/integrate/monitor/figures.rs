@@ -1,6 +1,6 @@
 //! The raw figures of a run, from which its indicators are made.
 
-use super::{particles, springs};
+use super::{particles, sums};
 use serde::{Deserialize, Serialize};
 
 /// Figures of a run that cost next to nothing, for what it cannot know otherwise: how wrong it is.
@@ -76,7 +76,7 @@ pub(super) struct Trail {
 }
 
 impl Trail {
-    pub fn enter(&mut self, dt: f64, springs: &springs::Sums, particles: &particles::Sums, local_error: Option<f64>) {
+    pub fn enter(&mut self, dt: f64, springs: &sums::Sums, particles: &particles::Sums, local_error: Option<f64>) {
         self.steps += 1;
         self.duration += dt;
         let change = 0.5 * dt * particles.change.sqrt();

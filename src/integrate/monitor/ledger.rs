@@ -10,7 +10,7 @@
 
 use super::driven::{Exchange, Led};
 use super::particles::{self, Carried};
-use super::springs;
+use super::sums;
 use crate::force::Energy;
 use serde::{Deserialize, Serialize};
 
@@ -59,14 +59,14 @@ pub(super) struct Free {
 
 impl Ledger {
     /// At a state with the given sums.
-    pub fn new(springs: &springs::Sums, particles: &particles::Sums, led: Led) -> Self {
+    pub fn new(springs: &sums::Sums, particles: &particles::Sums, led: Led) -> Self {
         let energy = energy(springs, particles);
         let carried = carried(&particles.carried);
         Self { initial: energy, energy, led: [led; 2], carried, work: 0.0, dissipated: 0.0, certain: 0.0 }
     }
 
     /// Enters a step.
-    pub fn enter(&mut self, springs: &springs::Sums, particles: &particles::Sums, led: Led, exchange: &Exchange) {
+    pub fn enter(&mut self, springs: &sums::Sums, particles: &particles::Sums, led: Led, exchange: &Exchange) {
         self.energy = energy(springs, particles);
         self.led[1] = led;
         self.carried = carried(&particles.carried);
@@ -99,7 +99,7 @@ impl Ledger {
     }
 }
 
-fn energy(springs: &springs::Sums, particles: &particles::Sums) -> Energy {
+fn energy(springs: &sums::Sums, particles: &particles::Sums) -> Energy {
     Energy { kinetic: particles.kinetic, elastic: springs.elastic, gravitational: 0.0 - particles.weight }
 }
 

@@ -13,11 +13,13 @@ mod indicator;
 mod ledger;
 mod particles;
 mod springs;
+mod sums;
 
 pub use figures::Figures;
 pub use indicator::{Warning, percent};
 pub use ledger::Balance;
 
+use super::watch::Watch;
 use super::{Method, StepFailure, StiffnessPolicy};
 use crate::force::{
     DegenerateSpring, Energy, Extensions, add_damping_force, add_elastic_force, add_external_forces, add_weight,
@@ -137,7 +139,7 @@ impl<'s> Monitor<'s> {
         let drive = Drive::new(system, state);
         let mut springs = Springs::new(system, state, drive.springs());
         let mut particles = Particles::new(system, state);
-        let sums = (springs.pass(state, 0.0), particles.pass(state, 0.0, None));
+        let sums = (springs.pass(&state.moment(), 0.0), particles.pass(state, 0.0, None));
         let ledger = Ledger::new(&sums.0, &sums.1, drive.energy(state));
         let growth = Growth::new(system, &ledger, state);
         let forces = options.forces.then(|| Forces::new(system, state)).transpose()?;
@@ -171,7 +173,7 @@ impl<'s> Monitor<'s> {
         let looks = steps <= LOOKS || steps.is_multiple_of(LOOKS);
         let forces = self.forces.as_mut().filter(|_| looks);
         let force = forces.and_then(|forces| forces.at(self.system, state));
-        let (springs, particles) = (self.springs.pass(state, dt), self.particles.pass(state, dt, force));
+        let (springs, particles) = (self.springs.enter(state, dt), self.particles.pass(state, dt, force));
         let mut exchange = self.drive.pass(state, dt);
         exchange.work += self.external.as_mut().map_or(0.0, |external| external.pass(self.system, state));
         self.ledger.enter(&springs, &particles, self.drive.energy(state), &exchange);
@@ -185,6 +187,11 @@ impl<'s> Monitor<'s> {
             }
             _ => Ok(()),
         }
+    }
+
+    /// The account of the springs, for a method that goes through them anyway.
+    pub(super) fn springs(&mut self) -> &mut dyn Watch {
+        &mut self.springs
     }
 
     /// Says that the step entered next may err by so much energy, in J, by the method's own estimate: that much of growth is none.

@@ -13,75 +13,26 @@
 //! motion, `h² k/(l0 μ) ≤ 1` and `h b/μ ≤ 1` with the reduced mass μ of its ends. Where it does not, rates at the ends of
 //! steps are those of a ringing that the step has stepped over, and say nothing about what happened between.
 //!
+//! **Velocities at the end.** A method whose last force of a step is that at its end can have this pass made along with it, as a
+//! [`Watch`]. Of the method of Verlet velocities are then not those after the step but what the force is computed with:
+//! predicted ones, or, without damping, those of the middle of the step, of which `h Δv` is what the ends move. Predicted rates are
+//! off by an O(h²) that changes slowly: their differences r' − r by O(h³), and c by O(h²), which it is itself, so that the integral
+//! remains right to the fourth order.
+//!
 //! Springs that end in a moving prescribed particle are accounted for in `driven`: their rates jump where paths have
 //! kinks. Here they count for what they store.
 
 use super::Sides;
-use super::batch::{Block, Step};
+use super::batch::{Block, Step, WithForces};
+use super::sums::{BLOCK, Constants, Span, Sums};
+use crate::error::DegenerateSpring;
+use crate::force::batch::Coincident;
+use crate::force::{first_degenerate, has_only_active, set_other_forces};
+use crate::integrate::watch::Watch;
 use crate::spring::Spring;
-use crate::system::{Axes, State, System};
+use crate::system::{Axes, Moment, State, System};
 use nalgebra::Vector3;
 use rayon::prelude::*;
-
-/// Springs that one thread treats at a stretch. Sums are made block by block, whatever the number of threads.
-const BLOCK: usize = 4096;
-
-/// Sums over springs at a state, and over the step that led to it.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Sums {
-    /// Elastic energy, in J.
-    pub elastic: f64,
-    /// What damping took in the step, in J, but for driven springs.
-    pub dissipated: f64,
-    /// The least that it can have taken.
-    pub certain: f64,
-    /// U, what a step of straight motion puts into the springs that turn, in J: with `v⊥` across a spring its ends come apart by
-    /// `(h v⊥)²/(2l)`.
-    pub lifted: f64,
-    /// The same times its quotient with the energy `½ μ v⊥²` of the turning, spring by spring.
-    pub lifted_twice: f64,
-    /// The largest `(h |Δv|/l)²`: how far the ends of a spring pass each other in a step, in lengths.
-    pub reach: f64,
-}
-
-impl Sums {
-    fn add(mut self, other: &Self) -> Self {
-        self.elastic += other.elastic;
-        self.dissipated += other.dissipated;
-        self.certain += other.certain;
-        self.lifted += other.lifted;
-        self.lifted_twice += other.lifted_twice;
-        self.reach = self.reach.max(other.reach);
-        self
-    }
-
-    /// With those of all other parts of a system.
-    fn of_all(self, system: &System) -> Self {
-        let Self { elastic, dissipated, certain, lifted, lifted_twice, reach } = self;
-        let [elastic, dissipated, certain, lifted, lifted_twice] =
-            system.total([elastic, dissipated, certain, lifted, lifted_twice]);
-        let [reach] = system.largest([reach]);
-        Self { elastic, dissipated, certain, lifted, lifted_twice, reach }
-    }
-}
-
-/// A spring at the last state.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Span {
-    /// l, in m.
-    pub length: f64,
-    /// n·Δv, in m/s.
-    pub rate: f64,
-}
-
-/// What a pass needs of a spring and would have to divide for.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Constants {
-    /// k/l0, in N/m.
-    pub stiffness: f64,
-    /// 1/μ of its ends, in 1/kg.
-    pub mobility: f64,
-}
 
 /// All springs at the last state.
 pub(super) struct Springs<'s> {
@@ -92,6 +43,8 @@ pub(super) struct Springs<'s> {
     /// What each is, apart from its damping.
     constants: Vec<Constants>,
     sums: Vec<Sums>,
+    /// Of a pass that has been made along with a step, before the step is entered.
+    ahead: Option<Sums>,
 }
 
 impl<'s> Springs<'s> {
@@ -110,18 +63,23 @@ impl<'s> Springs<'s> {
             mobility: mobility(system, number),
         };
         let constants = system.springs().iter().enumerate().map(constants).collect();
-        let mut springs = Self { system, spans, resolved, constants, sums };
-        springs.pass(state, 0.0);
+        let mut springs = Self { system, spans, resolved, constants, sums, ahead: None };
+        springs.pass(&state.moment(), 0.0);
         springs
     }
 
-    /// Goes on to a state that a step of dt seconds led to.
-    pub fn pass(&mut self, state: &State, dt: f64) -> Sums {
-        let Self { system, spans, resolved, constants, sums } = self;
+    /// What a step of dt seconds that led to a state adds up to: of the pass made along with it, or of one made now.
+    pub fn enter(&mut self, state: &State, dt: f64) -> Sums {
+        self.ahead.take().unwrap_or_else(|| self.pass(&state.moment(), dt))
+    }
+
+    /// Goes on to where a step of dt seconds led to.
+    pub fn pass(&mut self, at: &Moment<'_>, dt: f64) -> Sums {
+        let step = self.step(at, dt);
+        let Self { spans, resolved, constants, sums, .. } = self;
         let block = |(number, (spans, sums)): (usize, (&mut [Span], &mut Sums))| {
             let first = number * BLOCK;
             let resolved = resolved.get(first..).unwrap_or_default();
-            let step = Step { system, state, dt, inverse: if dt > 0.0 { 1.0 / dt } else { 0.0 } };
             let constants = &constants[first..first + spans.len()];
             *sums = pulp::Arch::new().dispatch(Block { step, resolved, constants, first, spans });
         };
@@ -130,7 +88,42 @@ impl<'s> Springs<'s> {
         } else {
             spans.chunks_mut(BLOCK).zip(sums.iter_mut()).enumerate().for_each(block);
         }
-        sums.iter().fold(Sums::default(), Sums::add).of_all(system)
+        self.total()
+    }
+
+    fn step<'a>(&self, at: &Moment<'a>, dt: f64) -> Step<'a>
+    where
+        's: 'a,
+    {
+        Step { system: self.system, at: *at, dt, inverse: if dt > 0.0 { 1.0 / dt } else { 0.0 } }
+    }
+
+    fn total(&self) -> Sums {
+        self.sums.iter().fold(Sums::default(), Sums::add).of_all(self.system)
+    }
+}
+
+impl Watch for Springs<'_> {
+    fn takes_forces(&self, system: &System) -> bool {
+        std::ptr::eq(self.system, system)
+            && has_only_active(system)
+            && !system.has_spring_law()
+            && system.peers().is_none()
+            && system.several_shares().is_none()
+    }
+
+    fn set_force(&mut self, at: &Moment<'_>, dt: f64, force: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
+        set_other_forces(self.system, at, force);
+        let step = self.step(at, dt);
+        let Self { spans, resolved, constants, sums, .. } = self;
+        let done = pulp::Arch::new().dispatch(WithForces { step, resolved, constants, spans, sums, force });
+        done.map_err(|Coincident| first_degenerate(self.system, at.positions))?;
+        self.ahead = Some(self.total());
+        Ok(())
+    }
+
+    fn see(&mut self, at: &Moment<'_>, dt: f64) {
+        self.ahead = Some(self.pass(at, dt));
     }
 }
 
