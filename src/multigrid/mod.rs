@@ -16,7 +16,7 @@
 //!
 //! **Once an iteration**, a cycle from zero: a forward sweep of block Gauss–Seidel, the coarse correction
 //! `x += P A_c⁻¹ Pᵀ (b − A x)` by the next level, a backward sweep. On the coarsest level a dense Cholesky factorization. Each level asks
-//! the next one once (a V-cycle): asking twice takes the same number of iterations and a third more time on the coarse levels. With M
+//! the next one once (a V-cycle): asking twice takes the same number of iterations and more time. With M
 //! the matrix of the forward sweep and B_c the coarse levels' approximation of A_c⁻¹ a cycle is
 //!
 //! ```text
@@ -35,7 +35,7 @@
 //! | Gram matrices for the bases | they take one pass, and show which motions an aggregate does not have |
 //! | λ_max(D⁻¹A) = 2, its bound | nothing to estimate, see `prolongator` |
 //! | cycle in single precision, coarse matrices computed in double | half the time, the same iterations |
-//! | loops compiled for wide vectors, picked at run time | set-up in three quarters of the time, see `parallel` |
+//! | loops compiled for wide vectors, picked at run time | set-up in eight tenths of the time, see `parallel` |
 //! | one triangle of each matrix, each block used twice | half the time of a sweep, see `gauss_seidel` |
 //! | finest matrix in double precision never stored | recomputing rows from the springs is cheap |
 //! | the smoother's domains depend on size alone | the same bits for any number of threads |
@@ -58,6 +58,7 @@
 //! | scene | all | set-up | solve | of an iteration: smoothing of the finest level / transfers / coarse levels / conjugate gradients |
 //! |---|---|---|---|---|
 //! | cloth 316 | 280–330 | 83–96 | 199–232 | 3.2 / 1.5 / 2.2 / 1.6 |
+//! | cloth 1000 | 440–450 | 129–134 | 312–315 | 3.4 / 1.4 / 2.3 / 1.9 |
 //! | lattice 46 | 186 | 87 | 100 | 3.0 / 1.2 / 0.7 / 1.5 |
 //!
 //! In the way of fewer stand the bytes. A sweep reads 340 a particle, its share of one triangle, where a product reads 40 a spring, 240 a
