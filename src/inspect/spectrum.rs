@@ -16,6 +16,7 @@
 use super::inertia::Inertia;
 use super::krylov::{Krylov, Ritz};
 use super::lanczos::{End, lanczos_ends, lanczos_largest};
+use super::random::gaussian;
 use crate::assembly::SymmetricMatrix;
 use crate::error::Result;
 use crate::linear::{Ldlt, dot, norm};
@@ -23,6 +24,8 @@ use crate::operator::LinearOperator;
 use crate::work::Work;
 use faer::Par;
 use nalgebra::{DMatrix, Dyn, SymmetricEigen};
+use rand::SeedableRng;
+use rand::rngs::Xoshiro256PlusPlus;
 
 /// An eigenvalue with its unit vector.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,7 +123,7 @@ pub(super) fn spectrum_with(
     let nearest = match () {
         () if inertia.zero > 0 => 0.0,
         () if inertia.negative == 0 => smallest,
-        () => search.nearest_to_zero(),
+        () => search.nearest_to_zero(size(&ends)),
     };
     Spectrum { condition: largest.abs().max(smallest.abs()) / nearest, lowest, largest }
 }
@@ -159,6 +162,14 @@ pub(super) fn eigenpair(a: &SymmetricMatrix, vector: Vec<f64>) -> Eigenpair {
     }
     Eigenpair { value, residual: norm(&product), vector }
 }
+
+/// How well a factorization must solve with A, relative to the right-hand side: a hundredth of [`TOLERANCE`].
+const SOLVED: f64 = 1e-7;
+
+/// How far beside A the matrix is that is factored where a pivot vanishes, relative to ‖A‖: the root of the rounding error, so that a
+/// pivot of that size costs half of the digits. And how often its solves are refined.
+const BESIDE: f64 = 1e-8;
+const REFINEMENTS: usize = 3;
 
 /// Doublings of the distance to a shift: 1e-8 of ‖A‖ has then become far more than ‖A‖.
 const LONGEST_RETREAT: usize = 60;
@@ -354,21 +365,64 @@ impl Search<'_> {
         None
     }
 
-    /// The smallest |λ|, by solves with A applied twice: `A⁻²` has the eigenvalues 1/λ².
-    fn nearest_to_zero(&mut self) -> f64 {
+    /// The smallest |λ|, by solves with A applied twice: `A⁻²` has the eigenvalues 1/λ². Of an indefinite A a pivot may almost vanish
+    /// though no eigenvalue does, and solves are worth nothing then. That of `A − σ`, a little beside it, does not; its solves are
+    /// refined to those of A, which takes away all but `σ/λ` of the difference each time.
+    fn nearest_to_zero(&mut self, size: f64) -> f64 {
+        let Some(refinements) = self.factor_for_solves(size) else { return 0.0 };
         let Self { a, factorization, work } = self;
-        work.factorizations += 1;
-        if factorization.factor(a).is_err() {
-            return 0.0;
-        }
         let n = a.dofs().len();
+        let mut rest = Vec::new();
         let mut solve = |x: &[f64], y: &mut [f64]| {
-            work.solves += 2 * (x.len() / n) as u64;
             y.copy_from_slice(x);
-            factorization.solve_columns_in_place(n, y);
-            factorization.solve_columns_in_place(n, y);
+            for _ in 0..2 {
+                rest.clear();
+                rest.extend_from_slice(y);
+                work.solves += (1 + refinements as u64) * (x.len() / n) as u64;
+                factorization.solve_columns_in_place(n, y);
+                (0..refinements).for_each(|_| refine(a, factorization, &rest, y));
+            }
         };
         let pairs = Krylov::new(n, 1, &mut solve).iterate(TOLERANCE, 4 * STEPS, &mut solve);
         pairs.first().map_or(f64::NAN, |pair| pair.value.abs().sqrt().recip())
     }
+
+    /// Factors A, or a matrix a little beside it where that does not solve with A, and returns how often solves are to be refined.
+    fn factor_for_solves(&mut self, size: f64) -> Option<usize> {
+        let mut probe = vec![0.0; self.n()];
+        gaussian(&mut Xoshiro256PlusPlus::seed_from_u64(1), &mut probe);
+        for (shift, refinements) in [(0.0, 0), (BESIDE * size, REFINEMENTS), (-BESIDE * size, REFINEMENTS)] {
+            let mut shifted = self.a.clone();
+            shifted.shift(-shift);
+            self.work.factorizations += 1;
+            if self.factorization.factor(&shifted).is_err() {
+                continue;
+            }
+            let mut solution = probe.clone();
+            self.work.solves += 1 + refinements as u64;
+            self.factorization.solve_columns_in_place(self.n(), &mut solution);
+            (0..refinements).for_each(|_| refine(self.a, self.factorization, &probe, &mut solution));
+            if norm(&left(self.a, &probe, &solution)) <= SOLVED * norm(&probe) {
+                return Some(refinements);
+            }
+        }
+        // Neither: A has an eigenvalue so near to zero that nothing solves with it. It is found all the same, if not to many digits.
+        self.work.factorizations += 1;
+        self.factorization.factor(self.a).is_ok().then_some(0)
+    }
+}
+
+/// `X − A·Y`, by columns.
+fn left(a: &SymmetricMatrix, x: &[f64], y: &[f64]) -> Vec<f64> {
+    let n = a.dofs().len();
+    let mut product = vec![0.0; x.len()];
+    y.chunks_exact(n).zip(product.chunks_exact_mut(n)).for_each(|(y, product)| a.apply(y, product));
+    x.iter().zip(&product).map(|(x, product)| x - product).collect()
+}
+
+/// Adds to Y what solves for `X − A·Y`.
+fn refine(a: &SymmetricMatrix, factorization: &mut Ldlt, x: &[f64], y: &mut [f64]) {
+    let mut rest = left(a, x, y);
+    factorization.solve_columns_in_place(a.dofs().len(), &mut rest);
+    y.iter_mut().zip(&rest).for_each(|(y, rest)| *y += rest);
 }
