@@ -75,7 +75,8 @@ def check_same_motion(ours, peers, folder):
 def command(program, folder, steps):
     """Processor time of a whole run by the command, in s."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([program, "run", folder / "scene.json", "--method", "verlet", "--dt", "1e-5", "--steps", str(steps), "--threads", "1"],
+    subprocess.run([program, "run", folder / "scene.json", "--method", "verlet", "--dt", "1e-5", "--steps", str(steps), "--threads", "1",
+                    "--out", folder / "out"],
                    check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return (after.ru_utime + after.ru_stime) - (before.ru_utime + before.ru_stime)
