@@ -107,15 +107,17 @@ def measure(scene, ours_at, sprung, peers_at):
     return result
 
 
+def rows_of(heads, rows):
+    return ["| " + " | ".join(row) + " |" for row in [heads, ["---"] * len(heads), *rows]]
+
+
 def table(results):
-    names = list(BUILDS)
-    heads = ["scene", "springs"] + [f"{kind}, ns a spring" for kind in KINDS] + [f"{kind} / C {name}" for kind in KINDS for name in names]
-    rows = ["| " + " | ".join(heads + ["monitored / not", "command / step"]) + " |", "|---" * (len(heads) + 2) + "|"]
-    for r in results:
-        cells = [r["scene"], str(r["springs"])] + [f"{r[kind] / r['springs']:.2f}" for kind in KINDS]
-        cells += [f"{r[f'{kind} {name}']:.2f}" for kind in KINDS for name in names]
-        rows.append("| " + " | ".join(cells + [f"{r['monitored']:.2f}", f"{r['command']:.2f}"]) + " |")
-    return rows
+    """Quotients, the builds of C beside each other, and below them what the library's steps take by themselves."""
+    quotients = [[r["scene"], *(", ".join(f"{r[f'{kind} {name}']:.2f}" for name in BUILDS) for kind in KINDS),
+                  f"{r['monitored']:.2f}", f"{r['command']:.2f}"] for r in results]
+    times = [[r["scene"], str(r["springs"]), *(f"{r[kind] / r['springs']:.2f}" for kind in KINDS)] for r in results]
+    return [*rows_of(["scene", *(f"{kind} / C" for kind in KINDS), "monitored / not", "command / step"], quotients), "",
+            *rows_of(["scene", "springs", *(f"{kind}, ns a spring" for kind in KINDS)], times)]
 
 
 def cpu():
