@@ -56,10 +56,14 @@ impl Choice {
             // number unset that differs from rank to rank where they meet negative curvature, and ranks that find zero end while
             // the others wait. GMRES finds singular values, which for D⁻¹A are too large (32 iterations where 16 do). For the
             // symmetric D^(-1/2) A D^(-1/2) they are the eigenvalues' sizes, of every A.
+            //
+            // The bound of the smoothers is found by GMRES too: where A is indefinite the eigenvalues that PETSc computes from the unset
+            // number of conjugate gradients may be an iteration without end, on one rank.
             Self::Cg(Preconditioner::Gamg) => {
                 "-pc_type gamg -pc_gamg_reuse_interpolation true -pc_gamg_use_sa_esteig false \
                  -pc_gamg_esteig_ksp_type gmres -pc_gamg_esteig_ksp_norm_type preconditioned \
-                 -pc_gamg_esteig_ksp_pc_side symmetric -mg_levels_pc_type bjacobi -mg_levels_sub_pc_type icc"
+                 -pc_gamg_esteig_ksp_pc_side symmetric -mg_levels_esteig_ksp_type gmres \
+                 -mg_levels_pc_type bjacobi -mg_levels_sub_pc_type icc"
             }
             Self::Cg(Preconditioner::Hypre) => "-pc_type hypre",
             Self::Cg(Preconditioner::Icc) => "-pc_type bjacobi -sub_pc_type icc",
