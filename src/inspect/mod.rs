@@ -18,6 +18,7 @@ mod inspection;
 mod krylov;
 mod lanczos;
 mod left_out;
+mod nearest;
 mod picture;
 mod random;
 mod smallest;

@@ -7,7 +7,7 @@
 //!   short recurrence, tell where the spectrum ends; that σ lies beyond is proven by a factorization all of whose pivots have
 //!   one sign. Where A is positive definite σ = 0 will do for the low end, and even a λ_min far below ‖A‖ is found to many
 //!   digits;
-//! - the one nearest to zero, which decides about the condition number of an indefinite A, by solves with A itself.
+//! - the one nearest to zero, which decides about the condition number of an indefinite A, by solves with A itself (`nearest`).
 //!
 //! Both ends are certified: a Rayleigh quotient never lies outside the spectrum, and a factorization with pivots of one sign proves
 //! that the spectrum does not reach half a millionth of ‖A‖ further (nor, where A is definite, a thousandth of λ_min). For every
@@ -16,7 +16,6 @@
 use super::inertia::Inertia;
 use super::krylov::{Krylov, Ritz};
 use super::lanczos::{End, lanczos_ends, lanczos_largest};
-use super::random::gaussian;
 use crate::assembly::SymmetricMatrix;
 use crate::error::Result;
 use crate::linear::{Ldlt, dot, norm};
@@ -24,8 +23,6 @@ use crate::operator::LinearOperator;
 use crate::work::Work;
 use faer::Par;
 use nalgebra::{DMatrix, Dyn, SymmetricEigen};
-use rand::SeedableRng;
-use rand::rngs::Xoshiro256PlusPlus;
 
 /// An eigenvalue with its unit vector.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,8 +63,8 @@ pub(super) const LARGEST_DENSE: usize = 240;
 
 /// Residual at which a search with solves stops, relative to the largest eigenvalue of the inverse, and the most steps it
 /// takes, to which each wanted pair adds one; then the shift is moved nearer.
-const TOLERANCE: f64 = 1e-5;
-const STEPS: usize = 20;
+pub(super) const TOLERANCE: f64 = 1e-5;
+pub(super) const STEPS: usize = 20;
 
 /// The same where only what is certified is wanted: the error of a Rayleigh quotient is of the order of the square.
 const CERTIFIED_TOLERANCE: f64 = 1e-3;
@@ -163,14 +160,6 @@ pub(super) fn eigenpair(a: &SymmetricMatrix, vector: Vec<f64>) -> Eigenpair {
     Eigenpair { value, residual: norm(&product), vector }
 }
 
-/// How well a factorization must solve with A, relative to the right-hand side: a hundredth of [`TOLERANCE`].
-const SOLVED: f64 = 1e-7;
-
-/// How far beside A the matrix is that is factored where a pivot vanishes, relative to ‖A‖: the root of the rounding error, so that a
-/// pivot of that size costs half of the digits. And how often its solves are refined.
-const BESIDE: f64 = 1e-8;
-const REFINEMENTS: usize = 3;
-
 /// Doublings of the distance to a shift: 1e-8 of ‖A‖ has then become far more than ‖A‖.
 const LONGEST_RETREAT: usize = 60;
 
@@ -238,7 +227,7 @@ pub(super) struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn n(&self) -> usize {
+    pub fn n(&self) -> usize {
         self.a.dofs().len()
     }
 
@@ -364,65 +353,4 @@ impl Search<'_> {
         }
         None
     }
-
-    /// The smallest |λ|, by solves with A applied twice: `A⁻²` has the eigenvalues 1/λ². Of an indefinite A a pivot may almost vanish
-    /// though no eigenvalue does, and solves are worth nothing then. That of `A − σ`, a little beside it, does not; its solves are
-    /// refined to those of A, which takes away all but `σ/λ` of the difference each time.
-    fn nearest_to_zero(&mut self, size: f64) -> f64 {
-        let Some(refinements) = self.factor_for_solves(size) else { return 0.0 };
-        let Self { a, factorization, work } = self;
-        let n = a.dofs().len();
-        let mut rest = Vec::new();
-        let mut solve = |x: &[f64], y: &mut [f64]| {
-            y.copy_from_slice(x);
-            for _ in 0..2 {
-                rest.clear();
-                rest.extend_from_slice(y);
-                work.solves += (1 + refinements as u64) * (x.len() / n) as u64;
-                factorization.solve_columns_in_place(n, y);
-                (0..refinements).for_each(|_| refine(a, factorization, &rest, y));
-            }
-        };
-        let pairs = Krylov::new(n, 1, &mut solve).iterate(TOLERANCE, 4 * STEPS, &mut solve);
-        pairs.first().map_or(f64::NAN, |pair| pair.value.abs().sqrt().recip())
-    }
-
-    /// Factors A, or a matrix a little beside it where that does not solve with A, and returns how often solves are to be refined.
-    fn factor_for_solves(&mut self, size: f64) -> Option<usize> {
-        let mut probe = vec![0.0; self.n()];
-        gaussian(&mut Xoshiro256PlusPlus::seed_from_u64(1), &mut probe);
-        for (shift, refinements) in [(0.0, 0), (BESIDE * size, REFINEMENTS), (-BESIDE * size, REFINEMENTS)] {
-            let mut shifted = self.a.clone();
-            shifted.shift(-shift);
-            self.work.factorizations += 1;
-            if self.factorization.factor(&shifted).is_err() {
-                continue;
-            }
-            let mut solution = probe.clone();
-            self.work.solves += 1 + refinements as u64;
-            self.factorization.solve_columns_in_place(self.n(), &mut solution);
-            (0..refinements).for_each(|_| refine(self.a, self.factorization, &probe, &mut solution));
-            if norm(&left(self.a, &probe, &solution)) <= SOLVED * norm(&probe) {
-                return Some(refinements);
-            }
-        }
-        // Neither: A has an eigenvalue so near to zero that nothing solves with it. It is found all the same, if not to many digits.
-        self.work.factorizations += 1;
-        self.factorization.factor(self.a).is_ok().then_some(0)
-    }
-}
-
-/// `X − A·Y`, by columns.
-fn left(a: &SymmetricMatrix, x: &[f64], y: &[f64]) -> Vec<f64> {
-    let n = a.dofs().len();
-    let mut product = vec![0.0; x.len()];
-    y.chunks_exact(n).zip(product.chunks_exact_mut(n)).for_each(|(y, product)| a.apply(y, product));
-    x.iter().zip(&product).map(|(x, product)| x - product).collect()
-}
-
-/// Adds to Y what solves for `X − A·Y`.
-fn refine(a: &SymmetricMatrix, factorization: &mut Ldlt, x: &[f64], y: &mut [f64]) {
-    let mut rest = left(a, x, y);
-    factorization.solve_columns_in_place(a.dofs().len(), &mut rest);
-    y.iter_mut().zip(&rest).for_each(|(y, rest)| *y += rest);
 }
