@@ -18,12 +18,16 @@ pub struct Copy {
     /// Another copy, which stays as the program was when the run began: the program itself may be worked on meanwhile.
     original: PathBuf,
     pub folder: PathBuf,
+    /// Of the compiler, for the library and the tests.
+    level: &'static str,
 }
 
 impl Copy {
-    pub fn new(root: &Path, name: &str) -> Result<Self> {
+    pub fn new(root: &Path, name: &str, optimised: bool) -> Result<Self> {
         let beside = copy::target(root).join(name);
-        let copy = Self { original: beside.join("original"), folder: beside.join("program") };
+        // A function with a hundred bodies takes an optimiser for ever.
+        let level = if optimised { "1" } else { "0" };
+        let copy = Self { original: beside.join("original"), folder: beside.join("program"), level };
         copy::program(root, &copy.original)?;
         copy.restore()?;
         copy::dependencies(root, &copy.folder.with_file_name("build"))?;
@@ -147,8 +151,7 @@ impl Copy {
             .args(arguments)
             .args(["--profile", "faults", "--message-format", "json", "--target-dir"])
             .arg(self.folder.with_file_name("build"))
-            // A function with a hundred bodies takes an optimiser for ever.
-            .env("CARGO_PROFILE_FAULTS_OPT_LEVEL", "0")
+            .env("CARGO_PROFILE_FAULTS_OPT_LEVEL", self.level)
             .env("CARGO_INCREMENTAL", "1")
             .current_dir(&self.folder)
             .stderr(Stdio::null())
