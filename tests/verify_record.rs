@@ -4,24 +4,11 @@
 //! sentences are held to a list here: one test a family.
 
 #[path = "common/record.rs"]
+#[allow(dead_code, reason = "others use the rest")]
 mod record;
 
-use record::{Row, hold};
-use sprung::verify::{FAMILIES, Subject, built_in};
-
-/// The subject, or one beside it: free coordinates and velocities moved by some units in the last place.
-fn beside(subject: &Subject, seed: u64) -> Subject {
-    let mut subject = subject.clone();
-    if seed > 0 {
-        let dofs: Vec<_> = (0..subject.system.dofs().len()).map(|row| subject.system.dofs().dof(row)).collect();
-        for (row, dof) in dofs.into_iter().enumerate() {
-            let by = 1.0 + (seed as f64 * (3.0 + row as f64)).sin() * 2e-15;
-            subject.state.positions[dof.particle][dof.axis] *= by;
-            subject.state.velocities[dof.particle][dof.axis] *= by;
-        }
-    }
-    subject
-}
+use record::{Row, beside, hold};
+use sprung::verify::{FAMILIES, built_in};
 
 fn family(name: &str) {
     let family = FAMILIES.iter().find(|family| family.name == name).unwrap();

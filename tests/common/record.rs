@@ -11,9 +11,22 @@
 //! that makes it, looked at.
 
 use serde_json::Value;
+use sprung::verify::Subject;
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
+use std::fmt::{Debug, Write as _};
 use std::path::Path;
+
+/// The subject, or for another seed than 0 one beside it: free coordinates and velocities moved by some units in the last place.
+pub fn beside(subject: &Subject, seed: u64) -> Subject {
+    let mut subject = subject.clone();
+    for row in (0..subject.system.dofs().len()).filter(|_| seed > 0) {
+        let dof = subject.system.dofs().dof(row);
+        let by = 1.0 + (seed as f64 * (3.0 + row as f64)).sin() * 2e-15;
+        subject.state.positions[dof.particle][dof.axis] *= by;
+        subject.state.velocities[dof.particle][dof.axis] *= by;
+    }
+    subject
+}
 
 /// What is known of one thing: its numbers, and its words.
 #[derive(Default)]
@@ -24,6 +37,8 @@ pub struct Row {
     pub sums: Vec<f64>,
     /// Numbers in sentences, rounded there.
     pub rounded: Vec<f64>,
+    /// Of work done: that of iterations depends on rounding.
+    pub counts: Vec<f64>,
     words: String,
 }
 
@@ -37,6 +52,50 @@ impl Row {
         row
     }
 
+    /// Of everything that a value shows when it is debugged.
+    pub fn shown(key: impl Into<String>, value: &impl Debug) -> Self {
+        let text = format!("{value:?}");
+        let mut row = Self { key: key.into(), ..Self::default() };
+        let mut rest = &*text;
+        while let Some((before, after)) = rest.split_once('[') {
+            row.read(before);
+            let list = after.split_once(']').map(|(list, after)| (list.split(", ").map(str::parse).collect(), after));
+            rest = match list {
+                Some((Ok(numbers), after)) => {
+                    row.list(numbers);
+                    after
+                }
+                _ => after,
+            };
+        }
+        row.read(rest);
+        row
+    }
+
+    /// A list of numbers; a long one by a sum.
+    fn list(&mut self, numbers: Vec<f64>) {
+        self.numbers.push(numbers.len() as f64);
+        if numbers.len() <= LONG {
+            return self.numbers.extend(numbers);
+        }
+        self.sums.push(weighed(numbers.into_iter().enumerate()));
+    }
+
+    /// Takes numbers and words apart.
+    fn read(&mut self, text: &str) {
+        let mut is_work = false;
+        for token in
+            text.split(|c: char| !(c.is_alphanumeric() || "._-+".contains(c))).filter(|token| !token.is_empty())
+        {
+            match token.parse::<f64>() {
+                Ok(number) if is_work => self.counts.push(number),
+                Ok(number) => self.numbers.push(number),
+                Err(_) => self.words += token,
+            }
+            is_work |= token == "Work";
+        }
+    }
+
     fn take(&mut self, value: &Value) {
         match value {
             Value::Null => self.words += "null,",
@@ -46,12 +105,7 @@ impl Row {
             Value::Array(list) => {
                 let numbers = numbers(list);
                 if numbers.len() > LONG {
-                    let weighted = |(at, number): (usize, &f64)| {
-                        let weight = 1.0 + (0.618 * at as f64).fract();
-                        if *number == 0.0 { weight } else { weight * (number.abs().ln() + number.signum()) }
-                    };
-                    self.numbers.push(numbers.len() as f64);
-                    self.sums.push(numbers.iter().enumerate().map(weighted).sum());
+                    self.list(numbers);
                 } else {
                     self.numbers.push(list.len() as f64);
                     list.iter().for_each(|value| self.take(value));
@@ -85,7 +139,14 @@ impl Row {
 
     fn all(&self) -> impl Iterator<Item = (Sort, f64)> {
         let of = |sort, numbers: &[f64]| numbers.iter().map(move |&number| (sort, number)).collect::<Vec<_>>();
-        [of(Sort::Plain, &self.numbers), of(Sort::Sum, &self.sums), of(Sort::Rounded, &self.rounded)].into_iter().flatten()
+        [
+            of(Sort::Plain, &self.numbers),
+            of(Sort::Sum, &self.sums),
+            of(Sort::Rounded, &self.rounded),
+            of(Sort::Count, &self.counts),
+        ]
+        .into_iter()
+        .flatten()
     }
 }
 
@@ -94,6 +155,7 @@ enum Sort {
     Plain,
     Sum,
     Rounded,
+    Count,
 }
 
 /// The numbers of a list of numbers or of lists of them; none if there is anything else in it.
@@ -105,28 +167,50 @@ fn numbers(list: &[Value]) -> Vec<f64> {
     list.iter().map(of).collect::<Option<Vec<_>>>().unwrap_or_default().concat()
 }
 
-/// From where to where a figure may be, given it on the input and on inputs beside it.
-fn range(sort: Sort, at: f64, beside: &[f64]) -> (f64, f64) {
+/// How a figure is held.
+enum Held {
+    /// To 10⁻⁶, by a sum over all of the row.
+    Stable,
+    /// Nothing, or what rounding leaves of it elsewhere.
+    Zero,
+    /// To a range.
+    Within(f64, f64),
+}
+
+/// How a figure is held, given it on the input and on inputs beside it.
+fn held(sort: Sort, at: f64, beside: &[f64]) -> Held {
     let moved = beside.iter().fold(0.0_f64, |moved, other| moved.max((other - at).abs()));
     let size = beside.iter().fold(at.abs(), |size, other| size.max(other.abs()));
-    let about = |by: f64| (at - by, at + by);
+    let about = |by: f64| Held::Within(at - by, at + by);
     match sort {
-        _ if !at.is_finite() || !moved.is_finite() => (at, at),
+        _ if !at.is_finite() || !moved.is_finite() => Held::Within(f64::NEG_INFINITY, f64::INFINITY),
         Sort::Sum => about(1e-6 + 10.0 * moved),
-        Sort::Rounded if at.fract() == 0.0 && moved == 0.0 => (at, at),
+        _ if at == 0.0 && moved == 0.0 => Held::Zero,
+        Sort::Rounded if at.fract() == 0.0 && moved == 0.0 => Held::Stable,
         Sort::Rounded => about(0.02 * size + 3.0 * moved),
-        Sort::Plain if moved <= 1e-9 * size => about(1e-6 * size),
+        // Up to a fifth more or less, which of less than five is none.
+        Sort::Count => about(0.2 * size + 3.0 * moved),
+        Sort::Plain if moved <= 1e-9 * size => Held::Stable,
         Sort::Plain if moved <= 1e-4 * size => about(100.0 * moved),
         Sort::Plain => {
             let of_one_sign = beside.iter().all(|other| other * at > 0.0);
             let least = beside.iter().fold(at.abs(), |least, other| least.min(other.abs()));
             match of_one_sign {
-                true if at > 0.0 => (least / 10.0, 10.0 * size),
-                true => (-10.0 * size, -least / 10.0),
-                false => (-10.0 * size, 10.0 * size),
+                true if at > 0.0 => Held::Within(least / 10.0, 10.0 * size),
+                true => Held::Within(-10.0 * size, -least / 10.0),
+                false => Held::Within(-10.0 * size, 10.0 * size),
             }
         }
     }
+}
+
+/// A sum that changes by about as much as any of the numbers, relatively.
+fn weighed(numbers: impl Iterator<Item = (usize, f64)>) -> f64 {
+    let term = |(at, number): (usize, f64)| {
+        let weight = 1.0 + (0.618 * at as f64).fract();
+        if number == 0.0 { weight } else { weight * (number.abs().ln() + number.signum()) }
+    };
+    numbers.map(term).sum()
 }
 
 /// Holds rows to the list of this name. `measure` gets 0 for the input itself, and others for inputs beside it.
@@ -141,7 +225,7 @@ pub fn hold(name: &str, measure: impl Fn(u64) -> Vec<Row>) {
     }
     let known = std::fs::read_to_string(file).unwrap();
     let known: BTreeMap<&str, &str> = known.lines().filter_map(|line| line.split_once(" = ")).collect();
-    let faults: Vec<String> = rows.iter().filter_map(|row| differs(row, known.get(row.key.as_str())?.trim())).collect();
+    let faults: Vec<String> = rows.iter().filter_map(|row| differs(row, known.get(row.key.as_str())?)).collect();
     let new: Vec<&str> = rows.iter().map(|row| &*row.key).filter(|key| !known.contains_key(key)).collect();
     assert!(
         faults.is_empty() && new.is_empty() && rows.len() == known.len(),
@@ -152,6 +236,7 @@ pub fn hold(name: &str, measure: impl Fn(u64) -> Vec<Row>) {
     );
 }
 
+/// A row: the mark of its words, how many figures it has, the sum of those that are stable, and the others with their places.
 fn written(rows: &[Row], beside: &[Vec<Row>]) -> String {
     let mut text = String::new();
     for row in rows {
@@ -160,52 +245,59 @@ fn written(rows: &[Row], beside: &[Vec<Row>]) -> String {
             .filter_map(|rows| rows.iter().find(|other| other.key == row.key))
             .map(|other| other.all().map(|(_, number)| number).collect())
             .collect();
-        let _ = write!(text, "{} = {}", row.key, row.mark());
-        for (index, (sort, at)) in row.all().enumerate() {
-            let beside: Vec<f64> = others.iter().map(|of| of.get(index).copied().unwrap_or(f64::NAN)).collect();
-            let (low, high) = range(sort, at, &beside);
-            if low == high {
-                let _ = write!(text, " {at}");
-            } else if high - low <= 2.1e-6 * at.abs() && sort == Sort::Plain {
-                let _ = write!(text, " {at:.9e}");
-            } else {
-                let _ = write!(text, " {low:.4e}..{high:.4e}");
-            }
+        let (mut stable, mut zeros, mut ranges) = (Vec::new(), String::new(), String::new());
+        for (place, (sort, at)) in row.all().enumerate() {
+            let beside: Vec<f64> = others.iter().map(|of| of.get(place).copied().unwrap_or(f64::NAN)).collect();
+            let _ = match held(sort, at, &beside) {
+                Held::Stable => Ok(stable.push((place, at))),
+                Held::Zero => write!(zeros, " {place}:0"),
+                // A row that has another length beside the input, or what is no number: anything.
+                Held::Within(low, high) if !(low.is_finite() && high.is_finite()) => write!(ranges, " {place}:any"),
+                Held::Within(low, high) => write!(ranges, " {place}:{}", range(low, high)),
+            };
         }
-        text.push('\n');
+        let (many, sum) = (row.all().count(), weighed(stable.into_iter()));
+        let _ = writeln!(text, "{} = {} {many} {sum:.7}{zeros}{ranges}", row.key, row.mark());
     }
     text
 }
 
+/// A range rounded outwards, to two digits where it is wide.
+fn range(low: f64, high: f64) -> String {
+    let (by, digits) = if high - low > low.abs().max(high.abs()) / 2.0 { (0.06, 1) } else { (1e-7, 7) };
+    format!("{:.digits$e}..{:.digits$e}", low - by * low.abs(), high + by * high.abs())
+}
+
 /// What is other than in the list.
 fn differs(row: &Row, known: &str) -> Option<String> {
+    let numbers: Vec<f64> = row.all().map(|(_, number)| number).collect();
     let mut known = known.split_whitespace();
     let mut faults = Vec::new();
     if known.next() != Some(&*row.mark()) {
         faults.push(format!("its words are {}", row.words));
     }
-    let numbers: Vec<f64> = row.all().map(|(_, number)| number).collect();
-    let ranges: Vec<&str> = known.collect();
-    if numbers.len() != ranges.len() {
-        faults.push(format!("{} numbers, not {}", numbers.len(), ranges.len()));
+    let many = known.next().and_then(|many| many.parse().ok());
+    if many != Some(numbers.len()) {
+        faults.push(format!("{} figures, not {many:?}", numbers.len()));
+        return Some(format!("{}: {}", row.key, faults.join("; ")));
     }
-    for (number, range) in numbers.iter().zip(ranges) {
+    let sum: f64 = known.next().unwrap().parse().unwrap();
+    let mut stable: Vec<bool> = vec![true; numbers.len()];
+    for (place, range) in known.filter_map(|held| held.split_once(':')) {
+        let place: usize = place.parse().unwrap();
+        stable[place] = false;
+        let number = numbers[place];
         let is_within = match range.split_once("..") {
-            // Rounded outwards, as the ends are in the list.
-            Some((low, high)) => {
-                let (low, high): (f64, f64) = (low.parse().unwrap(), high.parse().unwrap());
-                (low - 1e-4 * low.abs()..=high + 1e-4 * high.abs()).contains(number)
-            }
-            None => {
-                let at: f64 = range.parse().unwrap();
-                // What is zero here may be a rounding error on another processor.
-                let room = if at == 0.0 { 1e-12 } else { 1e-6 * at.abs() };
-                *number == at || (number - at).abs() <= room || number.is_nan() && at.is_nan()
-            }
+            Some((low, high)) => (low.parse().unwrap()..=high.parse::<f64>().unwrap()).contains(&number),
+            None => range == "any" || number.abs() <= 1e-12,
         };
         if !is_within {
-            faults.push(format!("{number:e}, not {range}"));
+            faults.push(format!("figure {place} is {number:e}, not {range}"));
         }
+    }
+    let stable = weighed(numbers.iter().copied().enumerate().filter(|(place, _)| stable[*place]));
+    if !((stable - sum).abs() <= 2e-6) {
+        faults.push(format!("the stable ones of {numbers:?} sum up to {stable}, not {sum}"));
     }
     (!faults.is_empty()).then(|| format!("{}: {}", row.key, faults.join("; ")))
 }
