@@ -81,18 +81,19 @@ impl Row {
         self.sums.push(weighed(numbers.into_iter().enumerate()));
     }
 
-    /// Takes numbers and words apart.
+    /// Takes numbers and words apart; those between the braces of `Work` are counts.
     fn read(&mut self, text: &str) {
-        let mut is_work = false;
-        for token in
-            text.split(|c: char| !(c.is_alphanumeric() || "._-+".contains(c))).filter(|token| !token.is_empty())
-        {
-            match token.parse::<f64>() {
-                Ok(number) if is_work => self.counts.push(number),
-                Ok(number) => self.numbers.push(number),
-                Err(_) => self.words += token,
+        for part in text.split_inclusive('}') {
+            let mut is_work = false;
+            let is_within = |c: char| c.is_alphanumeric() || "._-+".contains(c);
+            for token in part.split(|c: char| !is_within(c)).filter(|token| !token.is_empty()) {
+                match token.parse::<f64>() {
+                    Ok(number) if is_work => self.counts.push(number),
+                    Ok(number) => self.numbers.push(number),
+                    Err(_) => self.words += token,
+                }
+                is_work |= token == "Work";
             }
-            is_work |= token == "Work";
         }
     }
 
