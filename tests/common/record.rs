@@ -81,18 +81,20 @@ impl Row {
         self.sums.push(weighed(numbers.into_iter().enumerate()));
     }
 
-    /// Takes numbers and words apart; those between the braces of `Work` are counts.
+    /// Takes numbers and words apart; those between the braces of `Work` are counts, and times are left out.
     fn read(&mut self, text: &str) {
         for part in text.split_inclusive('}') {
-            let mut is_work = false;
+            let (mut is_work, mut is_time) = (false, false);
             let is_within = |c: char| c.is_alphanumeric() || "._-+".contains(c);
             for token in part.split(|c: char| !is_within(c)).filter(|token| !token.is_empty()) {
                 match token.parse::<f64>() {
+                    Ok(_) if is_time => {}
                     Ok(number) if is_work => self.counts.push(number),
                     Ok(number) => self.numbers.push(number),
                     Err(_) => self.words += token,
                 }
                 is_work |= token == "Work";
+                is_time = token.ends_with("_seconds");
             }
         }
     }
@@ -233,7 +235,7 @@ pub fn hold(name: &str, measure: impl Fn(u64) -> Vec<Row>) {
         "{name}: {} rows, {} known; new: {new:?}; others:\n{}",
         rows.len(),
         known.len(),
-        faults.join("\n")
+        faults.iter().take(20).map(String::as_str).collect::<Vec<_>>().join("\n")
     );
 }
 
@@ -298,7 +300,8 @@ fn differs(row: &Row, known: &str) -> Option<String> {
     }
     let stable = weighed(numbers.iter().copied().enumerate().filter(|(place, _)| stable[*place]));
     if !((stable - sum).abs() <= 2e-6) {
-        faults.push(format!("the stable ones of {numbers:?} sum up to {stable}, not {sum}"));
+        let first = numbers.iter().take(LONG).collect::<Vec<_>>();
+        faults.push(format!("the stable ones sum up to {stable}, not {sum}; they begin with {first:?}"));
     }
     (!faults.is_empty()).then(|| format!("{}: {}", row.key, faults.join("; ")))
 }
