@@ -251,13 +251,13 @@ fn written(rows: &[Row], beside: &[Vec<Row>]) -> String {
         let (mut stable, mut zeros, mut ranges) = (Vec::new(), String::new(), String::new());
         for (place, (sort, at)) in row.all().enumerate() {
             let beside: Vec<f64> = others.iter().map(|of| of.get(place).copied().unwrap_or(f64::NAN)).collect();
-            let _ = match held(sort, at, &beside) {
-                Held::Stable => Ok(stable.push((place, at))),
-                Held::Zero => write!(zeros, " {place}:0"),
+            match held(sort, at, &beside) {
+                Held::Stable => stable.push((place, at)),
+                Held::Zero => zeros += &format!(" {place}:0"),
                 // A row that has another length beside the input, or what is no number: anything.
-                Held::Within(low, high) if !(low.is_finite() && high.is_finite()) => write!(ranges, " {place}:any"),
-                Held::Within(low, high) => write!(ranges, " {place}:{}", range(low, high)),
-            };
+                Held::Within(low, high) if !(low.is_finite() && high.is_finite()) => ranges += &format!(" {place}:any"),
+                Held::Within(low, high) => ranges += &format!(" {place}:{}", range(low, high)),
+            }
         }
         let (many, sum) = (row.all().count(), weighed(stable.into_iter()));
         let _ = writeln!(text, "{} = {} {many} {sum:.7}{zeros}{ranges}", row.key, row.mark());
@@ -299,7 +299,7 @@ fn differs(row: &Row, known: &str) -> Option<String> {
         }
     }
     let stable = weighed(numbers.iter().copied().enumerate().filter(|(place, _)| stable[*place]));
-    if !((stable - sum).abs() <= 2e-6) {
+    if (stable - sum).abs() > 2e-6 || stable.is_nan() {
         let first = numbers.iter().take(LONG).collect::<Vec<_>>();
         faults.push(format!("the stable ones sum up to {stable}, not {sum}; they begin with {first:?}"));
     }
