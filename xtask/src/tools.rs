@@ -33,6 +33,8 @@ pub enum Tool {
     Stress(Words),
     /// The counts of work that tests hold steps to: tests/work_locks.txt; seconds once built
     Locks(Words),
+    /// Figures that tests hold reports to: tests/records; seconds once built
+    Records(Words),
     /// Known answers from the Python programs in verification/answers/derive; minutes
     Answers(Words),
     /// Tables and pictures of speed: docs/performance; half an hour
@@ -72,6 +74,7 @@ impl Tool {
                 ("cargo", vec!["run", "--release", "--manifest-path", "benches/peers/Cargo.toml", "--"], None)
             }
             Self::Locks(_) => ("cargo", vec!["test", "--release", "--test", "work_locks", "--"], Some("SPRUNG_RENEW")),
+            Self::Records(_) => ("cargo", vec!["test", "--release", "--test", "*_record", "--"], Some("SPRUNG_RENEW")),
             Self::Answers(_) => ("python3", vec!["verification/answers/derive/all.py"], None),
             Self::Performance(_) => ("python3", vec!["benches/compare/run.py"], None),
         }
@@ -90,6 +93,7 @@ impl Tool {
         | Self::MonitorCost(given)
         | Self::Stress(given)
         | Self::Locks(given)
+        | Self::Records(given)
         | Self::Answers(given)
         | Self::Performance(given)
         | Self::Picture(given)) = self;
