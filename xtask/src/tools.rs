@@ -33,7 +33,7 @@ pub enum Tool {
     Stress(Words),
     /// The counts of work that tests hold steps to: tests/work_locks.txt; seconds once built
     Locks(Words),
-    /// Figures that tests hold reports to: tests/records; seconds once built
+    /// Figures that tests hold reports to: tests/records/lists; seconds once built
     Records(Words),
     /// Known answers from the Python programs in verification/answers/derive; minutes
     Answers(Words),
@@ -74,7 +74,7 @@ impl Tool {
                 ("cargo", vec!["run", "--release", "--manifest-path", "benches/peers/Cargo.toml", "--"], None)
             }
             Self::Locks(_) => ("cargo", vec!["test", "--release", "--test", "work_locks", "--"], Some("SPRUNG_RENEW")),
-            Self::Records(_) => ("cargo", vec!["test", "--release", "--test", "*_record", "--"], Some("SPRUNG_RENEW")),
+            Self::Records(_) => ("cargo", vec!["test", "--release", "--test", "records", "--"], Some("SPRUNG_RENEW")),
             Self::Answers(_) => ("python3", vec!["verification/answers/derive/all.py"], None),
             Self::Performance(_) => ("python3", vec!["benches/compare/run.py"], None),
         }
@@ -135,7 +135,9 @@ mod tests {
             let known = match words.as_slice() {
                 [script] => root.join(script).exists(),
                 [.., "--manifest-path", manifest, "--"] => root.join(manifest).exists(),
-                [.., "--test", name, "--"] => root.join(format!("tests/{name}.rs")).exists(),
+                [.., "--test", name, "--"] => ["tests/{name}.rs", "tests/{name}/main.rs"]
+                    .iter()
+                    .any(|path| root.join(path.replace("{name}", name)).exists()),
                 [.., "--example", name, "--"] => {
                     manifest.contains(&format!("name = \"{name}\""))
                         || root.join(format!("examples/{name}.rs")).exists()

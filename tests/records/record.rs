@@ -1,4 +1,4 @@
-//! Figures of a measurement, held to those that a file in `tests/records` lists.
+//! Figures of a measurement, held to those that a file in `lists` holds.
 //!
 //! A figure that a closed form gives has a test of its own. What is left of a report, how near to its bound a right number comes,
 //! how many directions were tried, what a sentence says, has none; and yet a slip in its formula changes it. So all of it is
@@ -7,7 +7,7 @@
 //! hundred times that movement, or, where nothing but rounding is in it, to its order of magnitude. Other processors round
 //! otherwise, and move no more.
 //!
-//! `SPRUNG_RENEW=NAME` writes lists whose names contain this anew, an empty one all of them; the difference belongs into the change
+//! `cargo xtask records` writes the lists anew, `SPRUNG_RENEW=NAME` those whose names contain this; the difference belongs into the change
 //! that makes it, looked at.
 
 use serde_json::Value;
@@ -218,10 +218,10 @@ fn weighed(numbers: impl Iterator<Item = (usize, f64)>) -> f64 {
 
 /// Holds rows to the list of this name. `measure` gets 0 for the input itself, and others for inputs beside it.
 pub fn hold(name: &str, measure: impl Fn(u64) -> Vec<Row>) {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/records").join(format!("{name}.txt"));
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/records/lists").join(format!("{name}.txt"));
     let rows = measure(0);
     assert!(!rows.is_empty(), "{name}: nothing was measured");
-    if std::env::var("SPRUNG_RENEW").is_ok_and(|of| name.contains(&of)) {
+    if std::env::var("SPRUNG_RENEW").is_ok_and(|of| of == "1" || name.contains(&of)) {
         let beside: Vec<Vec<Row>> = (1..4).map(&measure).collect();
         std::fs::write(file, written(&rows, &beside)).unwrap();
         return;

@@ -1,12 +1,8 @@
 //! Every figure of ready scenes, and of what solvers and multigrid make of their matrices, is the one that was measured when it was
 //! looked at.
 
-#[allow(dead_code, reason = "others use the rest")]
-#[path = "common/record.rs"]
-mod record;
-
+use crate::record::{Row, beside, hold};
 use faer::Par;
-use record::{Row, beside, hold};
 use sprung::Stiffness;
 use sprung::force::Extensions;
 use sprung::linear::{

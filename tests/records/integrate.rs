@@ -1,11 +1,7 @@
 //! Every figure of short runs with each method is the one that was measured when it was looked at: states, work, what monitors say, steps
 //! under error control.
 
-#[allow(dead_code, reason = "others use the rest")]
-#[path = "common/record.rs"]
-mod record;
-
-use record::{Row, beside, hold};
+use crate::record::{Row, beside, hold};
 use sprung::integrate::{
     Adaptivity, Equations, ImplicitOptions, Method, Monitor, MonitorOptions, Sampling, Schedule, StiffnessPolicy,
     run_adaptive, run_adaptive_monitored, run_monitored,

@@ -1,12 +1,8 @@
 //! Every figure of inspections of small systems is the one that was measured when it was looked at: definite and indefinite ones,
 //! planar, held, led and turning, diagonalised whole and searched.
 
-#[path = "common/record.rs"]
-#[allow(dead_code, reason = "others use the rest")]
-mod record;
-
+use crate::record::{Row, beside, hold};
 use faer::Par;
-use record::{Row, beside, hold};
 use sprung::inspect::{Follower, Inspection, Pictures, Turning, smallest_eigenvalue};
 use sprung::integrate::{ImplicitOptions, Method, StepMatrices, StiffnessPolicy};
 use sprung::linear::{SolverChoice, SolverOptions};

@@ -3,11 +3,7 @@
 //! A check that passes says that its value is below its bound; a slip in a check can leave it there. Value and bound, table, curves and
 //! sentences are held to a list here: one test a family.
 
-#[path = "common/record.rs"]
-#[allow(dead_code, reason = "others use the rest")]
-mod record;
-
-use record::{Row, beside, hold};
+use crate::record::{Row, beside, hold};
 use sprung::verify::{FAMILIES, built_in};
 
 fn family(name: &str) {

@@ -1,12 +1,8 @@
 //! Every figure of the search for an accuracy on small systems is the one that was measured when it was looked at: what is chosen, what
 //! it costs, what is said on the way, and what need not be modelled.
 
-#[allow(dead_code, reason = "others use the rest")]
-#[path = "common/record.rs"]
-mod record;
-
+use crate::record::{Row, beside, hold};
 use faer::Par;
-use record::{Row, beside, hold};
 use sprung::accuracy::{Audience, Requirement, SearchProgress, answer, preset, reduce};
 use sprung::integrate::{Method, Monitor, StiffnessPolicy};
 use sprung::linear::{SolverChoice, SolverOptions};

@@ -1,12 +1,8 @@
 //! Every figure of charts that no clock is in is the one that was measured when it was looked at: references, qualities, and the maps
 //! of stability, method by method.
 
-#[allow(dead_code, reason = "others use the rest")]
-#[path = "common/record.rs"]
-mod record;
-
+use crate::record::{Row, beside, hold};
 use faer::Par;
-use record::{Row, beside, hold};
 use sprung::accuracy::{Pace, trial};
 use sprung::chart::stability::{Tile, Varied};
 use sprung::chart::{Quality, Reference, configurations, dop853};
