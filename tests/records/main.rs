@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod chart;
+mod faults;
 mod inspect;
 mod integrate;
 mod record;
