@@ -195,6 +195,8 @@ fn terms_that_are_left_out() {
     });
 }
 
+type Change = fn(usize, f64) -> f64;
+
 type Blocks = fn(&Spring, &Extension) -> Matrix3<f64>;
 
 #[test]
@@ -249,7 +251,7 @@ fn forces_and_energies() {
         let of = beside(&crooked(), seed);
         let mut right = vec![0.0; of.system.dofs().len()];
         elastic_force(&of.system, &of.state)(&reduce(&of.system, &of.state.positions), &mut right);
-        let faults: [(&str, fn(usize, f64) -> f64); 6] = [
+        let faults: [(&str, Change); 6] = [
             ("right", |_, f| f),
             ("sign", |_, f| -f),
             ("twice", |_, f| 2.0 * f),
