@@ -5,6 +5,7 @@ mod chart;
 mod faults;
 mod inspect;
 mod integrate;
+mod led;
 mod record;
 mod system;
 mod verify;
