@@ -175,7 +175,7 @@ impl Part {
 }
 
 /// Runs the tests of parts that go into one process until one fails or all have taken so much time of the processor, or waited
-/// twenty times as long. While tests are measured it is given how long, and a file that gets the functions entered.
+/// twenty times as long and is stuck. While tests are measured it is given how long, and a file that gets the functions entered.
 fn run(parts: &[&Part], number: usize, folder: &Path, measured: Option<(Duration, &Path)>) -> Result<Fate> {
     let first = parts.first().ok_or("no tests")?;
     let duration: Duration = parts.iter().map(|part| part.duration).sum();
@@ -232,17 +232,36 @@ fn run(parts: &[&Part], number: usize, folder: &Path, measured: Option<(Duration
     })
 }
 
-/// Waits for a program to end; kills it when it may, or when its time is over.
+/// After how long without any progress a program that is late waits for something that never comes.
+const STUCK: Duration = Duration::from_secs(60);
+
+/// Waits for a program to end; kills it when it may, or when its time is over and it is stuck: on a busy machine a test may be late by
+/// any factor, and still gets on.
 fn watch(child: &mut Child, patience: Duration, ended: &AtomicBool, late: &AtomicBool) {
     let started = Instant::now();
+    let (mut ticks, mut moved) = (None, started);
     while !matches!(child.try_wait(), Ok(Some(_))) {
-        let over = started.elapsed() > patience;
-        late.store(over, Ordering::Relaxed);
-        if over || ended.load(Ordering::Relaxed) {
+        if started.elapsed() > patience && moved.elapsed() > STUCK / 60 {
+            let now = used(child.id());
+            let is_stuck = now == ticks && moved.elapsed() > STUCK;
+            late.store(is_stuck, Ordering::Relaxed);
+            if now != ticks {
+                (ticks, moved) = (now, Instant::now());
+            }
+        }
+        if late.load(Ordering::Relaxed) || ended.load(Ordering::Relaxed) {
             // The whole group: programs that a test has started would go on for ever without it.
             let _ = Command::new("kill").args(["-9", "--", &format!("-{}", child.id())]).status();
             return;
         }
         std::thread::sleep(Duration::from_millis(5));
     }
+}
+
+/// The time of the processor that a program has used, in a system's unit, where the system tells it.
+fn used(process: u32) -> Option<u64> {
+    // After the name, which may hold blanks: the state is the first, and its times the twelfth and thirteenth.
+    let statistics = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    let fields = statistics.rsplit(')').next()?.split_whitespace();
+    fields.skip(11).take(2).map(|field| field.parse::<u64>().ok()).sum()
 }
