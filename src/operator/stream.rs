@@ -11,36 +11,36 @@
 //! components. This holds for every spring longer than half its rest length. The others (and springs with an end that is
 //! not free along all axes) are multiplied through their 3×3 matrix, which keeps the bound for every α and β.
 //!
+//! Springs are taken four at a time: a product is bound by the instructions of one thread, not by the memory, until the data is far larger than the
+//! caches.
+//!
 //! The rows are cut into *parts*, one a thread. A part owns consecutive particles and streams through all springs that end
 //! in it, in the order of the active springs, adding to its own rows only; a spring between two parts stands in both. So
 //! no two threads write to one row, and every row adds up its springs in one order: the result is the same to the bit
 //! for any number of parts.
 
-use super::prefetch;
+mod lanes;
+mod product;
+
 use crate::spring::SpringBlock;
 use crate::system::{Axes, DofMap, Share, System};
+use lanes::Portable;
+use product::Product;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Records between two rounds of prefetching: five cache lines hold eight of them.
-const BATCH: usize = 8;
+/// Quads between two looks at how far the rows reach.
+const CHUNK: usize = 32;
 
-/// One of them in every line.
-const IN_EVERY_LINE: [usize; 5] = [0, 2, 4, 5, 7];
-
-/// How many records ahead of their use memory is asked for: about the delay of main memory. Measured, 256 is the best of
-/// 64, 128, 256 and 512, and twice as fast as the processor's own prefetching alone.
-const AHEAD: usize = 256;
-
-/// One spring of a part.
+/// Four springs of a part, list by list. Behind the last spring there may be some without rows.
 #[derive(Debug, Clone, Copy)]
-struct Record {
-    /// g, in √(N/m).
-    g: [f64; 3],
+struct Quad {
+    /// g, in √(N/m), by axes.
+    g: [[f64; 4]; 3],
     /// α, in N/m.
-    transverse: f64,
-    /// The first rows of both ends; [`BY_MATRIX`] and the spring's position for one that goes through its matrix.
-    ends: [u32; 2],
+    transverse: [f64; 4],
+    /// The first rows of the first ends, and of the others; [`BY_MATRIX`] and the spring's position for one that goes through its matrix.
+    ends: [[u32; 4]; 2],
 }
 
 const BY_MATRIX: u32 = u32::MAX;
@@ -48,13 +48,25 @@ const BY_MATRIX: u32 = u32::MAX;
 /// No row: rows are fewer, and so are the differences of two.
 const NO_ROW: u32 = u32::MAX - 1;
 
+impl Quad {
+    const NONE: Self = Self { g: [[0.0; 4]; 3], transverse: [0.0; 4], ends: [[NO_ROW; 4]; 2] };
+
+    fn set(&mut self, spring: usize, g: [f64; 3], transverse: f64, ends: [u32; 2]) {
+        (0..3).for_each(|axis| self.g[axis][spring] = g[axis]);
+        self.transverse[spring] = transverse;
+        (0..2).for_each(|end| self.ends[end][spring] = ends[end]);
+    }
+}
+
 /// Consecutive particles and the springs that end in them.
 #[derive(Debug, Clone)]
 struct Part {
     rows: Range<usize>,
     /// Positions among the active springs, ascending.
     positions: Arc<[u32]>,
-    records: Vec<Record>,
+    quads: Vec<Quad>,
+    /// How many rows of this part must have their first term before the springs of a chunk are added, those of earlier chunks included.
+    reach: Vec<u32>,
 }
 
 /// The springs of an operator, by parts.
@@ -112,7 +124,7 @@ fn update_parts(parts: &mut [Part], springs: &Springs) {
 fn multiply_parts<const N: usize>(parts: &[Part], springs: &Springs, diagonal: &[f64], w: &[f64], y: &mut [f64]) {
     match parts {
         [] => {}
-        [part] => pulp::Arch::new().dispatch(Product::<N> { part, springs, diagonal, w, y }),
+        [part] => multiply_part::<N>(part, springs, diagonal, w, y),
         [first, ..] => {
             let (left, right) = parts.split_at(parts.len() / 2);
             let boundary = right.first().map_or(0, |part| part.rows.start - first.rows.start);
@@ -125,80 +137,52 @@ fn multiply_parts<const N: usize>(parts: &[Part], springs: &Springs, diagonal: &
     }
 }
 
+/// With the widest registers that the processor has and this knows.
+fn multiply_part<const N: usize>(part: &Part, springs: &Springs, diagonal: &[f64], w: &[f64], y: &mut [f64]) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(lanes) = pulp::x86::V3::try_new() {
+        return lanes.vectorize(Product::<_, N> { lanes, part, springs, diagonal, w, y });
+    }
+    pulp::NullaryFnOnce::call(Product::<_, N> { lanes: Portable, part, springs, diagonal, w, y });
+}
+
 impl Part {
     fn new(system: &System, Share { particles, springs: positions }: &Share) -> Self {
-        let nothing = Record { g: [0.0; 3], transverse: 0.0, ends: [0; 2] };
-        let rows = system.dofs().first_row(particles.start)..system.dofs().first_row(particles.end);
-        Self { rows, records: vec![nothing; positions.len()], positions: positions.clone() }
+        let dofs = system.dofs();
+        let rows = dofs.first_row(particles.start)..dofs.first_row(particles.end);
+        let end = |&position: &u32| {
+            let pair = system.pair(system.active_springs()[position as usize] as usize);
+            let own = pair.into_iter().filter(|end| particles.contains(end));
+            own.map(|end| (dofs.first_row(end + 1) - rows.start) as u32).max().unwrap_or(0)
+        };
+        let furthest = |so_far: &mut u32, of_chunk: &[u32]| {
+            *so_far = of_chunk.iter().map(end).fold(*so_far, u32::max);
+            Some(*so_far)
+        };
+        let reach = positions.chunks(4 * CHUNK).scan(0, furthest).collect();
+        let quads = vec![Quad::NONE; positions.len().div_ceil(4)];
+        Self { rows, quads, reach, positions: positions.clone() }
     }
 
     fn update(&mut self, springs: &Springs) {
         let Springs { system, blocks, sign } = *springs;
         let modelled = Axes::first(system.dimension());
         let dofs = system.dofs();
-        for (record, &position) in self.records.iter_mut().zip(&*self.positions) {
-            let SpringBlock { direction, transverse, axial } = blocks[position as usize];
-            let pair = system.pair(system.active_springs()[position as usize] as usize);
-            let excess = sign * (axial - transverse);
-            let is_free = pair.iter().all(|&end| dofs.free_axes(end) == modelled);
-            let without_cancellation = transverse.abs() <= axial.abs() && excess >= 0.0;
-            *record = if is_free && without_cancellation {
-                let g = (direction * excess.sqrt()).into();
-                Record { g, transverse, ends: pair.map(|end| dofs.rows(end).start as u32) }
-            } else {
-                Record { g: [0.0; 3], transverse: 0.0, ends: [BY_MATRIX, position] }
-            };
-        }
-    }
-}
-
-/// A part's product, compiled for every kind of processor that [`pulp`] tells apart.
-struct Product<'a, const N: usize> {
-    part: &'a Part,
-    springs: &'a Springs<'a>,
-    diagonal: &'a [f64],
-    w: &'a [f64],
-    y: &'a mut [f64],
-}
-
-impl<const N: usize> pulp::NullaryFnOnce for Product<'_, N> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Self { part: Part { rows, records, .. }, springs, diagonal, w, y } = self;
-        // Rows are numbered in 32 bits.
-        let first = rows.start as u32;
-        for ((y, m), w) in y.iter_mut().zip(&diagonal[rows.clone()]).zip(&w[rows.clone()]) {
-            *y = m * w;
-        }
-        // Successive springs often share their first end: its sum stays in registers until another one comes.
-        let mut run = Run::<N> { row: NO_ROW, w: [0.0; N], sum: [0.0; N] };
-        for (batch, of_batch) in records.chunks(BATCH).enumerate() {
-            if let Some(ahead) = records.get(batch * BATCH + AHEAD..(batch + 1) * BATCH + AHEAD) {
-                IN_EVERY_LINE.iter().for_each(|&record| prefetch(&ahead[record]));
-            }
-            for &Record { g, transverse, ends: [i, j] } in of_batch {
-                if i != run.row {
-                    run.end(first, y);
-                    if i == BY_MATRIX {
-                        run.row = NO_ROW;
-                        springs.add_by_matrix(j as usize, w, rows.start, y);
-                        continue;
-                    }
-                    run = Run { row: i, w: at(w, i), sum: at(y, i.wrapping_sub(first)) };
-                }
-                let wj: [f64; N] = at(w, j);
-                let d: [f64; N] = std::array::from_fn(|axis| run.w[axis] - wj[axis]);
-                let along = springs.sign * (1..N).fold(g[0] * d[0], |sum, axis| sum + g[axis] * d[axis]);
-                let s: [f64; N] = std::array::from_fn(|axis| transverse * d[axis] + g[axis] * along);
-                (0..N).for_each(|axis| run.sum[axis] += s[axis]);
-                if let Some(y) = at_mut::<N>(y, j.wrapping_sub(first)) {
-                    (0..N).for_each(|axis| y[axis] -= s[axis]);
+        for (quad, positions) in self.quads.iter_mut().zip(self.positions.chunks(4)) {
+            for (spring, &position) in positions.iter().enumerate() {
+                let SpringBlock { direction, transverse, axial } = blocks[position as usize];
+                let pair = system.pair(system.active_springs()[position as usize] as usize);
+                let excess = sign * (axial - transverse);
+                let is_free = pair.iter().all(|&end| dofs.free_axes(end) == modelled);
+                let without_cancellation = transverse.abs() <= axial.abs() && excess >= 0.0;
+                if is_free && without_cancellation {
+                    let g = (direction * excess.sqrt()).into();
+                    quad.set(spring, g, transverse, pair.map(|end| dofs.first_row(end) as u32));
+                } else {
+                    quad.set(spring, [0.0; 3], 0.0, [BY_MATRIX, position]);
                 }
             }
         }
-        run.end(first, y);
     }
 }
 
@@ -221,36 +205,6 @@ fn add_own(dofs: &DofMap, first: usize, y: &mut [f64], particle: usize, s: [f64;
             *y += s[axis];
         }
     }
-}
-
-/// The end that successive springs share: its first row, its part of w and its sum so far.
-struct Run<const N: usize> {
-    row: u32,
-    w: [f64; N],
-    sum: [f64; N],
-}
-
-impl<const N: usize> Run<N> {
-    /// Puts the sum back, if `y`, the rows from `first` on, holds them.
-    #[inline(always)]
-    fn end(&self, first: u32, y: &mut [f64]) {
-        if let Some(y) = at_mut::<N>(y, self.row.wrapping_sub(first)) {
-            *y = self.sum;
-        }
-    }
-}
-
-/// N numbers from `row` on; zeros where there are none.
-#[inline(always)]
-fn at<const N: usize>(v: &[f64], row: u32) -> [f64; N] {
-    let row = row as usize;
-    v.get(row..row.wrapping_add(N)).and_then(|v| v.first_chunk()).copied().unwrap_or([0.0; N])
-}
-
-#[inline(always)]
-fn at_mut<const N: usize>(v: &mut [f64], row: u32) -> Option<&mut [f64; N]> {
-    let row = row as usize;
-    v.get_mut(row..row.wrapping_add(N)).and_then(|v| v.first_chunk_mut())
 }
 
 #[cfg(test)]

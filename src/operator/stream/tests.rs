@@ -37,8 +37,8 @@ fn shares(system: &System, particles: &[usize]) -> Vec<Share> {
 fn by_matrix(system: &System, blocks: &[SpringBlock]) -> Vec<u32> {
     let mut stream = SpringStream::new(system, &shares(system, &[system.particles()]));
     stream.update(system, blocks);
-    let records = stream.parts[0].records.iter();
-    records.filter(|record| record.ends[0] == BY_MATRIX).map(|record| record.ends[1]).collect()
+    let ends = stream.parts[0].quads.iter().flat_map(|quad| std::iter::zip(quad.ends[0], quad.ends[1]));
+    ends.filter(|ends| ends.0 == BY_MATRIX).map(|ends| ends.1).collect()
 }
 
 /// Springs longer than half their rest length are streamed, whatever sign the combination gives to the stiffness; a spring
@@ -96,5 +96,119 @@ fn products_are_the_same_to_the_bit_for_any_shares() {
     let one = product(&[9]);
     for particles in [&[4, 5][..], &[2, 3, 4], &[2, 2, 3, 2], &[1, 3, 1, 2, 2]] {
         assert_eq!(product(particles), one, "{particles:?}");
+    }
+}
+
+/// As the formulas say it: every row has its own term first, then those of its springs in their order, one after the other.
+fn one_by_one(system: &System, blocks: &[SpringBlock], diagonal: &[f64], w: &[f64]) -> Vec<f64> {
+    let axes = system.dimension();
+    let mut y: Vec<f64> = diagonal.iter().zip(w).map(|(m, w)| m * w).collect();
+    for ((_, pair, _), block) in system.active().zip(blocks) {
+        let [i, j] = pair.map(|end| system.dofs().first_row(end));
+        let g = block.direction * (block.axial - block.transverse).sqrt();
+        let d: [f64; 3] = std::array::from_fn(|axis| if axis < axes { w[i + axis] - w[j + axis] } else { 0.0 });
+        let along = g[0] * d[0] + g[1] * d[1] + g[2] * d[2];
+        for axis in 0..axes {
+            let s = block.transverse * d[axis] + g[axis] * along;
+            y[i + axis] += s;
+            y[j + axis] -= s;
+        }
+    }
+    y
+}
+
+/// Enough particles for several chunks, crooked, numbered without order, with springs that share ends and some that do not.
+fn tangle(dimension: usize) -> (System, State) {
+    let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
+    let count = 301;
+    for p in 0..count {
+        let place = [f64::from(p), f64::from(p * p % 7), f64::from(p * p % 5)];
+        builder.particle(std::array::from_fn(|axis| if axis < dimension { place[axis] } else { 0.0 }), 1.0);
+    }
+    let spring = |stiffness| Spring { stiffness, rest_length: 0.7, damping: 0.1 };
+    for p in 0..count as usize {
+        for reach in [1, 2, 150, 300 - p] {
+            let end = (p + reach) % count as usize;
+            if end != p {
+                builder.spring(p, end, spring(1.0 + p as f64 / 7.0));
+            }
+        }
+    }
+    builder.build().unwrap()
+}
+
+/// In any registers the product is that of the plain loop, to the bit.
+#[test]
+fn four_springs_at_a_time_are_each_by_itself() {
+    for dimension in 1..=3 {
+        let (system, state) = tangle(dimension);
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let operator = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.1));
+        let rows = system.dofs().len();
+        let mut stream = SpringStream::new(&system, &shares(&system, &[system.particles()]));
+        stream.update(&system, operator.blocks());
+        assert!(stream.parts[0].reach.len() > 5 && by_matrix(&system, operator.blocks()).is_empty());
+        let w: Vec<f64> = (0..rows).map(|row| (row as f64 * 12.9898).sin()).collect();
+        let diagonal: Vec<f64> = (0..rows).map(|row| 1.0 + row as f64).collect();
+        let expected = one_by_one(&system, operator.blocks(), &diagonal, &w);
+        let springs = Springs { system: &system, blocks: operator.blocks(), sign: stream.sign };
+        let mut y = vec![f64::NAN; rows];
+        stream.multiply(&system, operator.blocks(), &diagonal, &w, &mut y);
+        assert_eq!(y, expected, "{dimension}");
+        y.fill(f64::NAN);
+        let (part, diagonal, w) = (&stream.parts[0], &diagonal[..], &w[..]);
+        macro_rules! portable {
+            ($n:literal) => {
+                Product::<_, $n> { lanes: Portable, part, springs: &springs, diagonal, w, y: &mut y }
+            };
+        }
+        match dimension {
+            1 => pulp::NullaryFnOnce::call(portable!(1)),
+            2 => pulp::NullaryFnOnce::call(portable!(2)),
+            _ => pulp::NullaryFnOnce::call(portable!(3)),
+        }
+        assert_eq!(y, expected, "{dimension}");
+    }
+}
+
+/// Springs that go through their matrix stand among the others, in their order: with them, too, the result does not depend on the
+/// shares, and it is the product of the blocks.
+#[test]
+fn springs_of_both_kinds_may_be_mixed() {
+    let (system, state) = tangle(3);
+    let mut extensions = Extensions::at(&system, &state.positions).unwrap();
+    // Where particles are drawn together, springs are shorter than half their rest length.
+    let mut positions = state.positions.clone();
+    positions.iter_mut().take(100).for_each(|x| *x *= 0.03);
+    extensions.update(&system, &positions).unwrap();
+    let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
+    let count = by_matrix(&system, operator.blocks()).len();
+    assert!(count > 20 && count < system.springs().len() / 2, "{count}");
+    let rows = system.dofs().len();
+    let w: Vec<f64> = (0..rows).map(|row| (row as f64 * 12.9898).sin()).collect();
+    let diagonal = vec![100.0; rows];
+    let product = |particles: &[usize]| {
+        let mut stream = SpringStream::new(&system, &shares(&system, particles));
+        stream.update(&system, operator.blocks());
+        let mut y = vec![f64::NAN; rows];
+        stream.multiply(&system, operator.blocks(), &diagonal, &w, &mut y);
+        y
+    };
+    let one = product(&[301]);
+    for particles in [&[150, 151][..], &[100, 100, 101], &[1, 299, 1]] {
+        assert_eq!(product(particles), one, "{particles:?}");
+    }
+    let mut expected: Vec<f64> = w.iter().map(|w| 100.0 * w).collect();
+    let mut magnitudes = vec![0.0_f64; rows];
+    for ((_, [i, j], _), block) in system.active().zip(operator.blocks()) {
+        let s = block.matrix() * (system.dofs().get(&w, i) - system.dofs().get(&w, j));
+        system.dofs().add(&mut expected, i, &s);
+        system.dofs().add(&mut expected, j, &-s);
+        let most = block.transverse.abs().max(block.axial.abs());
+        [i, j].iter().for_each(|&end| system.dofs().rows(end).for_each(|row| magnitudes[row] += most));
+    }
+    // Components of w are at most 1, their differences 2, and a dozen roundings count.
+    for ((y, expected), magnitude) in one.iter().zip(&expected).zip(&magnitudes) {
+        assert!((y - expected).abs() <= 20.0 * f64::EPSILON * (100.0 + magnitude), "{y} {expected}");
     }
 }

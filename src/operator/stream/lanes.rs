@@ -1,0 +1,186 @@
+//! Four springs side by side in the registers of a processor.
+//!
+//! A vector along three axes is loaded with the number behind it in a fourth lane, which is of no use. Four of them become three lists of four
+//! springs, one an axis, by exchanging lanes, and go back as a pair of numbers and a single one each. Sums are loaded and stored in
+//! exactly these two pieces: a processor hands what was just stored on to a load only where it is all of one store.
+//!
+//! Both kinds round every operation alike, in the same order: their results are the same to the bit.
+
+/// The operations that a product needs.
+pub trait Lanes: Copy {
+    /// Four numbers.
+    type Four: Copy;
+    /// Two numbers.
+    type Two: Copy;
+
+    fn four(self, numbers: [f64; 4]) -> Self::Four;
+    fn add(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    fn sub(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    fn mul(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    /// The first three numbers of four vectors as lists of each.
+    fn lists(self, vectors: [Self::Four; 4]) -> [Self::Four; 3];
+    /// Back again, in two pieces.
+    fn vectors(self, lists: [Self::Four; 3]) -> [(Self::Two, f64); 4];
+
+    fn two(self, numbers: [f64; 2]) -> Self::Two;
+    fn numbers(self, two: Self::Two) -> [f64; 2];
+    fn add_two(self, a: Self::Two, b: Self::Two) -> Self::Two;
+    fn sub_two(self, a: Self::Two, b: Self::Two) -> Self::Two;
+
+    fn all_equal(self, numbers: &[u32; 4]) -> bool;
+}
+
+/// For every processor.
+#[derive(Debug, Clone, Copy)]
+pub struct Portable;
+
+#[inline(always)]
+fn each<const N: usize>(a: [f64; N], b: [f64; N], f: impl Fn(f64, f64) -> f64) -> [f64; N] {
+    std::array::from_fn(|lane| f(a[lane], b[lane]))
+}
+
+impl Lanes for Portable {
+    type Four = [f64; 4];
+    type Two = [f64; 2];
+
+    #[inline(always)]
+    fn four(self, numbers: [f64; 4]) -> [f64; 4] {
+        numbers
+    }
+
+    #[inline(always)]
+    fn add(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        each(a, b, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn sub(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        each(a, b, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn mul(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        each(a, b, |a, b| a * b)
+    }
+
+    #[inline(always)]
+    fn lists(self, vectors: [[f64; 4]; 4]) -> [[f64; 4]; 3] {
+        std::array::from_fn(|axis| vectors.map(|vector| vector[axis]))
+    }
+
+    #[inline(always)]
+    fn vectors(self, [x, y, z]: [[f64; 4]; 3]) -> [([f64; 2], f64); 4] {
+        std::array::from_fn(|spring| ([x[spring], y[spring]], z[spring]))
+    }
+
+    #[inline(always)]
+    fn two(self, numbers: [f64; 2]) -> [f64; 2] {
+        numbers
+    }
+
+    #[inline(always)]
+    fn numbers(self, two: [f64; 2]) -> [f64; 2] {
+        two
+    }
+
+    #[inline(always)]
+    fn add_two(self, a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+        each(a, b, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn sub_two(self, a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+        each(a, b, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn all_equal(self, numbers: &[u32; 4]) -> bool {
+        numbers.iter().all(|number| *number == numbers[0])
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod wide {
+    use super::Lanes;
+    use pulp::cast;
+    use pulp::x86::V3;
+    use std::arch::x86_64::{__m128d, __m128i, __m256d};
+
+    /// For processors with registers of 256 bits.
+    impl Lanes for V3 {
+        type Four = __m256d;
+        type Two = __m128d;
+
+        #[inline(always)]
+        fn four(self, numbers: [f64; 4]) -> __m256d {
+            cast(numbers)
+        }
+
+        #[inline(always)]
+        fn add(self, a: __m256d, b: __m256d) -> __m256d {
+            self.avx._mm256_add_pd(a, b)
+        }
+
+        #[inline(always)]
+        fn sub(self, a: __m256d, b: __m256d) -> __m256d {
+            self.avx._mm256_sub_pd(a, b)
+        }
+
+        #[inline(always)]
+        fn mul(self, a: __m256d, b: __m256d) -> __m256d {
+            self.avx._mm256_mul_pd(a, b)
+        }
+
+        #[inline(always)]
+        fn lists(self, [a, b, c, d]: [__m256d; 4]) -> [__m256d; 3] {
+            let avx = self.avx;
+            // x and z of two springs, alternating; y and what is behind of them.
+            let (ab, ab_y) = (avx._mm256_unpacklo_pd(a, b), avx._mm256_unpackhi_pd(a, b));
+            let (cd, cd_y) = (avx._mm256_unpacklo_pd(c, d), avx._mm256_unpackhi_pd(c, d));
+            [
+                avx._mm256_permute2f128_pd::<0x20>(ab, cd),
+                avx._mm256_permute2f128_pd::<0x20>(ab_y, cd_y),
+                avx._mm256_permute2f128_pd::<0x31>(ab, cd),
+            ]
+        }
+
+        #[inline(always)]
+        fn vectors(self, [x, y, z]: [__m256d; 3]) -> [(__m128d, f64); 4] {
+            let avx = self.avx;
+            // x and y of the springs 0 and 2, 1 and 3.
+            let (even, odd) = (avx._mm256_unpacklo_pd(x, y), avx._mm256_unpackhi_pd(x, y));
+            let odd_z = avx._mm256_unpackhi_pd(z, z);
+            let low = |xy, z| (avx._mm256_castpd256_pd128(xy), self.numbers(avx._mm256_castpd256_pd128(z))[0]);
+            let high =
+                |xy, z| (avx._mm256_extractf128_pd::<1>(xy), self.numbers(avx._mm256_extractf128_pd::<1>(z))[0]);
+            [low(even, z), low(odd, odd_z), high(even, z), high(odd, odd_z)]
+        }
+
+        #[inline(always)]
+        fn two(self, numbers: [f64; 2]) -> __m128d {
+            cast(numbers)
+        }
+
+        #[inline(always)]
+        fn numbers(self, two: __m128d) -> [f64; 2] {
+            cast(two)
+        }
+
+        #[inline(always)]
+        fn add_two(self, a: __m128d, b: __m128d) -> __m128d {
+            self.sse2._mm_add_pd(a, b)
+        }
+
+        #[inline(always)]
+        fn sub_two(self, a: __m128d, b: __m128d) -> __m128d {
+            self.sse2._mm_sub_pd(a, b)
+        }
+
+        #[inline(always)]
+        fn all_equal(self, numbers: &[u32; 4]) -> bool {
+            let numbers: __m128i = cast(*numbers);
+            let first = self.sse2._mm_shuffle_epi32::<0>(numbers);
+            self.sse2._mm_movemask_epi8(self.sse2._mm_cmpeq_epi32(numbers, first)) == 0xffff
+        }
+    }
+}
