@@ -94,10 +94,13 @@ pub fn records_every(duration: f64) -> f64 {
 /// Degrees of freedom from which splitting a factorization pays: a cloth of about 10⁴ particles.
 const LARGE: usize = 30_000;
 
+/// Pieces that a dense block is cut into, and so the most threads that work on one: on two threads as fast as two pieces.
+const PIECES: usize = 16;
+
 /// How a factorization is split. Splitting changes how numbers are rounded, so it depends on the system alone, never on
 /// the number of threads; any number of threads then gives the same bits.
 pub fn parallelism(system: &System) -> Par {
-    if system.dofs().len() < LARGE { Par::Seq } else { Par::rayon(2) }
+    if system.dofs().len() < LARGE { Par::Seq } else { Par::rayon(PIECES) }
 }
 
 impl Wishes {

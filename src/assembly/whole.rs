@@ -8,6 +8,7 @@
 use super::{BlockPattern, SymmetricMatrix};
 use crate::error::{Error, Result};
 use crate::memory;
+use crate::parallel::{parts, share};
 use std::ops::Range;
 
 /// Both triangles by compressed columns, rows ascending in each. All numbers are below 2³¹, so that they serve as signed ones too.
@@ -21,8 +22,8 @@ pub struct WholeColumns {
     pub values: Vec<f64>,
 }
 
-/// Particles whose columns are filled by one thread: some microseconds of work and more.
-const PARTICLES: usize = 1024;
+/// Entries that are not worth a second thread.
+const LEAST: usize = 16_384;
 
 /// Where the entries of both triangles are: the same for all matrices on a pattern.
 #[derive(Debug, Clone)]
@@ -84,18 +85,24 @@ impl WholePattern {
 
     /// Writes the values of a matrix on the pattern to memory of the caller's, one for each entry; in parallel.
     pub fn fill(&self, matrix: &SymmetricMatrix, values: &mut [f64]) {
-        self.fill_particles(matrix, 0..self.first.len() - 1, values);
+        self.fill_particles(matrix, 0..self.first.len() - 1, parts(values.len(), LEAST), values);
     }
 
     /// The columns of some particles, whose values begin at the first one.
-    fn fill_particles(&self, matrix: &SymmetricMatrix, particles: Range<usize>, values: &mut [f64]) {
+    fn fill_particles(&self, matrix: &SymmetricMatrix, particles: Range<usize>, parts: usize, values: &mut [f64]) {
         let dofs = matrix.dofs();
-        if particles.len() > PARTICLES {
-            let middle = particles.start + particles.len() / 2;
+        if parts > 1 {
+            let wanted = share(values.len(), parts / 2, parts);
+            let middle = matrix.pattern().particle_with_row(particles.clone(), |row| {
+                (self.starts[row] - self.starts[dofs.first_row(particles.start)]) as usize >= wanted
+            });
             let start = |particle: usize| self.starts[dofs.first_row(particle)] as usize;
             let (low, high) = values.split_at_mut(start(middle) - start(particles.start));
-            let fill = |particles, values: &mut [f64]| self.fill_particles(matrix, particles, values);
-            rayon::join(|| fill(particles.start..middle, low), || fill(middle..particles.end, high));
+            let fill = |particles, parts, values: &mut [f64]| self.fill_particles(matrix, particles, parts, values);
+            rayon::join(
+                || fill(particles.start..middle, parts / 2, low),
+                || fill(middle..particles.end, parts - parts / 2, high),
+            );
             return;
         }
         let (pattern, stored) = (matrix.pattern(), matrix.values());

@@ -2,6 +2,7 @@
 //!
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `matrices`.
 
+pub(crate) mod lanes;
 mod prefetch;
 mod stream;
 mod system_operator;

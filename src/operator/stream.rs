@@ -19,12 +19,11 @@
 //! no two threads write to one row, and every row adds up its springs in one order: the result is the same to the bit
 //! for any number of parts.
 
-mod lanes;
 mod product;
 
+use super::lanes::Portable;
 use crate::spring::SpringBlock;
 use crate::system::{Axes, DofMap, Share, System};
-use lanes::Portable;
 use product::Product;
 use std::ops::Range;
 use std::sync::Arc;

@@ -3,8 +3,8 @@
 //! Successive springs often share their first end i, whose rows of w and of the sum then stay in registers. Where four springs in a row share
 //! it, only their other ends are looked at one by one. Rows get their first term just before a spring adds to them, while they are in the cache.
 
-use super::lanes::Lanes;
 use super::{BY_MATRIX, CHUNK, NO_ROW, Part, Quad, Springs};
+use crate::operator::lanes::Lanes;
 use crate::operator::prefetch;
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Four springs side by side in the registers of a processor.
+//! Four numbers side by side in the registers of a processor: one of each of four springs, or those of one vector.
 //!
 //! A vector along three axes is loaded with the number behind it in a fourth lane, which is of no use. Four of them become three lists of four
 //! springs, one an axis, by exchanging lanes, and go back as a pair of numbers and a single one each. Sums are loaded and stored in
@@ -21,6 +21,13 @@ pub trait Lanes: Copy {
     fn lists(self, vectors: [Self::Four; 4]) -> [Self::Four; 3];
     /// Back again, in two pieces.
     fn vectors(self, lists: [Self::Four; 3]) -> [(Self::Two, f64); 4];
+
+    /// The first three numbers of a vector, turned: y, z, x.
+    fn turned(self, vector: Self::Four) -> Self::Four;
+    /// The columns of the symmetric matrix with the diagonal xx, yy, zz and, beside it, xy, yz, zx.
+    fn columns(self, diagonal: Self::Four, others: Self::Four) -> [Self::Four; 3];
+    /// The first three numbers in two pieces.
+    fn pieces(self, vector: Self::Four) -> (Self::Two, f64);
 
     fn two(self, numbers: [f64; 2]) -> Self::Two;
     fn numbers(self, two: Self::Two) -> [f64; 2];
@@ -71,6 +78,21 @@ impl Lanes for Portable {
     #[inline(always)]
     fn vectors(self, [x, y, z]: [[f64; 4]; 3]) -> [([f64; 2], f64); 4] {
         std::array::from_fn(|spring| ([x[spring], y[spring]], z[spring]))
+    }
+
+    #[inline(always)]
+    fn turned(self, [x, y, z, _]: [f64; 4]) -> [f64; 4] {
+        [y, z, x, 0.0]
+    }
+
+    #[inline(always)]
+    fn columns(self, [xx, yy, zz, _]: [f64; 4], [xy, yz, zx, _]: [f64; 4]) -> [[f64; 4]; 3] {
+        [[xx, xy, zx, 0.0], [xy, yy, yz, 0.0], [zx, yz, zz, 0.0]]
+    }
+
+    #[inline(always)]
+    fn pieces(self, [x, y, z, _]: [f64; 4]) -> ([f64; 2], f64) {
+        ([x, y], z)
     }
 
     #[inline(always)]
@@ -151,9 +173,29 @@ mod wide {
             let (even, odd) = (avx._mm256_unpacklo_pd(x, y), avx._mm256_unpackhi_pd(x, y));
             let odd_z = avx._mm256_unpackhi_pd(z, z);
             let low = |xy, z| (avx._mm256_castpd256_pd128(xy), self.numbers(avx._mm256_castpd256_pd128(z))[0]);
-            let high =
-                |xy, z| (avx._mm256_extractf128_pd::<1>(xy), self.numbers(avx._mm256_extractf128_pd::<1>(z))[0]);
+            let high = |xy, z| (avx._mm256_extractf128_pd::<1>(xy), self.numbers(avx._mm256_extractf128_pd::<1>(z))[0]);
             [low(even, z), low(odd, odd_z), high(even, z), high(odd, odd_z)]
+        }
+
+        #[inline(always)]
+        fn turned(self, vector: __m256d) -> __m256d {
+            self.avx2._mm256_permute4x64_pd::<0b11_00_10_01>(vector)
+        }
+
+        #[inline(always)]
+        fn columns(self, diagonal: __m256d, others: __m256d) -> [__m256d; 3] {
+            let (avx, avx2) = (self.avx, self.avx2);
+            [
+                avx._mm256_blend_pd::<0b0001>(avx2._mm256_permute4x64_pd::<0b11_10_00_00>(others), diagonal),
+                avx._mm256_blend_pd::<0b0010>(avx2._mm256_permute4x64_pd::<0b11_01_00_00>(others), diagonal),
+                avx._mm256_blend_pd::<0b0100>(avx2._mm256_permute4x64_pd::<0b11_10_01_10>(others), diagonal),
+            ]
+        }
+
+        #[inline(always)]
+        fn pieces(self, vector: __m256d) -> (__m128d, f64) {
+            let z = self.avx._mm256_extractf128_pd::<1>(vector);
+            (self.avx._mm256_castpd256_pd128(vector), self.numbers(z)[0])
         }
 
         #[inline(always)]
@@ -181,6 +223,57 @@ mod wide {
             let numbers: __m128i = cast(*numbers);
             let first = self.sse2._mm_shuffle_epi32::<0>(numbers);
             self.sse2._mm_movemask_epi8(self.sse2._mm_cmpeq_epi32(numbers, first)) == 0xffff
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What any registers give.
+    fn results<L: Lanes>(lanes: L) -> Vec<f64> {
+        let vectors = [[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0], [9.0, 10.0, 11.0, 12.0], [13.0, 14.0, 15.0, 16.0]];
+        let four = vectors.map(|vector| lanes.four(vector));
+        let lists = lanes.lists(four);
+        let back = lanes.vectors(lists);
+        let sums = lanes.vectors([
+            lanes.add(lists[0], lists[1]),
+            lanes.sub(lists[1], lists[2]),
+            lanes.mul(lists[0], lists[2]),
+        ]);
+        let turned = lanes.turned(four[1]);
+        let matrix = lanes.columns(four[0], four[1]).map(|column| lanes.pieces(column));
+        let pair = lanes.add_two(lanes.two([1.0, 2.0]), lanes.sub_two(lanes.two([7.0, 9.0]), lanes.two([3.0, 4.0])));
+        let pieces = back.into_iter().chain(sums).chain([lanes.pieces(turned)]).chain(matrix).chain([(pair, 0.0)]);
+        pieces.flat_map(|(xy, z)| lanes.numbers(xy).into_iter().chain([z])).collect()
+    }
+
+    #[test]
+    fn registers_of_any_width_hold_the_same() {
+        let expected = [
+            [1.0, 2.0, 3.0],
+            [5.0, 6.0, 7.0],
+            [9.0, 10.0, 11.0],
+            [13.0, 14.0, 15.0],
+            [3.0, -1.0, 3.0],
+            [11.0, -1.0, 35.0],
+            [19.0, -1.0, 99.0],
+            [27.0, -1.0, 195.0],
+            [6.0, 7.0, 5.0],
+            [1.0, 5.0, 7.0],
+            [5.0, 2.0, 6.0],
+            [7.0, 6.0, 3.0],
+            [5.0, 7.0, 0.0],
+        ];
+        assert_eq!(results(Portable), expected.concat());
+        assert!(
+            Portable.all_equal(&[7; 4]) && !Portable.all_equal(&[7, 7, 7, 8]) && !Portable.all_equal(&[8, 7, 7, 7])
+        );
+        #[cfg(target_arch = "x86_64")]
+        if let Some(wide) = pulp::x86::V3::try_new() {
+            assert_eq!(results(wide), expected.concat());
+            assert!(wide.all_equal(&[7; 4]) && !wide.all_equal(&[7, 7, 7, 8]) && !wide.all_equal(&[8, 7, 7, 7]));
         }
     }
 }
