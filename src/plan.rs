@@ -11,7 +11,7 @@ use crate::integrate::{
     StiffnessPolicy, TimeStepper, run_adaptive_monitored, run_monitored,
 };
 use crate::interrupt::Interrupt;
-use crate::linear::{PreconditionerKind, SolverChoice, SolverOptions};
+use crate::linear::{PreconditionerKind, SolverChoice, SolverOptions, Tolerance};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use faer::Par;
@@ -135,13 +135,23 @@ impl Wishes {
         self.accuracy.is_some() || self.method == Some(MethodChoice::Auto)
     }
 
+    /// How exactly conjugate gradients solve: as the motion needs, but to a tolerance given, and where the solver was asked for by name, so that
+    /// it can be compared with others digit by digit.
+    fn tolerance(&self) -> Tolerance {
+        match (self.tolerance, self.solver) {
+            (Some(tolerance), _) => Tolerance::Fixed(tolerance),
+            (None, None | Some(SolverChoice::Auto)) => Tolerance::OfMotion,
+            (None, Some(_)) => Tolerance::default(),
+        }
+    }
+
     /// The linear solver.
     fn linear(&self, system: &System) -> SolverOptions {
         let defaults = SolverOptions::default();
         SolverOptions {
             solver: self.solver.unwrap_or(defaults.solver),
             preconditioner: self.preconditioner,
-            tolerance: self.tolerance.unwrap_or(defaults.tolerance),
+            tolerance: self.tolerance(),
             par: parallelism(system),
             interrupt: self.interrupt,
         }

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use sprung::assembly::SymmetricMatrix;
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, StepMatrices, TimeStepper};
-use sprung::linear::{Cholesky, SolverChoice, SolverOptions, norm};
+use sprung::linear::{Cholesky, SolverChoice, SolverOptions, Tolerance, norm};
 use sprung::operator::LinearOperator;
 use sprung::{Scene, State, Stiffness, System};
 
@@ -26,7 +26,7 @@ fn stepper<'s>(
     stiffness: Stiffness,
     solver: SolverChoice,
 ) -> LinearBackwardEuler<'s> {
-    let linear = SolverOptions { solver, tolerance: TOLERANCE, ..Default::default() };
+    let linear = SolverOptions { solver, tolerance: Tolerance::Fixed(TOLERANCE), ..Default::default() };
     LinearBackwardEuler::new(system, state, &ImplicitOptions { stiffness: stiffness.into(), linear }).unwrap()
 }
 

@@ -8,7 +8,7 @@ use sprung::integrate::{
     BackwardEuler, ImplicitMidpoint, ImplicitOptions, LinearBackwardEuler, NewtonOptions, NotSolved, Status,
     StepFailure, StiffnessPolicy, TimeStepper,
 };
-use sprung::linear::{SolverChoice, SolverOptions};
+use sprung::linear::{SolverChoice, SolverOptions, Tolerance};
 use sprung::scene::{Kind, builtin};
 use sprung::{Spring, State, Stiffness, System, SystemBuilder};
 
@@ -125,7 +125,11 @@ fn conjugate_gradients_solve_no_more_exactly_than_the_step_needs() {
     let (system, start) = crumpled_cloth(12, 0.0015);
     let options = |tolerance| ImplicitOptions {
         stiffness: StiffnessPolicy::OnDemand,
-        linear: SolverOptions { solver: SolverChoice::Cg, tolerance, ..Default::default() },
+        linear: SolverOptions {
+            solver: SolverChoice::Cg,
+            tolerance: Tolerance::Fixed(tolerance),
+            ..Default::default()
+        },
     };
     let work = |tolerance, newton| {
         let mut stepper = BackwardEuler::new(&system, &start, &options(tolerance), newton).unwrap();

@@ -7,7 +7,7 @@ use crate::solver::{Choice, Preconditioner};
 use clap::builder::PossibleValuesParser;
 use sprung::Stiffness;
 use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy};
-use sprung::linear::SolverOptions;
+use sprung::linear::{SolverOptions, Tolerance};
 
 /// Which method, stiffness and linear solver.
 #[derive(Debug, clap::Args)]
@@ -60,7 +60,7 @@ impl MethodArguments {
 
     /// The options of implicit methods.
     pub fn options(&self) -> ImplicitOptions {
-        let linear = SolverOptions { tolerance: self.tolerance, ..SolverOptions::default() };
+        let linear = SolverOptions { tolerance: Tolerance::Fixed(self.tolerance), ..SolverOptions::default() };
         ImplicitOptions { stiffness: self.policy(), linear }
     }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy};
-use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions};
+use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions, Tolerance};
 use sprung::system::Axes;
 use sprung::{Constraint, Motion, Spring, State, Stiffness, System, SystemBuilder};
 
@@ -103,7 +103,8 @@ impl<'a> Bytes<'a> {
         ];
         let solver = self.pick(&[Auto, Llt, Ldlt, Cg, CgAssembled]);
         let preconditioner = self.pick(&kinds);
-        let tolerance = self.pick(&[1e-10, 1e-4, 1e-13]);
+        let fixed = [1e-10, 1e-4, 1e-13].map(Tolerance::Fixed);
+        let tolerance = self.pick(&[fixed[0], fixed[1], fixed[2], Tolerance::OfMotion]);
         let linear = SolverOptions { solver, preconditioner, tolerance, ..SolverOptions::default() };
         ImplicitOptions { stiffness, linear }
     }

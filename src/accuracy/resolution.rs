@@ -17,7 +17,7 @@
 use super::extent;
 use crate::error::Result;
 use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
-use crate::linear::{Assurance, CostModel, MatrixAndSolver, SolverOptions, select};
+use crate::linear::{Assurance, CostModel, MatrixAndSolver, SolverOptions, Tolerance, select};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -41,7 +41,12 @@ pub(super) fn unresolved(
     // Without the terms that make A indefinite: a filter must be one.
     let operator = SystemOperator::new(system, &extensions, Stiffness::Tension, combination);
     let mut work = Work { assemblies: 1, force_evaluations: 1, ..Work::default() };
-    let solver = select(system, &SolverOptions { tolerance: 1e-6, ..*options }, Assurance::Definite, &mut work)?;
+    let solver = select(
+        system,
+        &SolverOptions { tolerance: Tolerance::Fixed(1e-6), ..*options },
+        Assurance::Definite,
+        &mut work,
+    )?;
     let mut filter = Filter { system, equations: MatrixAndSolver::new(operator, solver), h };
     filter.equations.place(&state.positions);
     if filter.equations.prepare(|_| {}, &mut work).is_err() {

@@ -9,7 +9,7 @@ use super::search::{Search, Verdict, Went};
 use super::{Configuration, Pace};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method};
-use crate::linear::{CostModel, SolverOptions};
+use crate::linear::{CostModel, SolverOptions, Tolerance};
 use crate::system::System;
 
 /// Explicit answers that cost less than this many implicit steps are not worth a try: for one digit, and by what power of the accuracy
@@ -92,7 +92,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
 /// How linear systems are solved: far more exactly than the accuracy needs.
 pub(super) fn linear_options<A: Audience>(search: &Search<'_, A>) -> SolverOptions {
     let requirement = search.requirement;
-    let tolerance = (1e-3 * requirement.accuracy).clamp(1e-12, 1e-4);
+    let tolerance = Tolerance::Fixed((1e-3 * requirement.accuracy).clamp(1e-12, 1e-4));
     let defaults = SolverOptions::default();
     SolverOptions { solver: requirement.solver.unwrap_or(defaults.solver), par: requirement.par, tolerance, ..defaults }
 }

@@ -96,7 +96,7 @@ impl Bench<'_> {
             method: configuration.method.name(),
             stiffness: configuration.stiffness(),
             solver: trial.solver,
-            tolerance: iterates.then_some(configuration.options.linear.tolerance),
+            tolerance: iterates.then_some(configuration.options.linear.tolerance.strictest()),
             rtol,
             dt,
             status: trial.status,

@@ -5,14 +5,18 @@ use super::sweep::{Bench, Run};
 use crate::accuracy::{Configuration, Pace};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, StiffnessPolicy};
-use crate::linear::{SolverChoice, SolverOptions};
+use crate::linear::{SolverChoice, SolverOptions, Tolerance};
 
 /// Runs of one method and step by conjugate gradients at tolerances from coarse to fine, the loosest first.
 pub(super) fn study(bench: &Bench<'_>, method: Method, dt: f64, deadline: Deadline) -> Result<Vec<Run>> {
     let mut runs = Vec::new();
     for exponent in 1..=6 {
         let tolerance = 10f64.powi(-2 * exponent);
-        let linear = SolverOptions { solver: SolverChoice::Cg, tolerance, ..SolverOptions::default() };
+        let linear = SolverOptions {
+            solver: SolverChoice::Cg,
+            tolerance: Tolerance::Fixed(tolerance),
+            ..SolverOptions::default()
+        };
         let options = ImplicitOptions { stiffness: StiffnessPolicy::OnDemand, linear };
         match bench.measure(&Configuration { method, options }, Pace::Step(dt), deadline)? {
             Some(run) => runs.push(run),

@@ -95,7 +95,12 @@ pub fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
             "  work      {} solves, {} factorizations, {} CG iterations, {} Newton iterations",
             work.solves, work.factorizations, work.cg_iterations, work.newton_iterations,
         ));
-        lines.push(format!("  residual  at most {:.1e} of the right-hand side", statistics.max_relative_residual));
+        let asked = statistics.max_tolerance;
+        let asked = if asked > 0.0 { format!("; asked for {asked:.1e} or less") } else { String::new() };
+        lines.push(format!(
+            "  residual  at most {:.1e} of the right-hand side{asked}",
+            statistics.max_relative_residual
+        ));
     }
     if let Some(choice) = &summary.choice {
         lines.push(format!("  chosen    {}", choice.reason));

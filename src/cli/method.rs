@@ -45,7 +45,7 @@ pub struct MethodArguments {
     #[arg(value_parser = choice(&PRECONDITIONERS, PreconditionerChoice::name, describe_preconditioner))]
     preconditioner: Option<PreconditionerChoice>,
 
-    /// Conjugate gradients stop at ‖b − A·δx‖ ≤ R·‖b‖ [default: 1e-10]
+    /// Conjugate gradients stop at ‖b − A·δx‖ ≤ R·‖b‖ [default: as the error in time of a step is worth; 1e-10 with a solver given by name]
     #[arg(long, value_name = "R", value_parser = fraction)]
     tolerance: Option<f64>,
 }

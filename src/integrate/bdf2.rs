@@ -135,6 +135,7 @@ impl<'s> Bdf2<'s> {
             base.positions[p] = x + dx * beta;
             base.velocities[p] = v + dv * beta;
             next.positions[p] = x + (v + dv * (0.5 * ratio)) * h;
+            next.velocities[p] = v + dv * ratio;
         }
         next.time = state.time + h;
         base.time = next.time - tau;

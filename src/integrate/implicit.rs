@@ -1,11 +1,12 @@
 //! What implicit methods share: the linear system of a step under a stiffness policy.
 
+use super::exactness::Exactness;
 use super::terms::{Choice, Terms};
 use super::{Softening, Statistics, StepFailure, StiffnessPolicy};
 use crate::error::Result;
 use crate::force::Extensions;
 use crate::interrupt::Interrupt;
-use crate::linear::{LinearSolver, MatrixAndSolver, Solution, SolveFailure, SolverOptions, select};
+use crate::linear::{LinearSolver, MatrixAndSolver, Solution, SolveFailure, SolverOptions, Tolerance, norm, select};
 use crate::memory;
 use crate::operator::{BlockDiagonal, Combination, SystemOperator};
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
@@ -50,7 +51,8 @@ impl ImplicitOptions {
 
 impl Default for ImplicitOptions {
     fn default() -> Self {
-        Self { stiffness: StiffnessPolicy::OnDemand, linear: SolverOptions::default() }
+        let linear = SolverOptions { tolerance: Tolerance::OfMotion, ..SolverOptions::default() };
+        Self { stiffness: StiffnessPolicy::OnDemand, linear }
     }
 }
 
@@ -69,8 +71,9 @@ pub(super) struct LinearSystem<'s> {
     /// Made when the policy asks for it, or Newton's method first does.
     softening: Option<Softening>,
     pub policy: StiffnessPolicy,
-    /// The relative residual asked of iterative solvers.
-    pub tolerance: f64,
+    /// How exactly iterative solvers are worth solving, and the relative residual that they are asked for.
+    pub exactness: Exactness,
+    tolerance: f64,
     interrupt: Interrupt,
     combination: Combination,
     choice: Choice,
@@ -78,6 +81,8 @@ pub(super) struct LinearSystem<'s> {
     blocks: Vec<Matrix3<f64>>,
     rhs: Vec<f64>,
     solution: Vec<f64>,
+    /// ‖b − A x‖₂ of the last solution as needed, in N; zero where it is as small as is ever asked for.
+    pub residual: f64,
 }
 
 impl<'s> LinearSystem<'s> {
@@ -92,7 +97,7 @@ impl<'s> LinearSystem<'s> {
     }
 
     fn check(system: &System, options: &ImplicitOptions) -> Result<()> {
-        options.linear.check()?;
+        options.linear.tolerance.check()?;
         let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
         memory::ensure(SPRING * springs + PARTICLE * particles, "the state of the method")
     }
@@ -106,7 +111,7 @@ impl<'s> LinearSystem<'s> {
     ) -> Result<Self> {
         Self::check(system, options)?;
         let extensions = Extensions::at(system, &state.positions)?;
-        let (policy, tolerance) = (options.stiffness, options.linear.tolerance);
+        let policy = options.stiffness;
         let combination = Combination::STIFFNESS;
         let matrix = SystemOperator::new(system, &extensions, Stiffness::Full, combination);
         let softening = (policy == StiffnessPolicy::OnDemand).then(|| Softening::new(system));
@@ -119,13 +124,15 @@ impl<'s> LinearSystem<'s> {
             equations: MatrixAndSolver::new(matrix, solver),
             softening,
             policy,
-            tolerance,
+            exactness: Exactness::new(system, options.linear.tolerance),
+            tolerance: options.linear.tolerance.strictest(),
             interrupt: options.linear.interrupt,
             combination,
             choice: Choice::first(policy),
             blocks: Vec::new(),
             rhs,
             solution,
+            residual: 0.0,
         })
     }
 
@@ -139,21 +146,9 @@ impl<'s> LinearSystem<'s> {
         StepFailure::of_any(self.system, updated.map_err(Into::into))
     }
 
-    /// Prepares the matrix at the current extensions and solves one system with it, see [`solve`](Self::solve).
-    pub fn prepare_and_solve(
-        &mut self,
-        combination: Combination,
-        force: &[Vector3<f64>],
-        displacement: &mut [Vector3<f64>],
-    ) -> Result<(), SolveFailure> {
-        self.prepare(self.policy, combination)?;
-        let solution = self.solve(force, displacement)?;
-        self.statistics.record(solution.relative_residual);
-        Ok(())
-    }
-
     /// How exactly iterative solvers are to solve from now on.
     pub fn set_tolerance(&mut self, tolerance: f64) {
+        self.tolerance = tolerance;
         self.equations.set_tolerance(tolerance);
     }
 
@@ -233,13 +228,53 @@ impl<'s> LinearSystem<'s> {
         force: &[Vector3<f64>],
         displacement: &mut [Vector3<f64>],
     ) -> Result<Solution, SolveFailure> {
-        let mut outcome = self.attempt(force, displacement);
+        self.solve_to(Exactly::AsSet, force, displacement)
+    }
+
+    /// As [`solve`](Self::solve), as exactly as is worth for a step with about the error in time of the last one, see [`Exactness`].
+    pub fn solve_as_needed(
+        &mut self,
+        force: &[Vector3<f64>],
+        displacement: &mut [Vector3<f64>],
+    ) -> Result<Solution, SolveFailure> {
+        self.solve_to(Exactly::AsNeeded, force, displacement)
+    }
+
+    fn solve_to(
+        &mut self,
+        exactly: Exactly,
+        force: &[Vector3<f64>],
+        displacement: &mut [Vector3<f64>],
+    ) -> Result<Solution, SolveFailure> {
+        let mut outcome = self.attempt(exactly, force, displacement);
         while let (Err(SolveFailure::Indefinite(_)), Some(softer)) = (&outcome, self.choice.softer()) {
-            outcome = self.take_over(softer).and_then(|()| self.attempt(force, displacement));
+            outcome = self.take_over(softer).and_then(|()| self.attempt(exactly, force, displacement));
         }
         let solution = outcome?;
         self.choice.count(&mut self.statistics);
         self.system.dofs().scatter(&self.solution, displacement);
+        Ok(solution)
+    }
+
+    /// As [`solve_as_needed`](Self::solve_as_needed), and further where the error turns out to be much smaller: `error` is ‖E‖_M of the step
+    /// with a displacement, in m √kg.
+    pub fn solve_within(
+        &mut self,
+        force: &[Vector3<f64>],
+        displacement: &mut [Vector3<f64>],
+        error: impl Fn(&[Vector3<f64>]) -> f64,
+    ) -> Result<Solution, SolveFailure> {
+        let mut solution = self.solve_as_needed(force, displacement)?;
+        while self.exactness.follows() {
+            let error = error(displacement);
+            self.exactness.learn(error);
+            if self.exactness.suffices(self.residual, self.combination.mass, error) {
+                break;
+            }
+            // At most a tenth of the last tolerance.
+            solution = self.improve(Exactly::AsNeeded)?;
+            self.system.dofs().scatter(&self.solution, displacement);
+        }
         Ok(solution)
     }
 
@@ -279,15 +314,45 @@ impl<'s> LinearSystem<'s> {
         choice.accept(definiteness)
     }
 
-    fn attempt(&mut self, force: &[Vector3<f64>], displacement: &[Vector3<f64>]) -> Result<Solution, SolveFailure> {
-        self.go_on()?;
+    fn attempt(
+        &mut self,
+        exactly: Exactly,
+        force: &[Vector3<f64>],
+        displacement: &[Vector3<f64>],
+    ) -> Result<Solution, SolveFailure> {
         self.system.dofs().gather(force, &mut self.rhs);
         self.equations.matrix().subtract_coupling(displacement, &mut self.rhs);
         self.solution.fill(0.0);
-        let Self { equations, rhs, solution, statistics, .. } = self;
-        let mut prepared = equations.prepared().ok_or(SolveFailure::Unprepared)?;
-        prepared.solve(rhs, solution, &mut statistics.work)
+        self.improve(exactly)
     }
+
+    /// Solves for the right-hand side at hand from the solution at hand.
+    fn improve(&mut self, exactly: Exactly) -> Result<Solution, SolveFailure> {
+        self.go_on()?;
+        let Self { equations, rhs, solution, statistics, exactness, combination, .. } = self;
+        let size = norm(rhs);
+        if exactly == Exactly::AsNeeded {
+            self.tolerance = exactness.ask(size, combination.mass);
+            equations.set_tolerance(self.tolerance);
+        }
+        let mut prepared = equations.prepared().ok_or(SolveFailure::Unprepared)?;
+        let before = statistics.work.iterative_solves;
+        let solved = prepared.solve(rhs, solution, &mut statistics.work)?;
+        if statistics.work.iterative_solves > before {
+            statistics.max_tolerance = statistics.max_tolerance.max(self.tolerance);
+        }
+        self.residual = exactness.improvable(solved.relative_residual * size);
+        Ok(solved)
+    }
+}
+
+/// How exactly an iterative solver is to solve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Exactly {
+    /// As [`LinearSystem::set_tolerance`] has it.
+    AsSet,
+    /// As the step deserves.
+    AsNeeded,
 }
 
 /// How many there are in all parts of a system. Numbers below 2⁵³ are added without rounding.

@@ -6,6 +6,7 @@ mod adaptive;
 mod backward_euler;
 mod bdf2;
 mod dop853;
+mod exactness;
 mod explicit;
 mod failure;
 mod filter;

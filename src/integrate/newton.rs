@@ -54,10 +54,6 @@ const SHORTENINGS: usize = 40;
 /// How often a direction is refined by the change of damping directions.
 const REFINEMENTS: usize = 8;
 
-/// How exactly iterative solvers solve for a single correction, which is of the size of a step's error: without a preconditioner errors may be
-/// a hundred times what residuals show.
-const CORRECTION: f64 = 1e-7;
-
 /// Digits of φ that rounding leaves, relative to the magnitudes of its terms.
 const NOISE: f64 = 1e-13;
 
@@ -137,7 +133,7 @@ impl<'s> Newton<'s> {
         is_loose: bool,
     ) -> Result<(), StepFailure> {
         let mut filter = Filter::new(policy);
-        let mut forcing = Forcing::new(self.linear.tolerance);
+        let mut forcing = Forcing::new(self.linear.exactness.strictest());
         let mut iterations = 0;
         loop {
             let balance = {
@@ -193,11 +189,11 @@ impl<'s> Newton<'s> {
     }
 
     /// Moves by `Δ = A⁻¹(−r)` with the matrix last prepared; returns `Δᵀ A Δ`. Prescribed coordinates must be where they are to be.
-    pub fn correct(&mut self) -> Result<f64, SolveFailure> {
-        let Self { linear, force, direction, .. } = self;
-        linear.set_tolerance(linear.tolerance.max(CORRECTION));
+    /// `error` is ‖E‖_M of the step with a displacement and Δ, in m √kg.
+    pub fn correct(&mut self, error: impl Fn(&[Vector3<f64>], &[Vector3<f64>]) -> f64) -> Result<f64, SolveFailure> {
+        let Self { linear, force, direction, displacement, .. } = self;
         direction.fill(Vector3::zeros());
-        let solution = linear.solve(force, direction)?;
+        let solution = linear.solve_within(force, direction, |d| error(displacement, d))?;
         linear.statistics.record(solution.relative_residual);
         let energy = dot(linear.system, force, direction);
         self.move_by(1.0);

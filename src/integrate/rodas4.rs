@@ -37,17 +37,21 @@
 //!
 //! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.7, IV.10, and their code rodas.f.
 
+mod brake;
 mod coefficients;
 
 use super::adaptive::norm_of_all;
+use super::exactness::mass_norm;
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::pieces::Piece;
 use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, StiffnessPolicy, TimeStepper};
 use crate::error::{Error, Result};
-use crate::force::{Extensions, add_damping_differential, add_damping_force, set_total_force};
+use crate::force::{add_damping_differential, add_damping_force, set_total_force};
 use crate::linear::{LinearSolver, SolveFailure};
 use crate::operator::Combination;
-use crate::system::{Axes, State, System};
+use crate::system::{State, System};
+pub(super) use brake::BRAKE;
+use brake::braked;
 use coefficients::{A, B, C, GAMMA, Row, STAGES};
 use nalgebra::Vector3;
 
@@ -90,6 +94,10 @@ pub struct Rodas4<'s> {
     corrected: Vec<Vector3<f64>>,
     /// Of positions, in the step done last, in m.
     local_error: f64,
+    /// The last step's length, in s, and the norm in M of its local error, in m √kg.
+    last: Option<(f64, f64)>,
+    /// The largest residual of the stages, in N.
+    residual: f64,
 }
 
 /// The shortest part of a step of fixed length that is tried.
@@ -97,6 +105,9 @@ const SHORTEST_PART: f64 = 1.0 / 1024.0;
 
 /// The method's error over z times that of the embedded formula, see the header.
 const TRUE_SHARE: f64 = 0.15;
+
+/// One over what an error of an early stage is magnified by in later ones, γ C_ij with C_ij up to 30.
+const MAGNIFIED: f64 = 0.1;
 
 impl Rodas4<'_> {
     /// γ: the matrix of a step of length h is that of backward Euler for γ h.
@@ -145,11 +156,35 @@ impl<'s> Rodas4<'s> {
             b: zeros(),
             corrected: zeros(),
             local_error: 0.0,
+            last: None,
+            residual: 0.0,
         }
     }
 
-    /// Computes `next`, h seconds after `base`. No kink may be in between.
+    /// Computes `next`, h seconds after `base`. No kink may be in between. Stages are solved as exactly as the error of the step is worth.
     fn advance(&mut self, h: f64) -> Result<(), StepFailure> {
+        if let Some((last, error)) = self.last {
+            // Local errors of the embedded formula go with the fourth power of the step.
+            self.linear.exactness.learn(error * (h / last).min(1.0).powi(4));
+        }
+        // A step that is not exact enough is worth another two; its error then hardly changes.
+        for _ in 0..3 {
+            self.compute(h)?;
+            if !self.linear.exactness.follows() {
+                return Ok(());
+            }
+            let error = self.massive_error(h);
+            self.last = Some((h, error));
+            if self.linear.exactness.suffices(self.residual, Combination::step(GAMMA * h).mass, error) {
+                break;
+            }
+            self.linear.exactness.learn(error);
+        }
+        Ok(())
+    }
+
+    fn compute(&mut self, h: f64) -> Result<(), StepFailure> {
+        self.residual = 0.0;
         let system = self.linear.system;
         system.prescribed().set_velocities(self.base.time + 0.5 * h, &mut self.base.velocities);
         self.linear.set_extensions(&self.base.positions)?;
@@ -163,6 +198,14 @@ impl<'s> Rodas4<'s> {
         std::mem::swap(&mut self.point, &mut self.next);
         self.next.time = self.base.time + h;
         if self.next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) }
+    }
+
+    /// The error of the step just computed in the norm of M, by the same rule as [`judge`](Self::judge), in m √kg, less what early stages are
+    /// magnified by.
+    fn massive_error(&self, h: f64) -> f64 {
+        let system = self.linear.system;
+        let (Some(x), Some(v)) = (self.displacements.last(), self.velocities.last()) else { return 0.0 };
+        MAGNIFIED * mass_norm(system, |p| x[p]).min(TRUE_SHARE * h * mass_norm(system, |p| v[p]))
     }
 
     /// Makes the last stage the estimate of the step just computed, of h seconds: what it has of prescribed coordinates is their way, not
@@ -215,15 +258,17 @@ impl<'s> Rodas4<'s> {
     fn solve(&mut self, stage: usize, h: f64) -> Result<(), SolveFailure> {
         let system = self.linear.system;
         let tau = GAMMA * h;
-        let Self { linear, is_damped, displacements, velocities, base, r, b, corrected, .. } = self;
+        let Self { linear, is_damped, displacements, velocities, base, r, b, corrected, residual, .. } = self;
         let (Some(x), Some(v)) = (displacements.get_mut(stage), velocities.get_mut(stage)) else { return Ok(()) };
         prescribe(system, tau, r, x);
-        let mut solution = linear.solve(b, x)?;
+        let mut solution = linear.solve_as_needed(b, x)?;
+        *residual = residual.max(linear.residual);
         if *is_damped {
             corrected.copy_from_slice(b);
             add_damping_differential(system, &linear.extensions, &base.velocities, x, corrected);
             prescribe(system, tau, r, x);
-            solution = linear.solve(corrected, x)?;
+            solution = linear.solve_as_needed(corrected, x)?;
+            *residual = residual.max(linear.residual);
         }
         linear.statistics.record(solution.relative_residual);
         for ((v, x), r) in v.iter_mut().zip(&*x).zip(&*r) {
@@ -265,26 +310,6 @@ impl<'s> Rodas4<'s> {
             }
         }
     }
-}
-
-/// The part of U²/K_s that a step takes from the kinetic energy K_s across a spring that turns, U being what the step of straight motion would put into
-/// it. Measured on a rod that turns with U well below K_s, and about so on random scenes.
-pub(super) const BRAKE: f64 = 0.4;
-
-/// The share of the kinetic energy that a step of h seconds from a state with these extensions and velocities takes: `BRAKE Σ U²/K_s / K` with
-/// `U = ½ κ L²`, `L = (h v⊥)²/(2 l)`, `K_s = ½ μ v⊥²`.
-fn braked(system: &System, extensions: &Extensions, velocities: &[Vector3<f64>], h: f64) -> f64 {
-    let inverse = |p: usize| if system.dofs().free_axes(p) == Axes::NONE { 0.0 } else { 1.0 / system.masses()[p] };
-    let taken = extensions.iter().zip(system.active()).map(|(at, (_, [i, j], spring))| {
-        let v = velocities[i] - velocities[j];
-        let across = v.norm_squared() - at.direction.dot(&v).powi(2);
-        let lift = 0.5 * h * h * across / at.length;
-        let half = 0.5 * spring.stiffness / spring.rest_length;
-        half * lift * lift * half * (inverse(i) + inverse(j)) * lift * h * h / at.length
-    });
-    let taken = BRAKE * taken.sum::<f64>();
-    let kinetic = system.masses().iter().zip(velocities).map(|(mass, v)| 0.5 * mass * v.norm_squared()).sum::<f64>();
-    if taken > 0.0 { taken / kinetic } else { 0.0 }
 }
 
 /// Sets u_x of prescribed coordinates to τ r_x, and of all others to zero.

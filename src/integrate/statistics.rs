@@ -12,6 +12,9 @@ pub struct Statistics {
     /// The largest `‖b − A x‖/‖b‖` of all accepted solves, recomputed from the solutions. Of nonlinear methods the
     /// residual force of the equations over the forces that balance in it, after their last iteration.
     pub max_relative_residual: f64,
+    /// The largest relative residual that conjugate gradients were allowed to leave; zero where none ran.
+    #[serde(default)]
+    pub max_tolerance: f64,
     /// Solves of the on-demand policy in which A was indefinite and transverse terms were dropped.
     pub softened_solves: u64,
     /// Transverse terms dropped in these solves, all together.
@@ -25,10 +28,18 @@ pub struct Statistics {
 impl Statistics {
     /// Adds what an earlier part of the same run did.
     pub fn add(&mut self, other: &Self) {
-        let Self { work, max_relative_residual, softened_solves, dropped_terms, rejected_steps, indefinite_solves } =
-            *other;
+        let Self {
+            work,
+            max_relative_residual,
+            max_tolerance,
+            softened_solves,
+            dropped_terms,
+            rejected_steps,
+            indefinite_solves,
+        } = *other;
         self.work.add(&work);
         self.record(max_relative_residual);
+        self.max_tolerance = self.max_tolerance.max(max_tolerance);
         self.softened_solves += softened_solves;
         self.dropped_terms += dropped_terms;
         self.rejected_steps += rejected_steps;

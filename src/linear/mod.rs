@@ -26,6 +26,7 @@ mod preconditioner_kind;
 mod prepared;
 mod reuse;
 mod select;
+mod tolerance;
 mod vector;
 mod warm_start;
 
@@ -46,6 +47,7 @@ pub use preconditioner_kind::PreconditionerKind;
 pub use prepared::{Held, MatrixAndSolver, Prepare, Prepared};
 pub use reuse::ReusedMultigrid;
 pub use select::{Assurance, SolverChoice, SolverOptions, select};
+pub use tolerance::Tolerance;
 pub use warm_start::WarmStart;
 
 use crate::operator::SystemOperator;

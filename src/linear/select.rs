@@ -1,7 +1,9 @@
 //! Choosing a solver.
 
 use super::automatic::fits;
-use super::{AutomaticSolver, CgSolver, CholeskyPlan, CholeskySolver, LdltSolver, LinearSolver, PreconditionerKind};
+use super::{
+    AutomaticSolver, CgSolver, CholeskyPlan, CholeskySolver, LdltSolver, LinearSolver, PreconditionerKind, Tolerance,
+};
 use crate::error::{Invalid, Result};
 use crate::interrupt::Interrupt;
 use crate::system::System;
@@ -60,8 +62,8 @@ pub struct SolverOptions {
     pub solver: SolverChoice,
     /// For conjugate gradients; `None` chooses, see [`CgSolver::matrix_free`].
     pub preconditioner: Option<PreconditionerKind>,
-    /// For conjugate gradients: `‖b − A x‖ ≤ tolerance·‖b‖`.
-    pub tolerance: f64,
+    /// For conjugate gradients.
+    pub tolerance: Tolerance,
     /// Parallelism of the factorizations.
     pub par: Par,
     /// When to give up: iterations look at it.
@@ -81,25 +83,14 @@ impl SolverOptions {
         Self { preconditioner: Some(preconditioner), ..self }
     }
 
-    /// With this tolerance of conjugate gradients.
-    ///
-    /// # Errors
-    /// [`Invalid`] for one that does not lie between 0 and 1.
-    pub fn with_tolerance(self, tolerance: f64) -> Result<Self, Invalid> {
-        let options = Self { tolerance, ..self };
-        options.check()?;
-        Ok(options)
-    }
-
-    /// What every stepper checks: a tolerance that can be reached, and that asks for something.
+    /// With conjugate gradients that stop at `‖b − A x‖ ≤ tolerance·‖b‖`.
     ///
     /// # Errors
     /// [`Invalid`] for a tolerance that does not lie between 0 and 1.
-    pub fn check(&self) -> Result<(), Invalid> {
-        if self.tolerance > 0.0 && self.tolerance < 1.0 {
-            return Ok(());
-        }
-        Err(Invalid::new("tolerance", self.tolerance, "must lie between 0 and 1"))
+    pub fn with_tolerance(self, tolerance: f64) -> Result<Self, Invalid> {
+        let tolerance = Tolerance::Fixed(tolerance);
+        tolerance.check()?;
+        Ok(Self { tolerance, ..self })
     }
 }
 
@@ -108,7 +99,7 @@ impl Default for SolverOptions {
         Self {
             solver: SolverChoice::Auto,
             preconditioner: None,
-            tolerance: 1e-10,
+            tolerance: Tolerance::default(),
             par: Par::Seq,
             interrupt: Interrupt::NEVER,
         }
@@ -147,17 +138,15 @@ pub fn select(
     assurance: Assurance,
     work: &mut Work,
 ) -> Result<Box<dyn LinearSolver>> {
-    let preconditioner = options.preconditioner;
+    let (preconditioner, tolerance) = (options.preconditioner, options.tolerance.strictest());
     let interrupted = |solver: CgSolver| solver.interrupted_by(options.interrupt);
-    let matrix_free = || CgSolver::matrix_free(system, preconditioner, options.tolerance).map(interrupted);
+    let matrix_free = || CgSolver::matrix_free(system, preconditioner, tolerance).map(interrupted);
     let dofs = system.dofs().len();
     Ok(match options.solver {
         SolverChoice::Llt => Box::new(CholeskySolver::new(system, options.par, work)?),
         SolverChoice::Ldlt => Box::new(LdltSolver::new(system, options.par, work)?),
         SolverChoice::Cg => Box::new(matrix_free()?),
-        SolverChoice::CgAssembled => {
-            Box::new(CgSolver::assembled(system, preconditioner, options.tolerance).map(interrupted)?)
-        }
+        SolverChoice::CgAssembled => Box::new(CgSolver::assembled(system, preconditioner, tolerance).map(interrupted)?),
         SolverChoice::Auto if dofs > LARGEST_ANALYSED => Box::new(matrix_free()?),
         SolverChoice::Auto if dofs <= SMALL => Box::new(CholeskySolver::new(system, options.par, work)?),
         SolverChoice::Auto if assurance == Assurance::Unknown => {

@@ -15,7 +15,7 @@ use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::error::{Error, Result};
 use crate::force::Extensions;
 use crate::integrate::StepMatrices;
-use crate::linear::{Cholesky, PreconditionerKind, Prepare, SolverChoice, SolverOptions, select};
+use crate::linear::{Cholesky, PreconditionerKind, Prepare, SolverChoice, SolverOptions, Tolerance, select};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -143,7 +143,8 @@ fn solve_with(
     tolerance: f64,
 ) -> Result<Vec<f64>, String> {
     let preconditioner = Some(PreconditionerKind::BlockJacobi);
-    let options = SolverOptions { solver, preconditioner, tolerance, ..SolverOptions::default() };
+    let options =
+        SolverOptions { solver, preconditioner, tolerance: Tolerance::Fixed(tolerance), ..SolverOptions::default() };
     let mut work = Work::default();
     let mut solver =
         select(system, &options, crate::linear::Assurance::Definite, &mut work).map_err(|error| error.to_string())?;

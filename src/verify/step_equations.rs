@@ -17,7 +17,7 @@ use super::reference::{self, Link, damping_product, free, links, stiffness_produ
 use super::runs::{Way, direct};
 use super::{Check, Claim, Subject, U, formula_steps, worst};
 use crate::integrate::{Method, MovesBy};
-use crate::linear::{SolverChoice, SolverOptions, norm};
+use crate::linear::{SolverChoice, SolverOptions, Tolerance, norm};
 use crate::spring::Stiffness;
 use crate::system::State;
 use nalgebra::Vector3;
@@ -50,7 +50,7 @@ pub(super) fn linear(subject: &Subject) -> Measured {
     for option in Stiffness::ALL {
         for (solver, solver_name) in solvers {
             let way = Way::notes(option);
-            let options = SolverOptions { solver, tolerance: TOLERANCE, ..SolverOptions::default() };
+            let options = SolverOptions { solver, tolerance: Tolerance::Fixed(TOLERANCE), ..SolverOptions::default() };
             let Some(states) = way.run(subject, options, subject.dt, STEPS)? else { continue };
             let residuals =
                 states.windows(2).map(|pair| linear_residual(subject, option, subject.dt, &pair[0], &pair[1]));

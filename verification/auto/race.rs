@@ -2,7 +2,7 @@
 
 use cpu_time::ThreadTime;
 use sprung::integrate::{ImplicitOptions, Method};
-use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions};
+use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions, Tolerance};
 use sprung::{State, System};
 
 /// Steps of a run, how many of the last count as those after its first, and how often it is repeated.
@@ -89,7 +89,7 @@ impl Cell {
 
     /// Every solver in turn, those first that are often fast.
     pub fn race(self, system: &System, start: &State) -> sprung::Result<Raced> {
-        let options = SolverOptions { tolerance: self.tolerance, ..SolverOptions::default() };
+        let options = SolverOptions { tolerance: Tolerance::Fixed(self.tolerance), ..SolverOptions::default() };
         let of = |solver: &str, times: &[f64]| {
             let mut last = times[times.len() - LAST..].to_vec();
             last.sort_by(f64::total_cmp);

@@ -4,8 +4,8 @@ use super::reference::Reference;
 use serde::{Deserialize, Serialize};
 use sprung::accuracy::{Requirement, Verdict, answer, reduce, relative_position_error};
 use sprung::integrate::{
-    Adaptivity, Figures, ImplicitOptions, Method, Monitor, MonitorOptions, Sampling, Schedule, Status, StiffnessPolicy,
-    run_adaptive_monitored, run_monitored,
+    Adaptivity, Figures, ImplicitOptions, Method, Monitor, MonitorOptions, Sampling, Schedule, Statistics, Status,
+    StiffnessPolicy, run_adaptive_monitored, run_monitored,
 };
 use sprung::{Error, State, Stiffness, System};
 use std::cell::Cell;
@@ -171,6 +171,20 @@ impl Subject<'_> {
 
     fn run(&self, (method, stiffness): Way, ask: Ask) -> sprung::Result<Run> {
         let options = ImplicitOptions { stiffness, ..Default::default() };
+        self.run_with(method, &options, ask).map(|(run, ..)| run)
+    }
+
+    /// A run with any options of implicit methods, where it ended and the work that it took; no search for an accuracy.
+    ///
+    /// # Errors
+    /// Coincident ends of a spring at the start; a matrix that is too large.
+    pub fn run_with(
+        &self,
+        method: Method,
+        options: &ImplicitOptions,
+        ask: Ask,
+    ) -> sprung::Result<(Run, State, Statistics)> {
+        let stiffness = options.stiffness;
         let mut monitor = Monitor::new(self.system, self.start, MonitorOptions::of(method, stiffness))?;
         let mut state = self.start.clone();
         let clock = Instant::now();
@@ -182,7 +196,7 @@ impl Subject<'_> {
         let (outcome, statistics, rtol) = match ask {
             Ask::Rtol(rtol) => {
                 let mut stepper = method
-                    .adaptive_stepper(self.system, self.start, &options)?
+                    .adaptive_stepper(self.system, self.start, options)?
                     .ok_or_else(|| Error::Usage(format!("{} has no error estimate", method.name())))?;
                 // As the command does where no step is given.
                 let first_step = (1.0 / 60.0f64).min(self.duration / 100.0);
@@ -197,7 +211,7 @@ impl Subject<'_> {
                 (outcome, *stepper.statistics(), Some(rtol))
             }
             Ask::Dt(dt) | Ask::Accuracy(dt) => {
-                let mut stepper = method.stepper(self.system, self.start, &options)?;
+                let mut stepper = method.stepper(self.system, self.start, options)?;
                 let schedule = Schedule::duration(dt, self.duration);
                 let outcome = run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, observe);
                 (outcome, *stepper.statistics(), None)
@@ -208,7 +222,7 @@ impl Subject<'_> {
             other => other.name(),
         };
         let figures = monitor.figures(&state);
-        Ok(Run {
+        let run = Run {
             method: method.name().into(),
             stiffness: if method.is_implicit() { stiffness.name().into() } else { "none".into() },
             ask,
@@ -221,7 +235,8 @@ impl Subject<'_> {
             evaluations: statistics.work.force_evaluations,
             factorizations: statistics.work.factorizations,
             seconds: clock.elapsed().as_secs_f64(),
-        })
+        };
+        Ok((run, state, statistics))
     }
 
     /// The true error of a last state.

@@ -15,6 +15,8 @@ pub enum Tool {
     Mutants(Words),
     /// A thousand random scenes against an independent reference: verification/study.md; ten minutes
     Study(Words),
+    /// Linear systems solved as exactly as the motion needs, on the scenes of the study: verification/exactness.md; ten minutes
+    Exactness(Words),
     /// What --accuracy answers on random scenes, and what that costs: verification/accuracy.md; an hour with ready scenes
     Accuracy(Words),
     /// Cloths that swing down by several methods: the table of verification/motion.md; minutes
@@ -62,6 +64,7 @@ impl Tool {
             // Starts compilers and tests, and waits for them.
             Self::Mutants(_) => ("cargo", vec!["run", "--profile", "faults", "--example", "mutants", "--"], None),
             Self::Study(_) => example("study"),
+            Self::Exactness(_) => example("exactness"),
             Self::Accuracy(_) => example("accuracy"),
             Self::Motion(_) => example("motion"),
             Self::Charts(_) => example("charts"),
@@ -84,6 +87,7 @@ impl Tool {
         let (Self::Faults(given)
         | Self::Mutants(given)
         | Self::Study(given)
+        | Self::Exactness(given)
         | Self::Accuracy(given)
         | Self::Motion(given)
         | Self::Charts(given)
