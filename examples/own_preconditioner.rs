@@ -4,7 +4,7 @@
 
 use sprung::assembly::{SpringPattern, SystemMatrix};
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
-use sprung::linear::{CgSolver, Precondition, PreconditionerKind, SolveFailure};
+use sprung::linear::{CgSolver, Precondition, PreconditionerKind, SolveFailure, SolverOptions};
 use sprung::operator::SystemOperator;
 use sprung::scene::{Kind, builtin};
 use sprung::work::Work;
@@ -55,7 +55,8 @@ impl Precondition for GaussSeidel {
 
 /// Steps a system; returns the iterations and the end.
 fn run(system: &System, start: &State, solver: CgSolver) -> Result<(u64, State), Box<dyn std::error::Error>> {
-    let options = ImplicitOptions { stiffness: Stiffness::Tension.into(), ..ImplicitOptions::default() };
+    // Solves to the last digit are to be compared.
+    let options = ImplicitOptions { stiffness: Stiffness::Tension.into(), linear: SolverOptions::default() };
     let mut stepper = LinearBackwardEuler::with_solver(system, start, &options, Box::new(solver))?;
     let mut state = start.clone();
     for _ in 0..10 {

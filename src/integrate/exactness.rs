@@ -93,7 +93,8 @@ impl Exactness {
 
     /// Whether solutions with [improvable](Self::improvable) residuals of at most this norm, in N, are as exact as a step with the error ‖E‖_M deserves.
     pub fn suffices(&self, residual: f64, inertia: f64, error: f64) -> bool {
-        residual <= MOST * error * self.lightest * inertia
+        // Where nothing moves the bound is not a number.
+        residual == 0.0 || residual <= MOST * error * self.lightest * inertia
     }
 }
 
@@ -157,6 +158,7 @@ mod tests {
         assert_eq!((exactness.ask(8.0, 5.0), exactness.strictest()), (1e-7, 1e-7));
 
         let most = MOST * 3.0 * 2.0 * 5.0;
+        assert!(exactness.suffices(0.0, 5.0, f64::NAN) && !exactness.suffices(1.0, 5.0, f64::NAN));
         assert!(exactness.suffices(0.99 * most, 5.0, 3.0) && !exactness.suffices(1.01 * most, 5.0, 3.0));
     }
 

@@ -106,7 +106,7 @@ const SHORTEST_PART: f64 = 1.0 / 1024.0;
 /// The method's error over z times that of the embedded formula, see the header.
 const TRUE_SHARE: f64 = 0.15;
 
-/// One over what an error of an early stage is magnified by in later ones, γ C_ij with C_ij up to 30.
+/// One over what the error of a stage is magnified by in the step: the new state takes up to thirteen times a stage.
 const MAGNIFIED: f64 = 0.1;
 
 impl Rodas4<'_> {
@@ -200,7 +200,7 @@ impl<'s> Rodas4<'s> {
         if self.next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) }
     }
 
-    /// The error of the step just computed in the norm of M, by the same rule as [`judge`](Self::judge), in m √kg, less what early stages are
+    /// The error of the step just computed in the norm of M, by the same rule as [`judge`](Self::judge), in m √kg, less what stages are
     /// magnified by.
     fn massive_error(&self, h: f64) -> f64 {
         let system = self.linear.system;
