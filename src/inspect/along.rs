@@ -1,7 +1,7 @@
 //! Watching definiteness along a run: when it is first lost, and where.
 
 use super::culprits::{Culprit, direction};
-use super::spectrum::Eigenpair;
+use super::eigenpair::Eigenpair;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Extensions};

@@ -99,8 +99,18 @@ pub struct CriticalSteps<'s> {
     matrix: SystemMatrix,
     factorization: Ldlt,
     inertia: InertiaCounter,
+    known: Known,
     /// What the searches cost.
     pub work: Work,
+}
+
+/// What is known of A under `Full` before a search for its limit.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Known {
+    /// Whether −K has negative eigenvalues.
+    pub curves_downwards: Option<bool>,
+    /// A direction, not necessarily a good one.
+    pub direction: Option<Vec<f64>>,
 }
 
 /// Bisection alone ends in 64 halvings: a search that takes longer has a defect.
@@ -138,7 +148,18 @@ impl<'s> CriticalSteps<'s> {
     ) -> Result<Self> {
         let (family, matrix) = (Family::new(system, extensions), SystemMatrix::zeros(pattern));
         let inertia = InertiaCounter::sharing(&factorization)?;
-        Ok(Self { family, matrix, factorization, inertia, work })
+        Ok(Self { family, matrix, factorization, inertia, known: Known::default(), work })
+    }
+
+    /// The limit of definiteness under `Full`, from what is known of A.
+    pub(super) fn definite_knowing(&mut self, known: Known) -> LargestStep {
+        if known.curves_downwards == Some(false) {
+            return LargestStep::Every;
+        }
+        self.known = known;
+        let limit = self.largest_step(Property::Definite, Stiffness::Full);
+        self.known = Known::default();
+        limit
     }
 
     /// The largest step that keeps the requirement under an option, certified by factorizations on both sides.
@@ -158,7 +179,10 @@ impl<'s> CriticalSteps<'s> {
             return LargestStep::Every;
         }
         let mut accepted = self.family.surely_definite(requirement);
-        let mut u = self.family.softest_direction();
+        let mut u = match self.known.direction.take() {
+            Some(direction) => direction,
+            None => self.family.softest_direction(),
+        };
         let mut bound = Bound { s: 0.0, rounding: 4.0 * f64::EPSILON };
         if !self.raise(requirement, option, &mut bound, &u) && !self.has_negative_curvature(option, requirement, &mut u)
         {
@@ -175,7 +199,9 @@ impl<'s> CriticalSteps<'s> {
                 false => bound.s = trial,
             }
         }
-        let mut margin = f64::INFINITY;
+        // How far P(s) is from singular along u, which is what the bound may be short of s*; nothing is known of a bound that is a trial.
+        self.family.set(requirement, option, bound.s);
+        let mut margin = self.family.residual(&u);
         for _ in 0..LONGEST_SEARCH {
             if accepted / bound.s - 1.0 <= bound.rounding {
                 break;

@@ -170,6 +170,16 @@ impl<'s> Family<'s> {
         softest.residual
     }
 
+    /// `‖M^{-1/2} P(s) u‖/(2 s² ‖M^{1/2} u‖)`, at the s of the operator: nearly how far the root along u is from the s at which P is singular,
+    /// relatively, where there is no damping.
+    pub fn residual(&mut self, u: &[f64]) -> f64 {
+        let Self { operator, product, roots, .. } = self;
+        operator.apply(u, product);
+        let left: f64 = product.iter().zip(&*roots).map(|(p, root)| (p / root).powi(2)).sum();
+        let kinetic: f64 = u.iter().zip(&*roots).map(|(u, root)| (u * root).powi(2)).sum();
+        0.5 * left.sqrt() / (operator.mass_factor() * kinetic.sqrt())
+    }
+
     /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a particle. Expects the operator
     /// at s = 0, so that damping is left out.
     pub fn norm_bound(&self, s: f64, requirement: Property) -> f64 {

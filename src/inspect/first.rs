@@ -8,8 +8,8 @@
 //! The springs to blame are those of u. It comes near the eigenvector of λ_min, but is not it: what is found later is more exact.
 
 use super::culprits::{Culprit, Direction, direction};
+use super::eigenpair::{Eigenpair, eigenpair};
 use super::lanczos::lowest_vector;
-use super::spectrum::{Eigenpair, eigenpair};
 use crate::assembly::SymmetricMatrix;
 use crate::force::Extensions;
 use crate::linear::{Ldlt, norm};
@@ -21,8 +21,11 @@ use crate::work::Work;
 /// Whether A is positive definite, and the direction that says most about it so far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FirstAnswer {
-    /// Whether A is positive definite: proven, by a factorization where it is, by the direction where it is not.
+    /// Whether A is positive definite: by a factorization where it is, by the direction where it is not.
     pub definite: bool,
+    /// Whether that is proven. Where A is not factored, see [`Inspection::estimated`](super::Inspection::estimated), it may only be that no direction of negative
+    /// curvature was found.
+    pub is_proven: bool,
     /// u, with `uᵀAu` for its eigenvalue: negative where A is indefinite, a bound for λ_min from above in any case.
     pub direction: Direction,
     /// `‖Au − (uᵀAu) u‖`, in N/m: A has an eigenvalue within this distance of `uᵀAu`.
@@ -45,13 +48,14 @@ const INVERSE_STEPS: usize = 3;
 /// Curvature below which a sign is one, as a part of ‖A‖: products of rows of some hundred entries have errors of 1e-15 of it.
 const SIGN: f64 = 1e-13;
 
-/// Answers for A of a system under an option, with a factorization that knows its pattern; `None` where A is empty, has entries that are
+/// Answers for A of a system under an option, known by its fastest products too, with a factorization that knows its pattern; `None` where A is empty, has entries that are
 /// not finite, or is singular to working precision.
 pub(super) fn first_answer(
     system: &System,
     extensions: &Extensions,
     option: Stiffness,
     a: &SymmetricMatrix,
+    products: &dyn LinearOperator,
     factorization: &mut Ldlt,
     work: &mut Work,
 ) -> Option<FirstAnswer> {
@@ -62,10 +66,11 @@ pub(super) fn first_answer(
     }
     let answer = |definite: bool, pair: Eigenpair| {
         let direction = direction(system, extensions, option, &pair);
-        FirstAnswer { definite, direction, residual: pair.residual }
+        FirstAnswer { definite, is_proven: true, direction, residual: pair.residual }
     };
     let is_negative = |pair: &Eigenpair| pair.value < -SIGN * size;
-    let lowest = lowest_vector(n, PRODUCTS, &mut |x: &[f64], y: &mut [f64]| a.apply(x, y)).map(|u| eigenpair(a, u));
+    let lowest =
+        lowest_vector(n, PRODUCTS, &mut |x: &[f64], y: &mut [f64]| products.apply(x, y)).map(|u| eigenpair(a, u));
     if let Some(pair) = lowest.as_ref().filter(|pair| is_negative(pair)) {
         return Some(answer(false, pair.clone()));
     }

@@ -31,9 +31,14 @@ pub(crate) fn lanczos_ends(n: usize, steps: usize, mut apply: impl FnMut(&[f64],
     [end(eigen.eigenvalues.imin()), end(eigen.eigenvalues.imax())]
 }
 
-/// The largest eigenvalue from at most `steps` products: a bound from below, as every Ritz value is. NaN where a product is not finite.
-pub(super) fn lanczos_largest(n: usize, steps: usize, apply: &mut Product<'_>) -> f64 {
-    recurrence(n, steps, apply, &mut |_, _| ()).map_or(f64::NAN, |tridiagonal| tridiagonal.largest())
+/// The high end alone, from so many products that the eigenvalues of the tridiagonal matrix would take longer: a bound from below, as every
+/// Ritz value is. NaN where a product is not finite.
+pub(super) fn upper_end(n: usize, steps: usize, apply: &mut Product<'_>) -> End {
+    let Some(tridiagonal) = recurrence(n, steps, apply, &mut |_, _| ()) else {
+        return End { value: f64::NAN, residual: f64::NAN };
+    };
+    let value = tridiagonal.largest();
+    End { value, residual: tridiagonal.beta * tridiagonal.last_entry(value) }
 }
 
 /// The Ritz vector of the low end, not normalised, from twice so many products: the recurrence is run again to add up its vectors,
@@ -90,6 +95,33 @@ impl Tridiagonal {
                 high = middle;
             }
         }
+    }
+
+    /// The size of the last entry of the unit eigenvector of the largest eigenvalue, by inverse iteration from a little above it, where all
+    /// pivots are negative.
+    fn last_entry(&self, largest: f64) -> f64 {
+        let Self { alphas, betas, .. } = self;
+        let count = alphas.len();
+        let scale = alphas.iter().zip(betas).fold(0.0f64, |scale, (alpha, beta)| scale.max(alpha.abs() + beta.abs()));
+        let shift = largest + 1e-14 * scale;
+        let mut pivots = Vec::with_capacity(count);
+        for (k, alpha) in alphas.iter().enumerate() {
+            let below = pivots.last().map_or(0.0, |pivot| betas[k - 1] * betas[k - 1] / pivot);
+            pivots.push((alpha - shift - below).min(-f64::MIN_POSITIVE));
+        }
+        let mut x = vec![1.0; count];
+        for _ in 0..3 {
+            for k in 1..count {
+                x[k] -= betas[k - 1] / pivots[k - 1] * x[k - 1];
+            }
+            x.iter_mut().zip(&pivots).for_each(|(x, pivot)| *x /= pivot);
+            for k in (1..count).rev() {
+                x[k - 1] -= betas[k - 1] / pivots[k - 1] * x[k];
+            }
+            let length = norm(&x);
+            x.iter_mut().for_each(|x| *x /= length);
+        }
+        x.last().map_or(f64::NAN, |last| last.abs())
     }
 
     fn eigen(&self) -> Option<SymmetricEigen<f64, Dyn>> {
@@ -155,13 +187,13 @@ mod tests {
             }
         };
         let expected = 2.0 + 2.0 * (std::f64::consts::PI / (n + 1) as f64).cos();
-        assert!((lanczos_largest(n, n, &mut { chain }) - expected).abs() < 1e-12);
+        assert!((upper_end(n, n, &mut { chain }).value - expected).abs() < 1e-12);
         for steps in [1, 2, 7, 20] {
             let [_, high] = lanczos_ends(n, steps, chain);
-            assert!((lanczos_largest(n, steps, &mut { chain }) - high.value).abs() < 1e-13);
+            assert!((upper_end(n, steps, &mut { chain }).value - high.value).abs() < 1e-13);
         }
-        assert_eq!(lanczos_largest(3, 3, &mut |x: &[f64], y: &mut [f64]| y.copy_from_slice(x)), 1.0);
-        assert!(lanczos_largest(3, 3, &mut |_: &[f64], y: &mut [f64]| y.fill(f64::NAN)).is_nan());
+        assert_eq!(upper_end(3, 3, &mut |x: &[f64], y: &mut [f64]| y.copy_from_slice(x)).value, 1.0);
+        assert!(upper_end(3, 3, &mut |_: &[f64], y: &mut [f64]| y.fill(f64::NAN)).value.is_nan());
     }
 
     /// The vector is that of the value, and its curvature as low.
@@ -174,5 +206,25 @@ mod tests {
         let lowest = lowest_vector(n, 80, &mut { diagonal }).unwrap();
         let curvature: f64 = (0..n).map(|k| (k as f64 - 3.0) * lowest[k] * lowest[k]).sum();
         assert!((norm(&lowest) - 1.0).abs() < 1e-12 && (curvature + 3.0).abs() < 1e-6, "{curvature}");
+    }
+
+    /// The residual of the upper end, by inverse iteration with the tridiagonal matrix and by all of its eigenvectors.
+    #[test]
+    fn the_residual_of_the_upper_end_is_the_same_by_bisection() {
+        let (n, scale) = (400, 3.0);
+        let mut apply = |x: &[f64], y: &mut [f64]| {
+            for (k, y) in y.iter_mut().enumerate() {
+                let beside = |l: Option<usize>| l.and_then(|l| x.get(l)).copied().unwrap_or(0.0);
+                *y = scale * (2.0 * x[k] - beside(k.checked_sub(1)) - beside(Some(k + 1)));
+            }
+        };
+        let largest = scale * (2.0 + 2.0 * (std::f64::consts::PI / (n as f64 + 1.0)).cos());
+        for steps in [5, 40, 120] {
+            let [_, whole] = lanczos_ends(n, steps, &mut apply);
+            let alone = upper_end(n, steps, &mut apply);
+            approx::assert_relative_eq!(alone.value, whole.value, max_relative = 1e-13);
+            approx::assert_relative_eq!(alone.residual, whole.residual, max_relative = 1e-4, epsilon = 1e-9);
+            assert!(alone.value <= largest * (1.0 + 1e-14) && largest - alone.value <= alone.residual, "{alone:?}");
+        }
     }
 }

@@ -30,6 +30,17 @@ pub enum Part {
     Curve,
 }
 
+impl Part {
+    /// Every part, in no particular order.
+    pub(super) fn all() -> impl Iterator<Item = Self> {
+        let of_each = [Self::Signs, Self::Spectrum, Self::Definite, Self::Stable];
+        [Self::FirstAnswer, Self::GrowingModes, Self::SmallestSet, Self::Curve]
+            .into_iter()
+            .chain([Self::Turning(Stiffness::Tension), Self::Turning(Stiffness::Axial)])
+            .chain(of_each.into_iter().flat_map(|of| Stiffness::ALL.map(of)))
+    }
+}
+
 /// Why a part was left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Why {
@@ -37,6 +48,8 @@ pub enum Why {
     Interrupted,
     /// It would have cost more than the inspection may.
     TooMuchWork,
+    /// A factor of A does not fit the memory.
+    TooMuchMemory,
 }
 
 /// A part that was left out.
@@ -51,12 +64,20 @@ pub struct LeftOut {
 /// Operations that an inspection may take unless it is asked for everything: about a minute.
 pub const AFFORDABLE: f64 = 1e12;
 
-/// Factorizations of a count of signs, of a search for both ends of a spectrum, and of one for a limit of the step; searches for
-/// eigenvalues in the latter two; points of the curve of λ_min.
+/// From so many rows on nothing is factored unless everything is asked for: one factorization of a cloth of that size takes seconds, of a
+/// solid minutes, and the ordering before it as long.
+pub const LARGEST_FACTORED: usize = 500_000;
+
+/// Operations of an estimate by products and multigrid, for each row.
+pub(super) const ESTIMATE: f64 = 2e5;
+
+/// Factorizations of a count of signs, of a search for both ends of a spectrum, and of one for a limit of the step, for what is hardest of each;
+/// searches for eigenvalues in the latter two; points of the curve of λ_min.
 const COUNTED: f64 = 2.0;
-const ENDS: f64 = 10.0;
-const LIMIT: f64 = 9.0;
-const END_SEARCHES: f64 = 4.0;
+const ENDS: f64 = 5.0;
+const LIMIT: f64 = 6.0;
+const TURNING: f64 = 2.0;
+const END_SEARCHES: f64 = 2.0;
 const LIMIT_SEARCHES: f64 = 2.0;
 const CURVE: f64 = 51.0;
 
@@ -96,7 +117,8 @@ impl Cost {
         match part {
             Part::FirstAnswer => factorization,
             Part::Signs(_) | Part::GrowingModes => COUNTED * factorization,
-            Part::Turning(_) | Part::SmallestSet => LIMIT * factorization,
+            Part::Turning(_) => TURNING * factorization + search,
+            Part::SmallestSet => LIMIT * factorization,
             Part::Spectrum(_) => eigenvalues(END_SEARCHES),
             Part::Definite(_) | Part::Stable(_) => LIMIT * factorization + LIMIT_SEARCHES * search,
             Part::Curve => CURVE * eigenvalues(1.0),
@@ -167,7 +189,7 @@ mod tests {
         let size = FactorSize { entries: 0, flops: 1.0, ordering: OrderingMethod::Natural };
         let cost = Cost::of(&size, 0);
         let [first, second] = [Stiffness::Full, Stiffness::Axial].map(Part::Turning);
-        let mut ledger = Ledger::new(cost, 2.0 * LIMIT - 1.0, [first, second, Part::GrowingModes]);
+        let mut ledger = Ledger::new(cost, 2.0 * TURNING + COUNTED - 1.0, [first, second, Part::GrowingModes]);
         assert!(ledger.affords(first) && !ledger.affords(second) && ledger.affords(Part::GrowingModes));
         assert!(!ledger.follows(Part::GrowingModes, Part::Curve));
         ledger.done(first);

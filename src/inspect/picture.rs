@@ -27,7 +27,7 @@ pub struct Pictures {
     /// The low end of the spectrum.
     pub spectrum: Plot,
     /// The sparsity patterns of A and of its factor L, this one in the order of elimination; `None` where the inspection was
-    /// interrupted.
+    /// interrupted or nothing was factored.
     pub patterns: Option<[Spy; 2]>,
 }
 
@@ -51,7 +51,7 @@ impl Pictures {
         let extensions = Extensions::at(system, &state.positions)?;
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let is_drawn = !(system.dofs().is_empty() || inspection.lacks(Part::Curve));
-        let is_whole = inspection.left_out_for(Why::Interrupted).next().is_none();
+        let is_whole = inspection.left_out_for(Why::Interrupted).next().is_none() && inspection.estimated.is_empty();
         let mut factorization = (is_drawn || is_whole).then(|| Ldlt::analyse(pattern.pattern(), par)).transpose()?;
         let curve = factorization.as_mut().filter(|_| is_drawn);
         let curve = curve.map(|factorization| curve_of(system, &extensions, &pattern, inspection, factorization));

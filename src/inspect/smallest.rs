@@ -1,6 +1,7 @@
 //! The lowest eigenvalue alone, for those who want no more: curves over the time step.
 
-use super::spectrum::{Digits, LARGEST_DENSE, Search, diagonalise};
+use super::search::{Digits, Search};
+use super::spectrum::{LARGEST_DENSE, diagonalise};
 use crate::assembly::SymmetricMatrix;
 use crate::error::Result;
 use crate::linear::Ldlt;
@@ -49,7 +50,7 @@ pub(super) fn smallest_eigenvalue_with(factorization: &mut Ldlt, a: &SymmetricMa
     {
         return eigen.eigenvalues.min();
     }
-    let mut search = Search { a, factorization, work };
+    let mut search = Search::new(a, a, factorization, work);
     let ends = search.ends();
-    search.lowest(0, 1, Digits::All, &ends).first().map_or(f64::NAN, |pair| pair.value)
+    search.lowest(0, 1, Digits::All, &ends, false).first().map_or(f64::NAN, |pair| pair.value)
 }

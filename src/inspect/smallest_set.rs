@@ -10,21 +10,26 @@
 //!
 //! a small dense matrix: one sparse factorization and a solve a column, and every question about subsets of F is cheap.
 //!
-//! *Enough* springs come from the local condition of [`Softening`]. Where these are too many, only the most negative terms of them
-//! are taken, as few as a bisection with factorizations finds to be enough.
+//! **From below.** Some springs are in every set that is enough, and N negative eigenvalues take N/2 terms or more, see `necessary`. Where the
+//! necessary springs are enough by themselves, which one factorization tells, they are the smallest set there is.
+//!
+//! **From above.** *Enough* springs come from the local condition of [`Softening`]. Where these are too many, only the necessary ones of them
+//! and those that are nearest to it are taken, as few as three halvings with a factorization each find to be enough.
 //!
 //! **The search.** All terms are put back; while `I − NᵀA_F⁻¹N` is not positive definite, the spring with the largest part in the
 //! worst eigenvector of `NᵀA_F⁻¹N` is dropped; in the end each dropped one is put back if that does no harm after all, the last
 //! one first. Dropping more never hurts, so what remains is *irredundant*: none of its springs can be spared. It need not be of least
 //! size, to find which is as hard as covering a set; where one spring is to blame, it is that spring.
 
+use super::inertia::InertiaCounter;
+use super::necessary::{Column, NECESSARY, Necessity, fewest};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::force::Extensions;
 use crate::integrate::Softening;
 use crate::linear::{Ldlt, SOLVE_COLUMNS, norm};
 use crate::operator::{Combination, SystemOperator};
-use crate::spring::Stiffness;
+use crate::spring::{Spring, Stiffness};
 use crate::system::System;
 use crate::work::Work;
 use faer::Par;
@@ -38,8 +43,17 @@ pub struct DropSet {
     pub springs: Vec<usize>,
     /// How small the set is.
     pub minimality: Minimality,
+    /// No set of fewer springs than this is enough, proven.
+    pub at_least: usize,
     /// How many springs option II (`tension`) would drop: all that are compressed.
     pub tension: usize,
+}
+
+impl DropSet {
+    /// Whether no smaller set is enough.
+    pub fn is_smallest(&self) -> bool {
+        self.springs.len() <= self.at_least
+    }
 }
 
 /// How small a [`DropSet`] is.
@@ -58,6 +72,9 @@ const AFFORDABLE: f64 = 2e10;
 const ALWAYS: usize = 32;
 const NEVER: usize = 500;
 
+/// Factorizations that narrow down how many of the most negative terms are enough.
+const HALVINGS: usize = 3;
+
 /// Steps of the power iteration that tells which spring to drop next: a choice, not a proof.
 const POWER_STEPS: usize = 40;
 
@@ -69,32 +86,62 @@ pub fn smallest_set(system: &System, extensions: &Extensions, dt: f64, par: Par,
     let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
     let factorization = Ldlt::analyse(pattern.pattern(), par)?;
     work.symbolic_factorizations += 1;
-    Ok(smallest_set_with(Trial::new(system, extensions, dt, pattern, factorization), false, work))
+    let counter = &mut InertiaCounter::sharing(&factorization)?;
+    Ok(smallest_set_with(Trial::new(system, extensions, dt, pattern, factorization), 0, counter, work))
 }
 
-/// As [`smallest_set`]; A may be known to be indefinite.
-pub(super) fn smallest_set_with(mut trial: Trial, is_indefinite: bool, work: &mut Work) -> DropSet {
+/// As [`smallest_set`]; A may be known to have negative eigenvalues. `counter` knows the pattern.
+pub(super) fn smallest_set_with(
+    mut trial: Trial,
+    negative: usize,
+    counter: &mut InertiaCounter,
+    work: &mut Work,
+) -> DropSet {
     let (system, extensions) = (trial.system, trial.extensions);
     let compressed = extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
     let tension = compressed.count();
-    let set = |springs: &[usize], minimality| {
+    let set = |springs: &[usize], minimality, at_least| {
         let springs = springs.iter().filter_map(|&p| system.active_springs().get(p)).map(|&s| s as usize).collect();
-        DropSet { springs, minimality, tension }
+        DropSet { springs, minimality, at_least, tension }
     };
-    if !is_indefinite && trial.is_definite(&[], work) {
-        return set(&[], Minimality::Irredundant);
+    if negative == 0 && trial.is_definite(&[], work) {
+        return set(&[], Minimality::Irredundant, 0);
     }
-    let Some(enough) = trial.enough(work) else {
+    let terms = trial.terms();
+    let is_necessary = |p: &usize| terms[*p].need >= NECESSARY;
+    let necessary: Vec<usize> = (0..terms.len()).filter(is_necessary).collect();
+    let mut at_least = fewest(negative.max(1), terms.iter().map(|term| term.rank)).max(necessary.len());
+    if !necessary.is_empty() {
+        if trial.is_definite(&necessary, work) {
+            return set(&necessary, Minimality::Irredundant, necessary.len());
+        }
+        let left = counter.count_negative(trial.matrix.matrix(), work).max(1);
+        let others = terms.iter().filter(|term| term.need < NECESSARY).map(|term| term.rank);
+        at_least = at_least.max(necessary.len() + fewest(left, others));
+    }
+    let Some(enough) = trial.enough(&necessary, &terms, work) else {
         let all: Vec<usize> = (0..extensions.as_slice().len()).filter(|&p| trial.taken(p) > 0.0).collect();
-        return set(&all, Minimality::Enough);
+        return set(&all, Minimality::Enough, at_least);
     };
     let affordable = (AFFORDABLE / (4.0 * trial.factorization.size().entries as f64)) as usize;
     if enough.len() > affordable.clamp(ALWAYS, NEVER) {
-        return set(&enough, Minimality::Enough);
+        return set(&enough, Minimality::Enough, at_least);
     }
     let (chosen, minimality) = trial.irredundant(&enough, work);
     // What the dense matrix says is proven by a factorization of A itself.
-    if trial.is_definite(&chosen, work) { set(&chosen, minimality) } else { set(&enough, Minimality::Enough) }
+    match trial.is_definite(&chosen, work) {
+        true => set(&chosen, minimality, at_least),
+        false => set(&enough, Minimality::Enough, at_least),
+    }
+}
+
+/// What a transverse term is like.
+#[derive(Debug, Clone, Copy)]
+struct Term {
+    /// The rank of what it takes.
+    rank: usize,
+    /// How far it goes towards making A indefinite by itself, see [`Necessity::need`].
+    need: f64,
 }
 
 /// A with chosen transverse terms dropped. Springs are named by their position among the active ones.
@@ -106,6 +153,8 @@ pub(super) struct Trial<'s> {
     matrix: SystemMatrix,
     factorization: Ldlt,
     options: Vec<Stiffness>,
+    /// c, what the transverse term of every active spring takes; zero where it takes nothing.
+    taken: Vec<f64>,
 }
 
 impl<'s> Trial<'s> {
@@ -121,15 +170,14 @@ impl<'s> Trial<'s> {
         let operator = SystemOperator::new(system, extensions, Stiffness::Full, combination);
         let matrix = SystemMatrix::zeros(pattern);
         let options = vec![Stiffness::Full; extensions.as_slice().len()];
-        Self { system, extensions, combination, operator, matrix, factorization, options }
+        let block = |spring: &Spring, at| spring.stiffness_block(at, Stiffness::Full);
+        let taken = extensions.springs(system).map(|((_, _, spring), at)| (-block(spring, at).transverse).max(0.0));
+        let taken = taken.collect();
+        Self { system, extensions, combination, operator, matrix, factorization, options, taken }
     }
 
-    /// c, what a spring's transverse term takes; zero where it takes nothing.
     fn taken(&self, position: usize) -> f64 {
-        let spring = self.system.active_springs().get(position).and_then(|&s| self.system.springs().get(s as usize));
-        let at = self.extensions.as_slice().get(position);
-        let block = spring.zip(at).map(|(spring, at)| spring.stiffness_block(at, Stiffness::Full));
-        block.map_or(0.0, |block| (-block.transverse).max(0.0))
+        self.taken.get(position).copied().unwrap_or(0.0)
     }
 
     fn is_definite(&mut self, dropped: &[usize], work: &mut Work) -> bool {
@@ -147,18 +195,38 @@ impl<'s> Trial<'s> {
         self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive()
     }
 
-    /// Springs that are enough, the most negative terms first; `None` if rounding hides that they are.
-    fn enough(&mut self, work: &mut Work) -> Option<Vec<usize>> {
+    /// What each active spring's term is like.
+    fn terms(&mut self) -> Vec<Term> {
+        self.operator.update(self.extensions, Stiffness::Tension, self.combination);
+        let necessity = Necessity::new(&self.operator);
+        let term = |(position, &spring): (usize, &u32)| match self.taken(position) > 0.0 {
+            false => Term { rank: 0, need: 0.0 },
+            true => {
+                let (columns, _) = self.columns(&[position]);
+                let need = necessity.need(self.system.pair(spring as usize), &columns);
+                Term { rank: columns.len(), need }
+            }
+        };
+        self.system.active_springs().iter().enumerate().map(term).collect()
+    }
+
+    /// Springs that are enough: the necessary ones, which are not, and those that are nearest to it; `None` if rounding hides that they are.
+    fn enough(&mut self, necessary: &[usize], terms: &[Term], work: &mut Work) -> Option<Vec<usize>> {
         let mut softening = Softening::new(self.system);
         softening.choose(self.system, self.extensions, self.combination);
         let options = softening.options();
-        let mut local: Vec<usize> = (0..options.len()).filter(|&p| options[p] == Stiffness::Tension).collect();
-        local.sort_by(|&a, &b| self.taken(b).total_cmp(&self.taken(a)).then(a.cmp(&b)));
+        let is_new = |p: &usize| options[*p] == Stiffness::Tension && terms[*p].need < NECESSARY;
+        let mut others: Vec<usize> = (0..options.len()).filter(is_new).collect();
+        others.sort_by(|&a, &b| terms[b].need.total_cmp(&terms[a].need).then(a.cmp(&b)));
+        let mut local = [necessary, &others].concat();
         if local.len() > ALWAYS {
-            // Between `refused` and `accepted` of the most negative terms.
-            let (mut refused, mut accepted) = (0, local.len());
+            // Between `refused` and `accepted` of them.
+            let (mut refused, mut accepted) = (necessary.len(), local.len());
             let mut is_factored = false;
-            while accepted - refused > 1 + accepted / 16 {
+            for _ in 0..HALVINGS {
+                if accepted - refused <= 1 + accepted / 16 {
+                    break;
+                }
                 let middle = refused.midpoint(accepted);
                 is_factored = self.is_definite(&local[..middle], work);
                 if is_factored {
@@ -201,7 +269,7 @@ impl<'s> Trial<'s> {
     }
 
     /// The columns of N for the given springs, as (row, value), and which of the springs each belongs to.
-    fn columns(&self, springs: &[usize]) -> (Vec<Vec<(usize, f64)>>, Vec<usize>) {
+    fn columns(&self, springs: &[usize]) -> (Vec<Column>, Vec<usize>) {
         let dofs = self.system.dofs();
         let (mut columns, mut owners) = (Vec::new(), Vec::new());
         for (owner, &position) in springs.iter().enumerate() {

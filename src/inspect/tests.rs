@@ -4,7 +4,9 @@
 //! `(k/l0) μⱼ` and across it `k (1/l0 − 1/l) μⱼ`, with `μⱼ = 4 sin²(jπ/(2(N + 1)))`, j = 1 … N; A has `m/dt²` more.
 
 use super::krylov::Krylov;
-use super::{CriticalSteps, Inertia, InertiaMethod, Inspection, LargestStep, Minimality, Property, spectrum};
+use super::{
+    CriticalSteps, Inertia, InertiaMethod, Inspection, LargestStep, Minimality, Part, Property, Why, spectrum,
+};
 use crate::force::Extensions;
 use crate::inspect::smallest_set;
 use crate::integrate::StepMatrices;
@@ -84,6 +86,10 @@ fn spectra_are_those_of_the_closed_form() {
         }
         assert!((found.largest - values[2 * free - 1]).abs() <= 5e-7 * size, "{}", found.largest);
         assert_eq!(found.smallest(), found.lowest[0].value);
+        // What is said to be proven is true, and as near as that.
+        for ([low, high], value) in [(found.smallest_within, values[0]), (found.largest_within, values[2 * free - 1])] {
+            assert!(low <= value && value <= high && high - low <= 2e-6 * size, "{low} {value} {high}");
+        }
         assert_eq!(found.negative().len(), found.lowest.iter().filter(|pair| pair.value < 0.0).count());
         let nearest = values.iter().fold(f64::INFINITY, |nearest, value| nearest.min(value.abs()));
         // Of a definite matrix a thousandth of λ_min is certified.
@@ -238,4 +244,60 @@ fn krylov_spaces_find_the_largest_eigenvalues() {
     let again = space.iterate(1e-6, 0, &mut apply);
     assert!((again[0].value - 9.0).abs() < 1e-10 && again[0].residual < 1e-6);
     assert!(columns < 2 * n, "{columns} products");
+}
+
+/// What is told of a matrix that is not factored, against its eigenvalues: proofs that hold, estimates that are near, and no more parts than
+/// that. A pressed chain is indefinite for a long step, definite for a short one, and then only as far as is seen; a stretched one is definite.
+#[test]
+fn estimates_are_near_and_proofs_hold() {
+    for (rest_length, inertia, definite, is_proven) in
+        [(1.25, 33.0, false, true), (1.25, 60.0, true, false), (0.5, 33.0, true, true)]
+    {
+        let free = 130;
+        let (system, state) = chain(free, rest_length);
+        let dt = step_for(inertia);
+        let values = eigenvalues(free, rest_length, dt);
+        let (low, high) = (values[0], values[2 * free - 1]);
+        let mut seen = Vec::new();
+        let mut onlooker = |_: f64, found: &Inspection| seen.push(found.first.as_ref().map(|first| first.definite));
+        let found =
+            Inspection::estimated(&system, &state, dt, Stiffness::Full, Why::TooMuchMemory, &mut onlooker).unwrap();
+        let first = found.first.as_ref().unwrap();
+        assert_eq!((first.definite, first.is_proven), (definite, is_proven), "{rest_length} {inertia}");
+        assert_eq!((found.is_definite(), found.is_proven()), (definite, is_proven));
+        assert!(seen.contains(&Some(definite)));
+        let full = &found.options[0];
+        let size = high.max(-low);
+        println!("{low} {high}: {full:?}, {:?}", found.work);
+        assert!((full.smallest - low).abs() <= 1e-2 * low.abs() && (full.largest - high).abs() <= 1e-2 * size);
+        for ([below, above], value) in full.within.into_iter().zip([low, high]) {
+            assert!(below <= value && value <= above + 1e-12 * size, "{below} {value} {above}");
+        }
+        assert!(full.within[0][0].is_finite() == (is_proven && definite));
+        assert!(full.within[1][1] <= 4.0 * high);
+        if !definite {
+            assert!(!found.directions.is_empty() && !found.directions[0].culprits.is_empty());
+            assert!(full.condition.is_nan());
+        }
+        for part in [Part::Spectrum(Stiffness::Full), Part::Spectrum(Stiffness::Axial)] {
+            assert!(found.estimated.contains(&part) && !found.lacks(part));
+        }
+        assert_eq!(found.lacks(Part::Signs(Stiffness::Full)), rest_length > 1.0);
+        assert!(!found.lacks(Part::Signs(Stiffness::Tension)) && found.lacks(Part::Turning(Stiffness::Axial)));
+        assert_eq!((found.work.factorizations, found.work.symbolic_factorizations), (0, 0));
+        // All other options are what they are where A is factored.
+        let whole = Inspection::at(&system, &state, dt, Stiffness::Full, Par::Seq).unwrap();
+        for (estimate, exact) in found.options.iter().zip(&whole.options) {
+            assert!(
+                (estimate.smallest - exact.smallest).abs() <= 1e-2 * exact.smallest.abs(),
+                "{estimate:?} {exact:?}"
+            );
+            assert!((estimate.largest - exact.largest).abs() <= 1e-2 * exact.largest);
+        }
+        // In words: what is an estimate is called one.
+        let told = crate::report::inspection::text("chain", 0, 0.0, &found, None);
+        assert!(told.contains("  estimated    ") && told.contains("for the memory that a factor of A takes"), "{told}");
+        assert_eq!(told.contains("as far as is seen"), definite && !is_proven, "{told}");
+        assert!(!told.contains("NaN") && !told.contains("inf"), "{told}");
+    }
 }

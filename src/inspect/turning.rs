@@ -29,6 +29,8 @@
 //! by itself.
 
 use super::critical::LargestStep;
+use super::leaps::{Found, Trial, search};
+use super::nearby::Nearby;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::force::{Extensions, add_elastic_force, add_weight};
@@ -143,8 +145,8 @@ impl Turn {
     }
 }
 
-/// Finds how long a step from one state may be for the springs that it turns: one factorization and one solve for every
-/// length that is tried.
+/// Finds how long a step from one state may be for the springs that it turns: one factorization for all lengths that are tried, a few dozen
+/// solves together.
 ///
 /// # Examples
 /// ```
@@ -173,6 +175,8 @@ pub struct Turning<'s> {
     operator: SystemOperator<'s>,
     matrix: SystemMatrix,
     factorization: Ldlt,
+    /// The option and dt of the matrix that is factored, and the space of its steps.
+    at_hand: Option<(Stiffness, f64, Nearby<'s>)>,
     /// `g + f_el`, full-length.
     force: Vec<Vector3<f64>>,
     displacement: Vec<Vector3<f64>>,
@@ -181,15 +185,8 @@ pub struct Turning<'s> {
     pub work: Work,
 }
 
-/// From one length to the next where a limit is sought, how many of these at most, and how narrow the bracket shall be: a limit
-/// from an estimate needs two digits.
-const LEAP: f64 = 4.0;
-const LEAPS: i32 = 12;
-const WIDTH: f64 = 0.01;
-
-/// How far beyond a guess a leap goes, and how many of the shortest ones it may be.
-const BEYOND: f64 = 1.1;
-const LONGEST_LEAP: f64 = 4.0;
+/// How much longer or shorter than the step whose matrix is factored one may be that is solved with it.
+const FARTHEST: f64 = 8.0;
 
 impl<'s> Turning<'s> {
     /// At a state.
@@ -220,34 +217,64 @@ impl<'s> Turning<'s> {
         let displacement = vec![Vector3::zeros(); system.particles()];
         let reduced = vec![0.0; system.dofs().len()];
         let work = Work { force_evaluations: 1 + work.force_evaluations, ..work };
-        Self { system, state, extensions, operator, matrix, factorization, force, displacement, reduced, work }
+        let at_hand = None;
+        Self { system, state, extensions, operator, matrix, factorization, at_hand, force, displacement, reduced, work }
     }
 
     /// The spring that a step of length dt, in s, turns worst; `None` where it turns none or cannot be computed.
     ///
     /// The step is the one of linearised backward Euler whose matrix is surely definite: under `Tension` for `Full` too.
     pub fn worst(&mut self, option: Stiffness, dt: f64) -> Option<Turn> {
-        let Self { system, state, extensions, operator, matrix, factorization, force, displacement, reduced, work } =
-            self;
         let solved = if option == Stiffness::Axial { Stiffness::Axial } else { Stiffness::Tension };
-        operator.update(extensions, solved, Combination::step(dt));
-        matrix.refill(operator);
-        work.assemblies += 1;
-        work.factorizations += 1;
-        if factorization.factor(matrix.matrix()).is_err() || !factorization.is_positive() {
+        self.operator.update(&self.extensions, solved, Combination::step(dt));
+        for (p, ((right, f), v)) in
+            self.displacement.iter_mut().zip(&self.force).zip(&self.state.velocities).enumerate()
+        {
+            *right = f + v * (self.system.masses()[p] / dt);
+        }
+        self.system.dofs().gather(&self.displacement, &mut self.reduced);
+        self.displacement.fill(Vector3::zeros());
+        self.system.prescribed().displacement(self.state.time + dt, &self.state.positions, &mut self.displacement);
+        self.operator.subtract_coupling(&self.displacement, &mut self.reduced);
+        if !self.solves(solved, dt) {
             return None;
         }
-        for (p, ((right, f), v)) in displacement.iter_mut().zip(&*force).zip(&state.velocities).enumerate() {
-            *right = f + v * (system.masses()[p] / dt);
+        self.system.dofs().scatter(&self.reduced, &mut self.displacement);
+        Turn::worst(self.system, &self.extensions, &self.displacement, dt, option)
+    }
+
+    /// Solves for the step with the factorization at hand or, where there is none or this step is too far from its own, with its own.
+    fn solves(&mut self, solved: Stiffness, dt: f64) -> bool {
+        let right = self.reduced.clone();
+        if let Some((option, at, nearby)) = &mut self.at_hand
+            && *option == solved
+            && (FARTHEST.recip()..=FARTHEST).contains(&(dt / *at))
+            && nearby.solve(dt.recip(), &self.operator, &mut self.factorization, &mut self.reduced, &mut self.work)
+        {
+            return true;
         }
-        system.dofs().gather(displacement, reduced);
-        displacement.fill(Vector3::zeros());
-        system.prescribed().displacement(state.time + dt, &state.positions, displacement);
-        operator.subtract_coupling(displacement, reduced);
-        factorization.solve_in_place(reduced);
-        work.solves += 1;
-        system.dofs().scatter(reduced, displacement);
-        Turn::worst(system, extensions, displacement, dt, option)
+        self.at_hand = None;
+        self.matrix.refill(&self.operator);
+        self.work.assemblies += 1;
+        self.work.factorizations += 1;
+        if self.factorization.factor(self.matrix.matrix()).is_err() || !self.factorization.is_positive() {
+            return false;
+        }
+        let mut nearby = Nearby::new(self.system, &self.extensions, solved);
+        self.reduced.copy_from_slice(&right);
+        if !nearby.solve(dt.recip(), &self.operator, &mut self.factorization, &mut self.reduced, &mut self.work) {
+            self.reduced.copy_from_slice(&right);
+            self.factorization.solve_in_place(&mut self.reduced);
+            self.work.solves += 1;
+        }
+        self.at_hand = Some((solved, dt, nearby));
+        true
+    }
+
+    /// The factorization of A of a step of this length under an option, if it is at hand; it may be made another one.
+    pub(super) fn take_factored(&mut self, option: Stiffness, dt: f64) -> Option<&mut Ldlt> {
+        let is_at_hand = self.at_hand.take_if(|(of, at, _)| *of == option && *at == dt).is_some();
+        is_at_hand.then_some(&mut self.factorization)
     }
 
     /// The longest step, in s, that turns no spring too far, sought up and down from dt. [`Every`](LargestStep::Every) where
@@ -268,109 +295,5 @@ impl<'s> Turning<'s> {
             Found::Between([low, high]) => LargestStep::UpTo { dt: dt * low.exp(), refused: dt * high.exp() },
         };
         (limit, worst)
-    }
-}
-
-/// A step that was tried.
-#[derive(Debug, Clone, Copy)]
-struct Trial {
-    /// The logarithm of how much longer it is than the one that the search begins with.
-    at: f64,
-    /// The logarithm of the excess: above zero where the step is too long.
-    excess: f64,
-}
-
-/// Where a limit is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Found {
-    Nowhere,
-    Between([f64; 2]),
-}
-
-/// Finds a limit near the first trial.
-///
-/// The excess is nearly a power of dt, so its logarithm nearly a line over that of dt: after two leaps the others go a little
-/// beyond where that line is zero.
-fn search(first: Trial, mut excess: impl FnMut(f64) -> f64) -> Found {
-    let is_too_long = first.excess > 0.0;
-    let direction = if is_too_long { -1.0 } else { 1.0 };
-    let shortest = LEAP.ln();
-    let farthest = f64::from(LEAPS) * shortest;
-    let (mut near, mut leap) = (first, shortest);
-    while near.at.abs() < farthest {
-        let at = direction * (near.at.abs() + leap).min(farthest);
-        let far = Trial { at, excess: excess(at) };
-        if (far.excess > 0.0) != is_too_long {
-            return Found::Between(if is_too_long { narrowed(far, near, excess) } else { narrowed(near, far, excess) });
-        }
-        let ahead = far.excess * (far.at - near.at).abs() / (near.excess - far.excess);
-        leap = if ahead.is_finite() { (BEYOND * ahead).clamp(shortest, LONGEST_LEAP * shortest) } else { shortest };
-        near = far;
-    }
-    Found::Nowhere
-}
-
-/// Narrows a bracket to [`WIDTH`].
-///
-/// The trials go beyond the guess from the side that was hit last, by half the width and then by twice as much each time, but not
-/// beyond the middle: so they come to lie on both sides of the limit soon, whatever the excess is like.
-fn narrowed(mut low: Trial, mut high: Trial, mut excess: impl FnMut(f64) -> f64) -> [f64; 2] {
-    let width = WIDTH.ln_1p();
-    let mut beyond = 0.0;
-    while high.at - low.at > width {
-        let middle = low.at.midpoint(high.at);
-        let line = low.at + (high.at - low.at) * low.excess / (low.excess - high.excess);
-        let at = match beyond {
-            up if up > 0.0 && line < middle => (line + up).min(middle),
-            down if down < 0.0 && line > middle => (line + down).max(middle),
-            _ => line,
-        };
-        let at = if at > low.at && at < high.at { at } else { middle };
-        let trial = Trial { at, excess: excess(at) };
-        if trial.excess > 0.0 {
-            high = trial;
-            beyond = if beyond < 0.0 { 2.0 * beyond } else { -0.5 * width };
-        } else {
-            low = trial;
-            beyond = if beyond > 0.0 { 2.0 * beyond } else { 0.5 * width };
-        }
-    }
-    [low.at, high.at]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Found, Trial, WIDTH, search};
-
-    /// Powers, as turning gives them, kinks where another spring becomes the worst, jumps, and values that are no numbers.
-    #[test]
-    fn limits_are_found_in_a_few_trials() {
-        type Excess = fn(f64) -> f64;
-        let cases: [(Excess, f64, usize); 9] = [
-            (|dt| 3.0 * (dt / 1.7).ln(), 1.7, 5),
-            (|dt| 4.0 * (dt / 1e-3).ln(), 1e-3, 7),
-            (|dt| 1.5 * (dt / 5e4).ln(), 5e4, 8),
-            (|dt| (4.0 * (dt / 1.2).ln()).max((dt / 1.1).ln()), 1.1, 7),
-            (|dt| (dt / 3.9).ln() + (dt / 3.9).ln().powi(3), 3.9, 9),
-            (|dt| if dt > 2.0 { 5.0 } else { -5.0 }, 2.0, 15),
-            (|dt| if dt > 0.02 { 5.0 } else { -5.0 }, 0.02, 18),
-            (|dt| if dt > 1.01 { 1e-9 } else { f64::NEG_INFINITY }, 1.01, 15),
-            (|dt| if dt > 3.99 { f64::INFINITY } else { -1e-9 }, 3.99, 15),
-        ];
-        for (number, (excess, limit, most)) in cases.into_iter().enumerate() {
-            let mut trials = 0;
-            let found = search(Trial { at: 0.0, excess: excess(1.0) }, |at: f64| {
-                trials += 1;
-                excess(at.exp())
-            });
-            let Found::Between(between) = found else { panic!("{number}: no limit") };
-            let ([low, high], rounding) = (between.map(f64::exp), 1.0 + 1e-12);
-            assert!(low <= limit * rounding && limit <= high * rounding, "{number}: {low} {high}");
-            assert!(high / low <= (1.0 + WIDTH) * rounding, "{number}: {low} {high}");
-            assert!(trials <= most, "{number}: {trials} trials");
-        }
-        assert_eq!(search(Trial { at: 0.0, excess: -1.0 }, |_| -1.0), Found::Nowhere);
-        assert_eq!(search(Trial { at: 0.0, excess: f64::NEG_INFINITY }, |_| f64::NEG_INFINITY), Found::Nowhere);
-        assert_eq!(search(Trial { at: 0.0, excess: 1.0 }, |_| 2.0), Found::Nowhere);
     }
 }

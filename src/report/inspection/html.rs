@@ -1,7 +1,7 @@
 //! An inspection as a page with pictures.
 
-use super::losses::{KEPT, known, left_out, limit, lost, other_methods, scope, turning};
-use crate::inspect::{Culprit, FirstLosses, InertiaMethod, Inspection, LargestStep, Minimality, Part, Pictures};
+use super::losses::{KEPT, estimated, known, left_out, limit, lost, other_methods, scope, smallness, turning};
+use crate::inspect::{Culprit, FirstLosses, InertiaMethod, Inspection, LargestStep, Part, Pictures};
 use crate::report::number::{count, pretty, typeset};
 use crate::report::{drawing, page, plot, spy};
 use maud::{Markup, html};
@@ -60,7 +60,17 @@ fn banner(inspection: &Inspection) -> Markup {
         @if inertia.negative + inertia.zero + inertia.positive == 0 {
             div.banner { strong { "No coordinate is free" } p { "A has no rows, and there is nothing to inspect." } }
         } @else if inspection.lacks(Part::Signs(inspection.option)) {
-            div.banner { strong { "Interrupted" } p { "Nothing is known of A." } }
+            @match &inspection.first {
+                Some(first) if !first.definite => div.banner.failed {
+                    strong { "✗ A is indefinite" }
+                    p { (typeset("A direction of negative curvature proves it; the signs of the eigenvalues were not counted.")) }
+                },
+                Some(_) => div.banner {
+                    strong { "A is positive definite as far as is seen" }
+                    p { "No direction of negative curvature was found, which is no proof." }
+                },
+                None => div.banner { strong { "Interrupted" } p { "Nothing is known of A." } },
+            }
         } @else if inertia.is_definite() {
             div.banner.passed { strong { "✓ A is positive definite" } p { (counts) } }
         } @else {
@@ -93,6 +103,7 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
         }
     };
     html! {
+        @if let Some(what) = estimated(inspection, pretty) { p.warning { "Estimated: " (typeset(&what)) "." } }
         @for what in left_out(inspection) { p.warning { "Left out: " (what) "." } }
         p { "These limits hold " (scope()) ": after every step there are others." }
         (page::scrolling("Limits of the time step under each stiffness option", &table))
@@ -194,11 +205,7 @@ fn culprits(inspection: &Inspection, pictures: &Pictures) -> Markup {
         @if !named.is_empty() { (table(named)) }
         @if let Some(set) = &inspection.smallest_set {
             p {
-                "Dropping the transverse terms of " (count(set.springs.len(), "spring")) " makes A definite"
-                @match set.minimality {
-                    Minimality::Irredundant => " (none of them can be spared)",
-                    Minimality::Enough => " (perhaps some could be spared)",
-                }
+                "To make A definite, the transverse terms of " (count(set.springs.len(), "spring")) " " (smallness(set))
                 "; option " code { "tension" } " drops " (set.tension) ": "
                 @for (k, spring) in set.springs.iter().take(ROWS).enumerate() { @if k > 0 { ", " } (spring) }
                 @if set.springs.len() > ROWS { " …" } "."

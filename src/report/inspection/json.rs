@@ -19,6 +19,7 @@ pub struct InspectionRecord<'a> {
     dofs: usize,
     #[serde(flatten)]
     examined: OptionRecord,
+    definite_proven: bool,
     growing_modes: usize,
     compressed_springs: usize,
     culprits: Vec<CulpritRecord>,
@@ -28,6 +29,8 @@ pub struct InspectionRecord<'a> {
     options: OptionRecords,
     turning: Option<TurnRecord>,
     left_out: Vec<LeftOutRecord>,
+    /// What of the above is an estimate.
+    estimated: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     first_loss: Option<LossRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -47,7 +50,8 @@ impl<'a> InspectionRecord<'a> {
             dt: *dt,
             stiffness: option.name(),
             dofs: inertia.negative + inertia.zero + inertia.positive,
-            examined: OptionRecord::of(examined),
+            examined: OptionRecord { definite: inspection.is_definite(), ..OptionRecord::of(examined) },
+            definite_proven: inspection.is_proven(),
             growing_modes: inspection.growing_modes,
             compressed_springs: inspection.compressed_springs,
             culprits: directions.first().map_or(Vec::new(), |lowest| culprits(&lowest.culprits)),
@@ -61,6 +65,7 @@ impl<'a> InspectionRecord<'a> {
             },
             turning: inspection.turn.as_ref().map(TurnRecord::of),
             left_out: inspection.left_out.iter().map(LeftOutRecord::of).collect(),
+            estimated: inspection.estimated.iter().copied().map(part).collect(),
             first_loss: None,
             first_lost: None,
         }
@@ -85,6 +90,7 @@ impl LeftOutRecord {
         let why = match left_out.why {
             Why::Interrupted => "interrupted",
             Why::TooMuchWork => "too much work",
+            Why::TooMuchMemory => "too much memory",
         };
         Self { part: part(left_out.part), why }
     }
@@ -103,6 +109,9 @@ struct OptionRecord {
     definite: bool,
     lambda_min: f64,
     lambda_max: f64,
+    /// What they lie between, proven; `null` where there is no proof.
+    lambda_min_within: [f64; 2],
+    lambda_max_within: [f64; 2],
     condition: f64,
     critical_dt: Option<f64>,
     stable_dt: Option<f64>,
@@ -116,6 +125,8 @@ impl OptionRecord {
             definite: option.inertia.is_definite(),
             lambda_min: option.smallest,
             lambda_max: option.largest,
+            lambda_min_within: option.within[0],
+            lambda_max_within: option.within[1],
             condition: option.condition,
             critical_dt: option.critical.dt(),
             stable_dt: option.stable.dt(),
@@ -203,6 +214,7 @@ impl<'a> ClusterRecord<'a> {
 struct SetRecord<'a> {
     springs: &'a [usize],
     minimality: &'static str,
+    at_least: usize,
     tension_drops: usize,
 }
 
@@ -212,7 +224,7 @@ impl<'a> SetRecord<'a> {
             Minimality::Irredundant => "irredundant",
             Minimality::Enough => "enough",
         };
-        Self { springs: &set.springs, minimality, tension_drops: set.tension }
+        Self { springs: &set.springs, minimality, at_least: set.at_least, tension_drops: set.tension }
     }
 }
 

@@ -1,6 +1,6 @@
 //! What turns and what was lost, in words that the terminal and the page share.
 
-use crate::inspect::{FirstLosses, Gain, Inspection, LargestStep, Loss, Part, Passed, Turn, Why};
+use crate::inspect::{DropSet, FirstLosses, Gain, Inspection, LargestStep, Loss, Minimality, Part, Passed, Turn, Why};
 use crate::integrate::Method;
 use crate::report::number::count;
 use crate::spring::Stiffness;
@@ -15,6 +15,7 @@ pub(super) const UNKNOWN: &str = "not looked at";
 pub(super) fn left_out(inspection: &Inspection) -> Vec<String> {
     let told = [
         (Why::TooMuchWork, "for the work that it takes (--all looks at everything)"),
+        (Why::TooMuchMemory, "for the memory that a factor of A takes"),
         (Why::Interrupted, "as the inspection was interrupted"),
     ];
     let sentence = |(why, because): (Why, &str)| {
@@ -22,6 +23,21 @@ pub(super) fn left_out(inspection: &Inspection) -> Vec<String> {
         (!parts.is_empty()).then(|| format!("{}: {because}", parts.join(", ")))
     };
     told.into_iter().filter_map(sentence).collect()
+}
+
+/// What is estimated, and what is proven of it all the same; `None` where all is proven.
+pub(super) fn estimated(inspection: &Inspection, form: Form) -> Option<String> {
+    let parts: Vec<String> = inspection.estimated.iter().copied().map(part).collect();
+    let [smallest, largest] = inspection.examined().within;
+    let proven = |name: &str, [low, high]: [f64; 2]| match (low.is_finite(), high.is_finite()) {
+        (true, true) => format!("{} ≤ {name} ≤ {}", form(low), form(high)),
+        (true, false) => format!("{} ≤ {name}", form(low)),
+        (false, true) => format!("{name} ≤ {}", form(high)),
+        (false, false) => format!("nothing of {name}"),
+    };
+    let (smallest, largest) = (proven("λ_min", smallest), proven("λ_max", largest));
+    let what = format!("{}: by products and multigrid; proven is {smallest} and {largest} N/m", parts.join(", "));
+    (!parts.is_empty()).then_some(what)
 }
 
 /// A part of an inspection by name.
@@ -88,6 +104,19 @@ fn percent(part: f64, form: Form) -> String {
     match 100.0 * part {
         all if (99.95..=100.0).contains(&all) => "100 %".into(),
         percent => format!("{} %", form(percent)),
+    }
+}
+
+/// How small a set of terms to drop is, and how small it could be.
+pub(super) fn smallness(set: &DropSet) -> String {
+    let fewer = match set.at_least {
+        _ if set.is_smallest() => return "are enough, and no fewer are".into(),
+        1 => String::new(),
+        at_least => format!("; no fewer than {at_least} are"),
+    };
+    match set.minimality {
+        Minimality::Irredundant => format!("are enough, none can be spared{fewer}"),
+        Minimality::Enough => format!("are enough, perhaps more than needed{fewer}"),
     }
 }
 

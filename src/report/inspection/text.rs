@@ -1,7 +1,7 @@
 //! An inspection for the terminal.
 
-use super::losses::{KEPT, UNKNOWN, known, left_out, limit, lost, other_methods, scope, turning};
-use crate::inspect::{Culprit, Direction, FirstLosses, Inspection, LargestStep, Minimality, Part};
+use super::losses::{KEPT, UNKNOWN, estimated, known, left_out, limit, lost, other_methods, scope, smallness, turning};
+use crate::inspect::{Culprit, Direction, FirstLosses, Inspection, LargestStep, Part};
 use crate::report::number::{count, plain};
 
 /// Culprits, directions, clusters and springs of a set that are listed.
@@ -13,7 +13,11 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
     let examined = inspection.examined();
     let inertia = &examined.inertia;
     let verdict = match (inertia.negative, inertia.zero) {
-        _ if inspection.lacks(Part::Signs(*option)) => UNKNOWN,
+        _ if inspection.lacks(Part::Signs(*option)) => match &inspection.first {
+            Some(first) if !first.definite => "INDEFINITE",
+            Some(_) => "positive definite as far as is seen",
+            None => UNKNOWN,
+        },
         (0, 0) => "positive definite",
         (0, _) => "singular to working precision",
         _ => "INDEFINITE",
@@ -27,11 +31,12 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
         return format!("{scene}{at}: no coordinate is free, so A has no rows, and there is nothing to inspect");
     }
     let mut lines = vec![format!("{scene}{at}: A is {verdict} (stiffness {}, dt = {dt:?} s)", option.name())];
+    let signs = match inspection.lacks(Part::Signs(*option)) {
+        true => "signs not counted".to_owned(),
+        false => format!("{} negative, {} zero, {} positive", inertia.negative, inertia.zero, inertia.positive),
+    };
     lines.push(format!(
-        "  eigenvalues  {} negative, {} zero, {} positive; from {} to {} N/m, condition {}",
-        inertia.negative,
-        inertia.zero,
-        inertia.positive,
+        "  eigenvalues  {signs}; from {} to {} N/m, condition {}",
         known(examined.smallest, plain),
         known(examined.largest, plain),
         known(examined.condition, plain),
@@ -62,7 +67,11 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
     }
     let negative: Vec<&Direction> = inspection.directions.iter().filter(|d| d.eigenvalue < 0.0).collect();
     if negative.len() > 1 {
-        lines.push(format!("  directions   {} of {} examined:", negative.len(), inertia.negative));
+        let all = match inspection.lacks(Part::Signs(*option)) {
+            true => format!("at least {}", negative.len()),
+            false => inertia.negative.to_string(),
+        };
+        lines.push(format!("  directions   {} of {all} examined:", negative.len()));
         for direction in negative.iter().take(LISTED) {
             let worst: Vec<String> = direction.culprits.iter().take(3).map(|c| c.spring.to_string()).collect();
             let moving: Vec<String> = direction.movers.iter().take(3).map(|m| m.particle.to_string()).collect();
@@ -85,13 +94,11 @@ pub fn text(scene: &str, step: u64, time: f64, inspection: &Inspection, losses: 
         lines.extend(more(inspection.clusters.len()));
     }
     if let Some(set) = &inspection.smallest_set {
-        let how = match set.minimality {
-            Minimality::Irredundant => "are enough, none can be spared",
-            Minimality::Enough => "are enough, perhaps more than needed",
-        };
         let terms = count(set.springs.len(), "transverse term");
+        let how = smallness(set);
         lines.push(format!("  drop         {terms} {how} (tension drops {}): {}", set.tension, list(&set.springs)));
     }
+    lines.extend(estimated(inspection, plain).map(|what| format!("  estimated    {what}")));
     lines.extend(left_out(inspection).into_iter().map(|what| format!("  left out     {what}")));
     if let Some(losses) = losses {
         let lost = lost(losses, plain);
@@ -112,7 +119,13 @@ pub fn first_answer(inspection: &Inspection) -> Option<String> {
     let first = first.as_ref()?;
     let curvature = plain(first.direction.eigenvalue);
     let what = match first.definite {
-        true => format!("positive definite, as a factorization proves; λ_min is {curvature} N/m or less"),
+        true if !first.is_proven => {
+            format!("positive definite as far as is seen, which is no proof; λ_min is {curvature} N/m or less")
+        }
+        true if inspection.estimated.is_empty() => {
+            format!("positive definite, as a factorization proves; λ_min is {curvature} N/m or less")
+        }
+        true => format!("positive definite, as springs and masses prove; λ_min is {curvature} N/m or less"),
         false => format!("INDEFINITE, as a direction u with uᵀAu = {curvature} N/m proves"),
     };
     let worst = first.worst().map(|Culprit { spring, particles: [i, j], strain, share, .. }| {

@@ -1,0 +1,163 @@
+//! Springs whose transverse terms every set that is enough must hold, and how many such a set holds at least.
+//!
+//! Let `A_T` be A without the transverse term of any compressed spring, and `N_s` the columns of spring s, see `smallest_set`. Dropping more
+//! never makes A less definite, so a set that leaves s out is enough only if `A_T − N_s N_sᵀ` is positive definite, which is `N_sᵀ A_T⁻¹ N_s < 1`
+//! by Schur's complement. For the rows P of the particles around s
+//!
+//! ```text
+//! (A_T⁻¹)_PP ≥ (A_T,PP)⁻¹,        so   N_sᵀ (A_T,PP)⁻¹ N_s ≥ 1   ⇒   s is in every set that is enough:
+//! ```
+//!
+//! what holds those particles fixed that are not in P only makes A stiffer. A few dozen rows tell, no factorization of A is needed.
+//!
+//! A term of rank r, at most 2 in space and 1 in the plane, is put right by taking back r directions: dropping it makes no more than r
+//! negative eigenvalues positive (Weyl). So whoever is to lift N of them takes as many terms as it needs for their ranks to add up to N.
+
+use crate::operator::SystemOperator;
+use nalgebra::{Cholesky, DMatrix};
+
+/// A column of `N_s`: rows and values.
+pub(super) type Column = Vec<(usize, f64)>;
+
+/// Rows around a spring that are looked at: a spring's ends alone first, which is often enough, then these.
+const ROWS: usize = 36;
+
+/// 1, and what is above rounding for matrices of so few rows.
+pub(super) const NECESSARY: f64 = 1.0 + 1e-9;
+
+/// Finds out which springs are necessary.
+pub(super) struct Necessity<'a, 's> {
+    /// `A_T`.
+    operator: &'a SystemOperator<'s>,
+    /// Positions of the active springs at every particle: those of particle p from `first[p]` to `first[p + 1]`.
+    first: Vec<usize>,
+    springs: Vec<usize>,
+}
+
+impl<'a, 's> Necessity<'a, 's> {
+    /// With A without the transverse terms of compressed springs.
+    pub fn new(operator: &'a SystemOperator<'s>) -> Self {
+        let system = operator.system();
+        let mut first = vec![0; system.particles() + 1];
+        for (_, pair, _) in system.active() {
+            pair.into_iter().for_each(|p| first[p + 1] += 1);
+        }
+        for p in 0..system.particles() {
+            first[p + 1] += first[p];
+        }
+        let (mut next, mut springs) = (first.clone(), vec![0; first.last().copied().unwrap_or(0)]);
+        for (position, (_, pair, _)) in system.active().enumerate() {
+            for p in pair {
+                springs[next[p]] = position;
+                next[p] += 1;
+            }
+        }
+        Self { operator, first, springs }
+    }
+
+    /// The largest eigenvalue of `N_sᵀ (A_T,PP)⁻¹ N_s` for the spring between these particles, with these columns: from [`NECESSARY`] on it is in
+    /// every set that is enough. Where it is not, a look at more rows might tell that it is after all.
+    pub fn need(&self, [i, j]: [usize; 2], columns: &[Column]) -> f64 {
+        let mut patch = vec![i, j];
+        let need = self.need_in(&patch, columns);
+        if need >= NECESSARY {
+            return need;
+        }
+        let rows = |p: usize| self.operator.system().dofs().rows(p).len();
+        let mut size = rows(i) + rows(j);
+        for end in [i, j] {
+            for other in self.at(end).map(|position| self.other(position, end)) {
+                if !patch.contains(&other) && size + rows(other) <= ROWS {
+                    size += rows(other);
+                    patch.push(other);
+                }
+            }
+        }
+        if patch.len() > 2 { self.need_in(&patch, columns) } else { need }
+    }
+
+    fn at(&self, particle: usize) -> impl Iterator<Item = usize> + '_ {
+        self.springs[self.first[particle]..self.first[particle + 1]].iter().copied()
+    }
+
+    fn pair(&self, position: usize) -> [usize; 2] {
+        let system = self.operator.system();
+        system.pair(system.active_springs()[position] as usize)
+    }
+
+    fn other(&self, position: usize, end: usize) -> usize {
+        let [i, j] = self.pair(position);
+        if i == end { j } else { i }
+    }
+
+    /// As far as the rows of these particles tell; zero where they cannot.
+    fn need_in(&self, patch: &[usize], columns: &[Column]) -> f64 {
+        let system = self.operator.system();
+        let dofs = system.dofs();
+        // Where the rows of each particle begin, and their number at the end.
+        let mut starts = vec![0];
+        starts.extend(patch.iter().scan(0, |rows, &p| {
+            *rows += dofs.rows(p).len();
+            Some(*rows)
+        }));
+        let size = starts[patch.len()];
+        let mut matrix = DMatrix::zeros(size, size);
+        for (k, &p) in patch.iter().enumerate() {
+            for row in starts[k]..starts[k + 1] {
+                matrix[(row, row)] += self.operator.mass_factor() * system.masses()[p];
+            }
+            for position in self.at(p) {
+                let block = self.operator.blocks()[position].matrix();
+                let other = self.other(position, p);
+                let beside = patch.iter().position(|&q| q == other).map(|l| (l, other, -1.0));
+                for (l, q, sign) in [Some((k, p, 1.0)), beside].into_iter().flatten() {
+                    for (r, a) in dofs.free_axes(p).iter().enumerate() {
+                        for (c, b) in dofs.free_axes(q).iter().enumerate() {
+                            matrix[(starts[k] + r, starts[l] + c)] += sign * block[(a, b)];
+                        }
+                    }
+                }
+            }
+        }
+        let Some(factored) = Cholesky::new(matrix) else { return 0.0 };
+        let place = |row: usize| {
+            let k = patch.iter().position(|&p| dofs.rows(p).contains(&row))?;
+            Some(starts[k] + row - dofs.rows(patch[k]).start)
+        };
+        let mut n = DMatrix::zeros(size, columns.len());
+        for (c, column) in columns.iter().enumerate() {
+            for &(row, value) in column {
+                let Some(place) = place(row) else { return 0.0 };
+                n[(place, c)] = value;
+            }
+        }
+        let h = n.tr_mul(&factored.solve(&n));
+        if h.is_empty() { 0.0 } else { h.symmetric_eigenvalues().max() }
+    }
+}
+
+/// The fewest of terms with these ranks that lift so many negative eigenvalues.
+pub(super) fn fewest(negative: usize, ranks: impl IntoIterator<Item = usize>) -> usize {
+    let mut ranks: Vec<usize> = ranks.into_iter().collect();
+    ranks.sort_unstable_by(|a, b| b.cmp(a));
+    let mut lifted = 0;
+    let enough = ranks.iter().position(|rank| {
+        lifted += rank;
+        lifted >= negative
+    });
+    // The terms together are enough, so this ends; a count that says otherwise proves nothing.
+    if negative == 0 { 0 } else { enough.map_or(ranks.len(), |last| last + 1) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fewest;
+
+    #[test]
+    fn the_largest_ranks_lift_most() {
+        assert_eq!(fewest(0, [2, 2]), 0);
+        assert_eq!(fewest(5, [1, 2, 2, 1, 2]), 3);
+        assert_eq!(fewest(7, [1, 2, 2, 1, 2]), 4);
+        assert_eq!(fewest(9, [1, 2, 2, 1, 2]), 5);
+    }
+}
