@@ -188,8 +188,8 @@ mod tests {
     fn parts_are_left_out_when_they_cost_more_than_is_left() {
         let size = FactorSize { entries: 0, flops: 1.0, ordering: OrderingMethod::Natural };
         let cost = Cost::of(&size, 0);
-        let [first, second] = [Stiffness::Full, Stiffness::Axial].map(Part::Turning);
-        let mut ledger = Ledger::new(cost, 2.0 * TURNING + COUNTED - 1.0, [first, second, Part::GrowingModes]);
+        let [first, second] = [Part::SmallestSet, Part::Definite(Stiffness::Axial)];
+        let mut ledger = Ledger::new(cost, 2.0 * LIMIT - 1.0, [first, second, Part::GrowingModes]);
         assert!(ledger.affords(first) && !ledger.affords(second) && ledger.affords(Part::GrowingModes));
         assert!(!ledger.follows(Part::GrowingModes, Part::Curve));
         ledger.done(first);

@@ -116,7 +116,7 @@ impl<'s> Nearby<'s> {
             }
         }
         let left = norm(&v);
-        if !(left > NOTHING * length) {
+        if left.is_nan() || left <= NOTHING * length {
             return false;
         }
         v.iter_mut().for_each(|v| *v /= left);
