@@ -138,7 +138,7 @@ mod tests {
         let value = |k: usize| if k < 2 { -3.0 } else { 1.0 + (k as f64).powi(2) * 4.0 };
         let mut apply =
             |x: &[f64], y: &mut [f64]| y.iter_mut().zip(x).enumerate().for_each(|(k, (y, x))| *y = value(k) * x);
-        let about = |k: usize| value(k).abs() * if k % 2 == 0 { 1.4 } else { 0.7 };
+        let about = |k: usize| value(k).abs() * if k.is_multiple_of(2) { 1.4 } else { 0.7 };
         let mut precondition =
             |x: &[f64], y: &mut [f64]| y.iter_mut().zip(x).enumerate().for_each(|(k, (y, x))| *y = x / about(k));
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
