@@ -1,6 +1,6 @@
 //! Time stepping: one method a file behind [`TimeStepper`], and the run loop that drives them.
 //!
-//! Derivations are in the guide (`cargo xtask guide`), under theory: `methods`, `newton`, `adaptive`, `ledger`, `definiteness`.
+//! Derivations are in the guide (`cargo xtask guide`), under theory: `methods`, `newton`, `exactness`, `adaptive`, `ledger`, `definiteness`.
 
 mod adaptive;
 mod backward_euler;
