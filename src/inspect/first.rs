@@ -23,7 +23,7 @@ use crate::work::Work;
 pub struct FirstAnswer {
     /// Whether A is positive definite: by a factorization where it is, by the direction where it is not.
     pub definite: bool,
-    /// Whether that is proven. Where A is not factored, see [`Inspection::estimated`](super::Inspection::estimated), it may only be that no direction of negative
+    /// Whether that is proven. Where A is not factored, see [`Inspection::within`](super::Inspection::within), it may only be that no direction of negative
     /// curvature was found.
     pub is_proven: bool,
     /// u, with `uᵀAu` for its eigenvalue: negative where A is indefinite, a bound for λ_min from above in any case.

@@ -41,7 +41,7 @@ impl Inspection {
     }
 
     /// As [`at`](Self::at), leaving out what would make it cost more than `most` operations. A matrix whose factor does not fit the memory, or
-    /// would cost more than that by itself, is looked at by products and multigrid: some figures then are [estimates](Self::estimated). After every part `onlooker` sees how much
+    /// would cost more than that by itself, is looked at by products and multigrid: some figures then are estimates. After every part `onlooker` sees how much
     /// of the work is done, from 0 to 1, and what is known until then.
     ///
     /// # Errors
