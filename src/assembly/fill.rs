@@ -5,6 +5,7 @@
 //! one order whatever the number of threads, and nothing has to be set to zero first. The price is that both ends of a
 //! spring compute its 3×3 block; blocks are read twice, but the second time from cache where the ends are numbered closely.
 
+use super::pattern::BlockPattern;
 use super::spring_pattern::{Incidence, SpringPattern};
 use crate::operator::lanes::{Lanes, Portable};
 use crate::operator::{SystemOperator, prefetch};
@@ -66,7 +67,7 @@ impl Filling<'_> {
         let pattern = self.springs.pattern();
         let before = |particle| pattern.values_before(particle) - pattern.values_before(particles.start);
         if parts > 1 {
-            let middle = pattern.particle_with(particles.clone(), share(values.len(), parts / 2, parts));
+            let middle = middle(pattern, &particles, parts);
             let (left, right) = values.split_at_mut(before(middle));
             let Range { start, end } = particles;
             rayon::join(
@@ -162,6 +163,12 @@ impl Filling<'_> {
     }
 }
 
+/// Where some particles are cut, so that each of so many parts gets as many values.
+fn middle(pattern: &BlockPattern, particles: &Range<usize>, parts: usize) -> usize {
+    let values = pattern.values_before(particles.end) - pattern.values_before(particles.start);
+    pattern.particle_with(particles.clone(), share(values, parts / 2, parts))
+}
+
 #[cfg(all(test, feature = "scene"))]
 mod tests {
     use super::*;
@@ -183,7 +190,7 @@ mod tests {
                         counts.push(values);
                         continue;
                     }
-                    let middle = pattern.particle_with(particles.clone(), share(values, parts / 2, parts));
+                    let middle = middle(pattern, &particles, parts);
                     ranges.extend([(particles.start..middle, parts / 2), (middle..particles.end, parts - parts / 2)]);
                 }
                 let mean = pattern.entries() as f64 / threads as f64;

@@ -154,7 +154,6 @@ mod tests {
             steps += 1;
             pairs.residuals.iter().all(|r| *r < 1e-7)
         });
-        println!("{steps} steps: {:?} {:?}", found.values, found.residuals);
         for (found, expected) in found.values.iter().zip([-3.0, -3.0, 17.0]) {
             approx::assert_relative_eq!(*found, expected, max_relative = 1e-10);
         }

@@ -39,9 +39,8 @@
 
 mod brake;
 mod coefficients;
+mod errors;
 
-use super::adaptive::norm_of_all;
-use super::exactness::mass_norm;
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::pieces::Piece;
 use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, StiffnessPolicy, TimeStepper};
@@ -94,7 +93,7 @@ pub struct Rodas4<'s> {
     corrected: Vec<Vector3<f64>>,
     /// Of positions, in the step done last, in m.
     local_error: f64,
-    /// The last step's length, in s, and the norm in M of its local error, in m √kg.
+    /// The last step's length, in s, and the error that its stages were solved for, see [`errors::of_stages`].
     last: Option<(f64, f64)>,
     /// The largest residual of the stages, in N.
     residual: f64,
@@ -102,12 +101,6 @@ pub struct Rodas4<'s> {
 
 /// The shortest part of a step of fixed length that is tried.
 const SHORTEST_PART: f64 = 1.0 / 1024.0;
-
-/// The method's error over z times that of the embedded formula, see the header.
-const TRUE_SHARE: f64 = 0.15;
-
-/// One over what the error of a stage is magnified by in the step: the new state takes up to thirteen times a stage.
-const MAGNIFIED: f64 = 0.1;
 
 impl Rodas4<'_> {
     /// γ: the matrix of a step of length h is that of backward Euler for γ h.
@@ -173,7 +166,8 @@ impl<'s> Rodas4<'s> {
             if !self.linear.exactness.follows() {
                 return Ok(());
             }
-            let error = self.massive_error(h);
+            let [x, v] = self.embedded();
+            let error = errors::of_stages(self.linear.system, x, v, h);
             self.last = Some((h, error));
             if self.linear.exactness.suffices(self.residual, Combination::step(GAMMA * h).mass, error) {
                 break;
@@ -200,12 +194,9 @@ impl<'s> Rodas4<'s> {
         if self.next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) }
     }
 
-    /// The error of the step just computed in the norm of M, by the same rule as [`judge`](Self::judge), in m √kg, less what stages are
-    /// magnified by.
-    fn massive_error(&self, h: f64) -> f64 {
-        let system = self.linear.system;
-        let (Some(x), Some(v)) = (self.displacements.last(), self.velocities.last()) else { return 0.0 };
-        MAGNIFIED * mass_norm(system, |p| x[p]).min(TRUE_SHARE * h * mass_norm(system, |p| v[p]))
+    /// u_6, whose positions and velocities are the difference from the embedded formula.
+    fn embedded(&self) -> [&[Vector3<f64>]; 2] {
+        [&self.displacements, &self.velocities].map(|stages| stages.last().map_or(&[][..], Vec::as_slice))
     }
 
     /// Makes the last stage the estimate of the step just computed, of h seconds: what it has of prescribed coordinates is their way, not
@@ -218,7 +209,7 @@ impl<'s> Rodas4<'s> {
                 x[dof.axis] = 0.0;
             }
         }
-        norm_of_all(system, x).min(TRUE_SHARE * h * norm_of_all(system, v))
+        errors::of_positions(system, x, v, h)
     }
 
     /// Sets `point` to `y + Σ row_j u_j`.
@@ -377,11 +368,8 @@ impl AdaptiveStepper for Rodas4<'_> {
         self.base.copy_from(state);
         self.advance(dt)?;
         self.local_error = self.judge(dt);
-        let (positions, velocities) = (self.displacements.last(), self.velocities.last());
-        Ok(ErrorEstimate {
-            positions: positions.map_or(&[], Vec::as_slice),
-            velocities: velocities.map_or(&[], Vec::as_slice),
-        })
+        let [positions, velocities] = self.embedded();
+        Ok(ErrorEstimate { positions, velocities })
     }
 
     fn accept(&mut self, state: &mut State) {

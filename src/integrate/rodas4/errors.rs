@@ -1,0 +1,26 @@
+//! How wrong a step is, by u_6: the header of `rodas4.rs` derives it.
+
+use crate::integrate::adaptive::norm_of_all;
+use crate::integrate::exactness::mass_norm;
+use crate::system::System;
+use nalgebra::Vector3;
+
+/// The method's error over z times that of the embedded formula.
+const TRUE_SHARE: f64 = 0.15;
+
+/// One over what the error of a stage is magnified by in the step: the new state takes up to thirteen times a stage.
+const MAGNIFIED: f64 = 0.1;
+
+/// `min(‖u_6x‖, 0.15 h ‖u_6v‖)`, in m.
+pub(super) fn of_positions(system: &System, x: &[Vector3<f64>], v: &[Vector3<f64>], h: f64) -> f64 {
+    norm_of_all(system, x).min(TRUE_SHARE * h * norm_of_all(system, v))
+}
+
+/// The error that a stage may be compared with: that of the step by the same rule, in the norm of M, over what stages are magnified by,
+/// in m √kg.
+pub(super) fn of_stages(system: &System, x: &[Vector3<f64>], v: &[Vector3<f64>], h: f64) -> f64 {
+    if x.is_empty() {
+        return 0.0;
+    }
+    MAGNIFIED * mass_norm(system, |p| x[p]).min(TRUE_SHARE * h * mass_norm(system, |p| v[p]))
+}
