@@ -45,7 +45,7 @@ fn costs_are_those_that_were_measured() {
             ("finest level", costs.preparation(PreconditionerKind::Multigrid), row.finest_level, COARSE),
             // One dense level has no others.
             ("multigrid set-up", costs.multigrid_setup(), row.multigrid_setup, COARSE),
-            ("iterative solve", costs.iterative_solve(), row.iterative_solve, ROUGH),
+            ("iterative solve", costs.iterative_solve(), row.iterative_solve, CLOSE),
         ];
         for (operation, cost, time, bound) in pairs {
             // What conjugate gradients do on a few coordinates is too short for the clock, and nothing depends on it.

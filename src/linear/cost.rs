@@ -24,52 +24,52 @@ pub struct CostModel {
 }
 
 /// A force evaluation with the step of an explicit method around it, in ns: once, a spring, a coordinate.
-const FORCE: [f64; 3] = [90.0, 12.6, 1.9];
+const FORCE: [f64; 3] = [174.0, 5.3, 1.36];
 
 /// A product with A: once, a spring.
-const PRODUCT: [f64; 2] = [146.0, 3.8];
+const PRODUCT: [f64; 2] = [148.0, 2.8];
 
 /// Extensions and blocks of all springs: once, a spring.
-const ASSEMBLY: [f64; 2] = [76.0, 14.3];
+const ASSEMBLY: [f64; 2] = [43.0, 13.4];
 
-/// Refilling and factoring A: once, a spring, a coordinate, an entry of the factor, an operation.
-const FACTORIZATION: [f64; 5] = [350.0, 51.0, 1.3, 3.2, 0.0295];
+/// Refilling and factoring A: once, a spring, an entry of the factor, an operation.
+const FACTORIZATION: [f64; 4] = [187.0, 47.5, 3.2, 0.026];
 
 /// Ordering and symbolic analysis: once, an entry of the factor.
-const ANALYSIS: [f64; 2] = [2500.0, 7.9];
+const ANALYSIS: [f64; 2] = [2700.0, 6.5];
 
 /// A solve with the factor, beside the product that checks it: once, a coordinate, an entry of the factor that stays in the
 /// processor's memory from one solve to the next, one that does not.
-const SOLVE: [f64; 4] = [50.0, 33.4, 0.24, 1.54];
+const SOLVE: [f64; 4] = [50.0, 33.4, 0.2, 0.95];
 
 /// Entries of a factor that stay.
 const CACHED: f64 = 1e6;
 
 /// The vectors of an iteration of conjugate gradients, beside the product: a coordinate.
-const VECTORS: f64 = 1.3;
+const VECTORS: f64 = 1.0;
 
 /// Blocks of block Jacobi: a coordinate.
-const BLOCKS: f64 = 1.55;
+const BLOCKS: f64 = 1.0;
 
 /// Making the blocks of block Jacobi: once, a spring, a coordinate.
-const MAKING_BLOCKS: [f64; 3] = [60.0, 4.0, 4.5];
+const MAKING_BLOCKS: [f64; 3] = [36.0, 4.8, 3.9];
 
 /// The finest level of multigrid, with its smoother: a spring, a coordinate; with one dense level, once, a pair and a triple of coordinates.
-const FINEST: [f64; 2] = [14.3, 14.1];
-const DENSE_LEVEL: [f64; 3] = [360.0, 2.4, 0.0024];
+const FINEST: [f64; 2] = [14.9, 15.6];
+const DENSE_LEVEL: [f64; 3] = [90.0, 2.7, 0.00078];
 
 /// A cycle of multigrid: a coordinate, a spring; of a system so small that there is but one dense level, a pair of coordinates.
-const CYCLE: [f64; 3] = [40.5, 5.7, 0.32];
+const CYCLE: [f64; 3] = [25.3, 8.8, 0.27];
 
 /// Computing the coarse levels: a coordinate, a spring. One dense level has none.
-const SETUP: [f64; 2] = [350.0, 205.0];
+const SETUP: [f64; 2] = [357.0, 99.0];
 
 /// Coordinates up to which multigrid is one dense level.
 const DENSE: f64 = 400.0;
 
-/// Products with A in a solve by conjugate gradients beside its iterations: the residuals of the first guess and of the
-/// solution, with their vectors.
-const RESIDUALS: f64 = 2.65;
+/// The residuals of the first guess and of the solution in a solve by conjugate gradients: products with A, and their vectors, a
+/// coordinate. The product of a first guess that is zero is spared.
+const RESIDUALS: [f64; 2] = [1.6, 3.9];
 
 /// `Σ times_i · sizes_i`, the first size being one.
 fn nanoseconds<const N: usize>(times: [f64; N], sizes: [f64; N]) -> f64 {
@@ -106,7 +106,7 @@ impl CostModel {
     }
 
     fn factoring(&self, entries: f64, flops: f64) -> f64 {
-        nanoseconds(FACTORIZATION, [1.0, self.springs, self.dofs, entries, flops]) / self.force
+        nanoseconds(FACTORIZATION, [1.0, self.springs, entries, flops]) / self.force
     }
 
     /// An ordering with symbolic analysis; of a factor that is not known yet, the least that it can cost.
@@ -161,7 +161,7 @@ impl CostModel {
 
     /// A solve by conjugate gradients beside its iterations.
     pub fn iterative_solve(&self) -> f64 {
-        RESIDUALS * self.product()
+        RESIDUALS[0] * self.product() + RESIDUALS[1] * self.dofs / self.force
     }
 
     /// A first guess from earlier solutions: two products.
