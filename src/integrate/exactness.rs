@@ -23,7 +23,7 @@
 //! (Own derivation; "inexact" Newton methods choose their tolerances likewise, see [`Forcing`](super::forcing::Forcing).)
 
 use crate::linear::Tolerance;
-use crate::system::{Axes, System};
+use crate::system::System;
 use nalgebra::Vector3;
 
 /// Of the error in time, what the linear solver may add.
@@ -50,11 +50,15 @@ pub(super) struct Exactness {
 impl Exactness {
     /// Nothing known.
     pub fn new(system: &System, tolerance: Tolerance) -> Self {
-        let dofs = system.dofs();
-        let free = system.masses().iter().enumerate().filter(|(p, _)| dofs.free_axes(*p) != Axes::NONE);
-        let lightest = free.map(|(_, mass)| *mass).fold(f64::INFINITY, f64::min).sqrt();
+        let [lightest, _] = system.free_masses();
         let strictest = tolerance.strictest();
-        Self { follows: tolerance == Tolerance::OfMotion, strictest, lightest, error: None, asked: strictest }
+        Self {
+            follows: tolerance == Tolerance::OfMotion,
+            strictest,
+            lightest: lightest.sqrt(),
+            error: None,
+            asked: strictest,
+        }
     }
 
     /// Whether errors are of use.

@@ -13,11 +13,12 @@
 
 use super::cost::CostModel;
 use super::preconditioner_kind::PreconditionerKind as Kind;
+use crate::system::System;
 
 /// Those that take part, from the cheapest to prepare to the dearest.
 const KINDS: [Kind; 3] = [Kind::None, Kind::BlockJacobi, Kind::Multigrid];
 
-/// The least iterations of blocks, over those without, and of multigrid for a digit.
+/// The least iterations of blocks, over those without, where masses are alike, and of multigrid for a digit.
 const BLOCKS_AT_BEST: f64 = 0.6;
 const MULTIGRID_AT_BEST: f64 = 1.0;
 
@@ -59,6 +60,8 @@ pub(super) struct Contest {
     set_up: f64,
     set_ups: f64,
     lost: f64,
+    /// The least iterations of blocks, over those without.
+    blocks_at_best: f64,
 }
 
 fn place(kind: Kind) -> usize {
@@ -66,8 +69,19 @@ fn place(kind: Kind) -> usize {
 }
 
 impl Contest {
-    pub fn new() -> Self {
-        Self { seen: [Seen::default(); 3], price: [1.0; 3], now: Seen::default(), set_up: 0.0, set_ups: 0.0, lost: 0.0 }
+    /// Before anything is seen. Iterations grow with the root of the condition number, and blocks take from it what masses differ by.
+    pub fn new(system: &System) -> Self {
+        let [lightest, heaviest] = system.free_masses();
+        let unlike = if heaviest > lightest { heaviest / lightest } else { 1.0 };
+        Self {
+            seen: [Seen::default(); 3],
+            price: [1.0; 3],
+            now: Seen::default(),
+            set_up: 0.0,
+            set_ups: 0.0,
+            lost: 0.0,
+            blocks_at_best: BLOCKS_AT_BEST / unlike.sqrt(),
+        }
     }
 
     /// The first.
@@ -103,7 +117,7 @@ impl Contest {
         match self.seen.get(kind) {
             Some(seen) if seen.digits > 0.0 => seen.iterations / seen.digits,
             _ => match KINDS.get(kind) {
-                Some(Kind::BlockJacobi) => BLOCKS_AT_BEST * self.per_digit(0),
+                Some(Kind::BlockJacobi) => self.blocks_at_best * self.per_digit(0),
                 Some(Kind::Multigrid) => MULTIGRID_AT_BEST,
                 _ => f64::INFINITY,
             },
@@ -161,10 +175,19 @@ impl Contest {
 #[cfg(all(test, feature = "scene"))]
 mod tests {
     use super::*;
+    use crate::SystemBuilder;
     use crate::scene::builtin;
 
+    fn cloth() -> System {
+        builtin::cloth(20).unwrap().build().unwrap().0
+    }
+
     fn costs() -> CostModel {
-        CostModel::of(&builtin::cloth(20).unwrap().build().unwrap().0)
+        CostModel::of(&cloth())
+    }
+
+    fn contest() -> Contest {
+        Contest::new(&cloth())
     }
 
     /// Solves of so many iterations for ten digits with each, as long as the contest does not move on, and the next.
@@ -177,14 +200,14 @@ mod tests {
 
     #[test]
     fn few_iterations_need_no_preconditioner() {
-        assert_eq!(moves(&mut Contest::new(), Kind::None, 3, 1000), None);
+        assert_eq!(moves(&mut contest(), Kind::None, 3, 1000), None);
     }
 
     /// Blocks may save two fifths of the iterations. When what that would have saved exceeds what they cost they are tried; they save
     /// nothing, and are left when they have cost more than that again. The second trial needs a promise four times as large.
     #[test]
     fn what_does_not_pay_is_left_and_tried_later() {
-        let mut contest = Contest::new();
+        let mut contest = contest();
         let costs = costs();
         let (blocks, none, with) =
             (costs.preparation(Kind::BlockJacobi), costs.iteration(Kind::None), costs.iteration(Kind::BlockJacobi));
@@ -201,9 +224,29 @@ mod tests {
         assert_eq!(moves(&mut contest, Kind::None, 30, 100), None);
     }
 
+    /// Masses of 1 and 100 kg make blocks promise a tenth of the iterations that they promise where masses are alike: they are tried sooner.
+    #[test]
+    fn masses_that_differ_ask_for_blocks() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0, 0.0, 0.0], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 100.0);
+        builder.particle([2.0, 0.0, 0.0], 1e6);
+        builder.hold(2);
+        let (unlike, _) = builder.build().unwrap();
+        assert_eq!(unlike.free_masses(), [1.0, 100.0]);
+        let mut contest = Contest::new(&unlike);
+        let costs = costs();
+        let (blocks, none, with) =
+            (costs.preparation(Kind::BlockJacobi), costs.iteration(Kind::None), costs.iteration(Kind::BlockJacobi));
+        let promised = SURE * 12.0 * none - blocks - 0.06 * 12.0 * with;
+        let expected = ((blocks + 12.0 * none) / promised).floor() as usize;
+        assert_eq!(moves(&mut contest, Kind::None, 12, 100), Some((expected, Kind::BlockJacobi)));
+        assert_eq!(moves(&mut self::contest(), Kind::None, 12, expected + 1), None);
+    }
+
     #[test]
     fn blocks_that_save_much_stay() {
-        let mut contest = Contest::new();
+        let mut contest = contest();
         assert!(moves(&mut contest, Kind::None, 40, 100).is_some());
         contest.changed_to(Kind::BlockJacobi);
         assert_eq!(moves(&mut contest, Kind::BlockJacobi, 5, 1000), None);
@@ -212,7 +255,7 @@ mod tests {
     /// Hundreds of iterations, which a solve with multigrid would do without.
     #[test]
     fn multigrid_comes_where_it_promises_most() {
-        let mut contest = Contest::new();
+        let mut contest = contest();
         let next = moves(&mut contest, Kind::BlockJacobi, 200, 100);
         assert_eq!(next.map(|(_, kind)| kind), Some(Kind::Multigrid));
         assert!(next.is_some_and(|(matrices, _)| matrices > 0));
@@ -221,7 +264,7 @@ mod tests {
     /// What none would do for is left to blocks as long as the matrix may be indefinite, and then given back.
     #[test]
     fn blocks_watch_over_definiteness() {
-        let (mut contest, costs) = (Contest::new(), costs());
+        let (mut contest, costs) = (contest(), costs());
         assert_eq!(contest.next(Kind::None, &costs, false), Some(Kind::BlockJacobi));
         contest.record(Kind::None, 3, 10.0);
         for is_definite in [false, true] {
@@ -237,7 +280,7 @@ mod tests {
     #[test]
     fn coarse_levels_that_age_fast_are_left() {
         for (set_ups, is_left) in [(0.0, false), (1.0, true)] {
-            let (mut contest, costs) = (Contest::new(), costs());
+            let (mut contest, costs) = (contest(), costs());
             contest.record(Kind::BlockJacobi, 100, 10.0);
             contest.changed_to(Kind::Multigrid);
             contest.set_up(1.0);

@@ -51,8 +51,9 @@ struct Choice {
 }
 
 impl Choice {
-    fn new(particles: usize) -> Self {
-        Self { contest: Contest::new(), places: vec![Vector3::zeros(); particles], room: vec![0.0; particles] }
+    fn new(system: &System) -> Self {
+        let particles = system.particles();
+        Self { contest: Contest::new(system), places: vec![Vector3::zeros(); particles], room: vec![0.0; particles] }
     }
 }
 
@@ -87,7 +88,7 @@ impl CgSolver {
         application: Application,
     ) -> Result<Self> {
         let preconditioner = Preconditioner::new(kind.unwrap_or(Contest::FIRST), system)?;
-        let choice = kind.is_none().then(|| Choice::new(system.particles()));
+        let choice = kind.is_none().then(|| Choice::new(system));
         Ok(Self { choice, ..Self::of(system, preconditioner, tolerance, application) })
     }
 

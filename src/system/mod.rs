@@ -144,6 +144,14 @@ impl System {
         &self.masses
     }
 
+    /// The lightest and the heaviest mass of particles that move freely along some axis, in kg, of all parts together; ∞ and 0 where none does.
+    pub(crate) fn free_masses(&self) -> [f64; 2] {
+        let free = self.masses.iter().enumerate().filter(|(p, _)| self.dofs.free_axes(*p) != Axes::NONE);
+        let here = free.fold([f64::NEG_INFINITY, 0.0], |[light, heavy], (_, mass)| [light.max(-mass), mass.max(heavy)]);
+        let [light, heavy] = self.largest(here);
+        [-light, heavy]
+    }
+
     /// Number of particles.
     pub fn particles(&self) -> usize {
         self.masses.len()

@@ -4,11 +4,16 @@ use cpu_time::ThreadTime;
 use sprung::integrate::{ImplicitOptions, Method};
 use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions, Tolerance};
 use sprung::{State, System};
+use std::time::Duration;
 
-/// Steps of a run, how many of the last count as those after its first, and how often it is repeated.
+/// Steps of a run, and how many of the last count as those after its first.
 const STEPS: usize = 30;
 const LAST: usize = 15;
-const REPEATED: usize = 2;
+
+/// A race has so many rounds at least, and more until it takes so long.
+const LEAST_ROUNDS: usize = 2;
+const MOST_ROUNDS: usize = 9;
+const LONG_ENOUGH: Duration = Duration::from_secs(2);
 
 /// A solver that takes more than this many times the time of the fastest is not followed to its end.
 const SLOW: f64 = 3.0;
@@ -42,74 +47,104 @@ pub struct Raced {
     pub others: Vec<Time>,
 }
 
-impl Cell {
-    fn configurations() -> Vec<(String, SolverChoice, Option<PreconditionerKind>)> {
-        let with = |kind: PreconditionerKind| (format!("cg {}", kind.name()), SolverChoice::Cg, Some(kind));
-        let mut all = vec![("llt".into(), SolverChoice::Llt, None)];
-        all.extend(
-            [PreconditionerKind::BlockJacobi, PreconditionerKind::Multigrid, PreconditionerKind::None].map(with),
-        );
+/// What a user may ask for: a solver, with a preconditioner where it is iterative.
+struct Configuration {
+    name: String,
+    solver: SolverChoice,
+    preconditioner: Option<PreconditionerKind>,
+}
+
+/// A configuration in the race: the shortest time of each step so far, after that of what is done before the first.
+struct Runner {
+    configuration: Configuration,
+    shortest: Vec<f64>,
+    /// What it solved with at the end.
+    solved_with: String,
+}
+
+impl Configuration {
+    fn all() -> Vec<Self> {
+        let named = |name: &str, solver| Self { name: name.into(), solver, preconditioner: None };
+        let cg = |kind: PreconditionerKind| Self {
+            name: format!("cg {}", kind.name()),
+            solver: SolverChoice::Cg,
+            preconditioner: Some(kind),
+        };
+        let mut all = vec![named("auto", SolverChoice::Auto), named("llt", SolverChoice::Llt)];
+        all.extend([PreconditionerKind::BlockJacobi, PreconditionerKind::Multigrid, PreconditionerKind::None].map(cg));
         all
     }
+}
 
-    /// The times of one solver; `None` where it fails or takes longer than the limit.
-    fn time(
-        &self,
-        system: &System,
-        start: &State,
-        options: SolverOptions,
-        limit: f64,
-    ) -> sprung::Result<Option<(Vec<f64>, String)>> {
-        let mut shortest = vec![f64::INFINITY; STEPS + 1];
-        let mut name = String::new();
-        for _ in 0..REPEATED {
-            let mut state = start.clone();
-            let before = ThreadTime::now();
-            let options = ImplicitOptions { linear: options, ..ImplicitOptions::default() };
-            let mut stepper = Method::LinearBackwardEuler.stepper(system, &state, &options)?;
-            let mut times = vec![before.elapsed().as_secs_f64()];
-            for _ in 0..STEPS {
-                let before = ThreadTime::now();
-                if stepper.step(&mut state, self.dt).is_err() {
-                    return Ok(None);
-                }
-                times.push(before.elapsed().as_secs_f64());
-                if times.iter().sum::<f64>() > limit {
-                    return Ok(None);
-                }
-            }
-            let solver = stepper.linear_solver();
-            name = solver.map_or(String::new(), |solver| {
-                [Some(solver.name()), solver.preconditioner()].into_iter().flatten().collect::<Vec<_>>().join(" ")
-            });
-            shortest.iter_mut().zip(times).for_each(|(shortest, time)| *shortest = shortest.min(time));
-        }
-        Ok(Some((shortest, name)))
+impl Runner {
+    fn new(configuration: Configuration) -> Self {
+        Self { configuration, shortest: vec![f64::INFINITY; STEPS + 1], solved_with: String::new() }
     }
 
-    /// Every solver in turn, those first that are often fast.
-    pub fn race(self, system: &System, start: &State) -> sprung::Result<Raced> {
-        let options = SolverOptions { tolerance: Tolerance::Fixed(self.tolerance), ..SolverOptions::default() };
-        let of = |solver: &str, times: &[f64]| {
-            let mut last = times[times.len() - LAST..].to_vec();
-            last.sort_by(f64::total_cmp);
-            Time { solver: solver.to_owned(), step: last[LAST / 2], whole: times.iter().sum() }
-        };
-        let Some((times, chosen)) = self.time(system, start, options, f64::INFINITY)? else {
-            return Err(sprung::Error::Unsupported(format!("a step of {} breaks down", self.kind)));
-        };
-        let auto = of("auto", &times);
-        let mut limit = SLOW * auto.whole;
-        let mut others = Vec::new();
-        for (name, solver, preconditioner) in Self::configurations() {
-            let options = SolverOptions { solver, preconditioner, ..options };
-            if let Some((times, _)) = self.time(system, start, options, limit)? {
-                let time = of(&name, &times);
-                limit = limit.min(SLOW * time.whole);
-                others.push(time);
+    fn whole(&self) -> f64 {
+        self.shortest.iter().sum()
+    }
+
+    fn time(&self) -> Time {
+        let mut last = self.shortest[1 + STEPS - LAST..].to_vec();
+        last.sort_by(f64::total_cmp);
+        Time { solver: self.configuration.name.clone(), step: last[LAST / 2], whole: self.whole() }
+    }
+
+    /// Does all steps once more; `false` where one fails or they take longer than the limit.
+    fn run(&mut self, cell: &Cell, system: &System, start: &State, limit: f64) -> sprung::Result<bool> {
+        let Configuration { solver, preconditioner, .. } = self.configuration;
+        let tolerance = Tolerance::Fixed(cell.tolerance);
+        let linear = SolverOptions { solver, preconditioner, tolerance, ..SolverOptions::default() };
+        let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
+        let mut state = start.clone();
+        let before = ThreadTime::now();
+        let mut stepper = Method::LinearBackwardEuler.stepper(system, &state, &options)?;
+        let mut times = vec![before.elapsed().as_secs_f64()];
+        for _ in 0..STEPS {
+            let before = ThreadTime::now();
+            if stepper.step(&mut state, cell.dt).is_err() {
+                return Ok(false);
+            }
+            times.push(before.elapsed().as_secs_f64());
+            if times.iter().sum::<f64>() > limit {
+                return Ok(false);
             }
         }
-        Ok(Raced { cell: self, auto, chosen, others })
+        let words = stepper.linear_solver().map(|solver| [Some(solver.name()), solver.preconditioner()]);
+        self.solved_with = words.into_iter().flatten().flatten().collect::<Vec<_>>().join(" ");
+        self.shortest.iter_mut().zip(times).for_each(|(shortest, time)| *shortest = shortest.min(time));
+        Ok(true)
+    }
+}
+
+impl Cell {
+    /// Every solver in turn, round by round, so that what slows the machine for a while slows all of them.
+    pub fn race(self, system: &System, start: &State) -> sprung::Result<Raced> {
+        let begin = ThreadTime::now();
+        let mut runners: Vec<Runner> = Configuration::all().into_iter().map(Runner::new).collect();
+        for round in 0..MOST_ROUNDS {
+            if round >= LEAST_ROUNDS && begin.elapsed() > LONG_ENOUGH {
+                break;
+            }
+            let mut followed = Vec::new();
+            for mut runner in runners {
+                let fastest = followed.iter().map(Runner::whole).fold(runner.whole(), f64::min);
+                let is_auto = followed.is_empty();
+                if runner.run(&self, system, start, if is_auto { f64::INFINITY } else { SLOW * fastest })? {
+                    followed.push(runner);
+                } else if is_auto {
+                    return Err(sprung::Error::Unsupported(format!("a step of {} breaks down", self.kind)));
+                }
+            }
+            runners = followed;
+        }
+        let chosen = runners.first().map_or_else(String::new, |auto| auto.solved_with.clone());
+        let mut times = runners.iter().map(Runner::time);
+        let Some(auto) = times.next() else {
+            return Err(sprung::Error::Unsupported(format!("no run of {} came to its end", self.kind)));
+        };
+        Ok(Raced { cell: self, auto, chosen, others: times.collect() })
     }
 }
 
