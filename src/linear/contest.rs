@@ -154,7 +154,9 @@ impl Contest {
         self.lost = (self.lost + SURE * cost - expected).max(0.0);
         let trial = match KINDS.get(best)? {
             Kind::Multigrid => ANALYSED * costs.multigrid_setup() + costs.preparation(Kind::Multigrid),
-            _ => costs.preparation(Kind::BlockJacobi) + cost,
+            Kind::BlockJacobi => costs.preparation(Kind::BlockJacobi) + cost,
+            // Nothing is prepared in vain: to come back is all that it can cost.
+            _ => costs.preparation(Kind::BlockJacobi),
         };
         let promised = self.price.get(best).is_some_and(|price| self.lost > trial * price);
         promised.then(|| KINDS.get(best).copied()).flatten()
@@ -218,7 +220,7 @@ mod tests {
         contest.changed_to(Kind::BlockJacobi);
         let lost = SURE * (blocks + 30.0 * with) - 30.0 * none;
         let back = moves(&mut contest, Kind::BlockJacobi, 30, 100);
-        assert_eq!(back, Some((((2.0 * blocks + 30.0 * with) / lost).floor() as usize, Kind::None)));
+        assert_eq!(back, Some(((blocks / lost).floor() as usize, Kind::None)));
         contest.changed_to(Kind::None);
         // Known by now to save nothing, they are not tried again.
         assert_eq!(moves(&mut contest, Kind::None, 30, 100), None);
