@@ -3,11 +3,12 @@
 //! that is inlined: its vectors are wider, and the results are the same to the bit, because nothing is reordered or fused.
 
 use super::sparse::Pattern;
+use crate::parallel::{parts, pieces, share};
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// Rows that are not worth a second thread.
-const GRAIN: usize = 2048;
+const GRAIN: usize = 512;
 
 /// Does something with the widest vectors that the processor has, if all that it calls is inlined. A closure must be called by
 /// reference for that: taken by value it goes through a function of its own.
@@ -38,11 +39,7 @@ pub(super) fn for_each_row<T: Send>(values: &mut [T], f: impl Fn(usize, &mut T) 
             },
         );
     };
-    if values.len() <= GRAIN {
-        rows(0, values);
-    } else {
-        values.par_chunks_mut(GRAIN).enumerate().for_each(|(chunk, values)| rows(chunk * GRAIN, values));
-    }
+    pieces(values, &rows);
 }
 
 /// Calls `f(start, chunk, chunk)` for chunks of a given length of two vectors.
@@ -73,11 +70,11 @@ pub(super) fn for_each_sparse_row<T: Send, U: Send>(
     beside: &mut [U],
     f: impl Fn(usize, &mut [T], &mut U) + Sync,
 ) {
-    split(pattern, 0..pattern.rows(), GRAIN, values, beside, &f);
+    for_each_beside(pattern, 0..pattern.rows(), GRAIN, values, beside, f);
 }
 
-/// Calls `f(row, values of the row)` for some rows of a sparse matrix; `values` are those of these rows. At most `grain` rows
-/// stay together.
+/// Calls `f(row, values of the row)` for some rows of a sparse matrix; `values` are those of these rows. Fewer than `grain` rows
+/// are not worth a second thread.
 pub(super) fn for_each_row_of<T: Send>(
     pattern: &Pattern,
     rows: Range<usize>,
@@ -105,18 +102,8 @@ fn for_each_beside<T: Send, U: Send>(
     beside: &mut [U],
     f: impl Fn(usize, &mut [T], &mut U) + Sync,
 ) {
-    split(pattern, rows, grain, values, beside, &f);
-}
-
-fn split<T: Send, U: Send>(
-    pattern: &Pattern,
-    rows: Range<usize>,
-    grain: usize,
-    values: &mut [T],
-    beside: &mut [U],
-    f: &(impl Fn(usize, &mut [T], &mut U) + Sync),
-) {
-    if rows.len() <= grain {
+    let parts = parts(rows.len(), grain);
+    split(pattern, rows, parts, values, beside, &|rows: Range<usize>, values: &mut [T], beside: &mut [U]| {
         widely(
             #[inline(always)]
             || {
@@ -128,22 +115,37 @@ fn split<T: Send, U: Send>(
                 }
             },
         );
-    } else {
-        let half = rows.len() / 2;
-        let middle = rows.start + half;
-        let (low, high) = values.split_at_mut(pattern.row(middle).start - pattern.row(rows.start).start);
-        let (low_beside, high_beside) = beside.split_at_mut(half);
-        rayon::join(
-            || split(pattern, rows.start..middle, grain, low, low_beside, f),
-            || split(pattern, middle..rows.end, grain, high, high_beside, f),
-        );
+    });
+}
+
+/// Calls `work(rows, their values, what is beside them)` for so many parts of some rows.
+fn split<T: Send, U: Send>(
+    pattern: &Pattern,
+    rows: Range<usize>,
+    parts: usize,
+    values: &mut [T],
+    beside: &mut [U],
+    work: &(impl Fn(Range<usize>, &mut [T], &mut [U]) + Sync),
+) {
+    if parts <= 1 {
+        return work(rows, values, beside);
     }
+    let some = share(rows.len(), parts / 2, parts);
+    let middle = rows.start + some;
+    let (low, high) = values.split_at_mut(pattern.row(middle).start - pattern.row(rows.start).start);
+    let (low_beside, high_beside) = beside.split_at_mut(some);
+    rayon::join(
+        || split(pattern, rows.start..middle, parts / 2, low, low_beside, work),
+        || split(pattern, middle..rows.end, parts - parts / 2, high, high_beside, work),
+    );
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{GRAIN, for_chunks, for_each_row, for_each_row_of, for_each_sparse_row};
+    use super::{GRAIN, for_chunks, for_each_row, for_each_row_of, for_each_sparse_row, split};
     use crate::multigrid::sparse::Pattern;
+    use crate::parallel::parts;
+    use std::sync::Mutex;
 
     /// However many pieces there are, every row is visited once and knows its number.
     #[test]
@@ -182,6 +184,35 @@ mod tests {
             let mut all = vec![0; pattern.positions(&(0..some.start)).len()];
             all.extend(values);
             assert!(some.into_iter().all(|row| own(row, &all)), "{rows}");
+        }
+    }
+    /// Entries of every thread, counted, on one to sixteen, for the pattern of a cloth of 100² nodes and nine blocks a row: each has as many
+    /// pieces as the others, and a thread's work is at most a fiftieth above the mean.
+    #[test]
+    fn threads_have_the_same_rows() {
+        let side = 100;
+        let pattern = Pattern::build(side * side, |row, columns| {
+            let near = |at: usize| at.saturating_sub(1)..(at + 2).min(side);
+            columns.extend(near(row / side).flat_map(|y| near(row % side).map(move |x| (y * side + x) as u32)));
+        });
+        let pattern = pattern.unwrap();
+        for threads in 1..=16 {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let entries = Mutex::new(Vec::new());
+            pool.install(|| {
+                let parts = parts(pattern.rows(), GRAIN);
+                let (mut values, mut beside) = (vec![(); pattern.blocks()], vec![(); pattern.rows()]);
+                split(&pattern, 0..pattern.rows(), parts, &mut values, &mut beside, &|rows, values, beside| {
+                    assert_eq!((values.len(), beside.len()), (pattern.positions(&rows).len(), rows.len()));
+                    entries.lock().unwrap().push((rows.start, values.len()));
+                });
+            });
+            let mut entries = entries.into_inner().unwrap();
+            entries.sort_unstable();
+            assert_eq!(entries.len() % threads, 0, "{threads}");
+            let of_threads = entries.chunks(entries.len() / threads);
+            let most = of_threads.map(|pieces| pieces.iter().map(|piece| piece.1).sum::<usize>()).max().unwrap();
+            assert!(most as f64 <= 1.02 * pattern.blocks() as f64 / threads as f64, "{threads}: {most}");
         }
     }
 }
