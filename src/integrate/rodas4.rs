@@ -51,7 +51,7 @@ use crate::operator::Combination;
 use crate::system::{State, System};
 pub(super) use brake::BRAKE;
 use brake::braked;
-use coefficients::{A, B, C, GAMMA, Row, STAGES};
+use coefficients::{A, B, C, GAMMA, Row, STAGES, add_multiples};
 use nalgebra::Vector3;
 
 /// Fourth order with the full stiffness, A- and L-stable; steps with an indefinite matrix are refused or cut.
@@ -309,16 +309,6 @@ fn prescribe(system: &System, tau: f64, r: &[Vector3<f64>], x: &mut [Vector3<f64
     for (dof, ..) in system.prescribed().iter() {
         if let (Some(x), Some(r)) = (x.get_mut(dof.particle), r.get(dof.particle)) {
             x[dof.axis] = tau * r[dof.axis];
-        }
-    }
-}
-
-/// Adds `factor Σ row_j u_j`.
-fn add_multiples(row: &Row, factor: f64, stages: &[Vec<Vector3<f64>>], to: &mut [Vector3<f64>]) {
-    for (stage, &coefficient) in stages.iter().zip(row).filter(|(_, coefficient)| **coefficient != 0.0) {
-        let coefficient = coefficient * factor;
-        for (to, u) in to.iter_mut().zip(stage) {
-            *to += u * coefficient;
         }
     }
 }

@@ -151,4 +151,30 @@ mod tests {
             assert!(known, "{tool:?}: {words:?}");
         }
     }
+    #[derive(serde::Deserialize)]
+    struct Faults {
+        fault: Vec<Fault>,
+    }
+
+    #[derive(serde::Deserialize)]
+    struct Fault {
+        name: String,
+        file: String,
+        find: String,
+        replace: String,
+    }
+
+    /// Planting takes a quarter of an hour, and seldom happens; that a fault has lost its place is seen at once.
+    #[test]
+    fn every_fault_has_its_place() {
+        let root = crate::root().unwrap();
+        let list = std::fs::read_to_string(root.join("verification/faults.toml")).unwrap();
+        let Faults { fault: faults } = toml::from_str(&list).unwrap();
+        assert!(faults.len() > 100);
+        for Fault { name, file, find, replace } in faults {
+            let source = std::fs::read_to_string(root.join(&file)).unwrap();
+            assert_eq!(source.matches(&find).count(), 1, "{name}: in {file}");
+            assert_ne!(find, replace, "{name}");
+        }
+    }
 }

@@ -1,4 +1,6 @@
-//! The coefficients of RODAS4 in Hairer and Wanner's transformed form, as in rodas.f (METH = 1).
+//! The coefficients of RODAS4 in Hairer and Wanner's transformed form, as in rodas.f (METH = 1), and the sums that they stand in.
+
+use nalgebra::Vector3;
 
 /// Number of stages.
 pub(super) const STAGES: usize = 6;
@@ -33,3 +35,13 @@ pub(super) const C: [Row; STAGES] = [
 
 /// The new state: the point of the last stage and the last stage.
 pub(super) const B: Row = [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 1.0, 1.0];
+
+/// Adds `factor Σ row_j u_j`.
+pub(super) fn add_multiples(row: &Row, factor: f64, stages: &[Vec<Vector3<f64>>], to: &mut [Vector3<f64>]) {
+    for (stage, &coefficient) in stages.iter().zip(row).filter(|(_, coefficient)| **coefficient != 0.0) {
+        let coefficient = coefficient * factor;
+        for (to, u) in to.iter_mut().zip(stage) {
+            *to += u * coefficient;
+        }
+    }
+}
