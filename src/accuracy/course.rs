@@ -152,4 +152,26 @@ mod tests {
     fn large_scenes_keep_few_samples() {
         assert_eq!([1, 87_381, 1_000_000].map(most_samples), [64, 64, 8]);
     }
+
+    /// As far apart as asked for is not beyond it.
+    #[test]
+    fn runs_part_where_they_are_farther_apart_than_asked_for() {
+        let difference = course(&[0.0; 3]).compared_with(&course(&[0.0, 0.1, 0.5]), &[Vector3::zeros(); 2]);
+        assert_eq!(difference.first_beyond(difference.largest()), None);
+        assert_eq!(difference.first_beyond(0.99 * difference.largest()), Some(2.0));
+    }
+
+    /// Away from the origin, and where ends meet without passing each other.
+    #[test]
+    fn springs_have_turned_round_where_ends_have_passed() {
+        let at = |a: f64, b: f64| [a, b].map(|x| Vector3::new(x, 0.0, 0.0));
+        for (then, expected) in [((5.5, 5.6), 0), ((5.6, 5.5), 1), ((5.5, 5.5), 0), ((-7.0, 2.0), 0), ((2.0, -7.0), 1)]
+        {
+            let mut course = Course::default();
+            course.push(1.0, &at(then.0, then.1));
+            for pair in [[0, 1], [1, 0]] {
+                assert_eq!(course.reversed(&[pair], &at(5.0, 6.0)), expected, "{then:?}");
+            }
+        }
+    }
 }

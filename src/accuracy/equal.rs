@@ -271,4 +271,24 @@ mod tests {
         fine.shown = Some(fine.shows(&coarse, 2.1e-5));
         assert!(fine.is_uneven(&coarse));
     }
+
+    /// At the borders themselves.
+    #[test]
+    fn borders_belong_to_what_is_believed() {
+        let coarse = ran(100.0, 1e-6, 0.0);
+        let shown = Shown { apart: 1e-5, law: 1e-6, growth: MAGNIFIED, disagreed: 1e-7, died_out: 1e-7 };
+        let with = |shown: Shown| Ran { shown: Some(shown), ..ran(120.0, 1e-7, 0.0) };
+        let before = with(Shown { apart: 2e-5, ..shown });
+        // Magnified by just as much; half as far apart, which is just enough; and as much died out as was seen.
+        assert!(!with(Shown { died_out: 0.0, ..shown }).is_uneven(&coarse));
+        assert!(!with(Shown { died_out: 0.0, ..shown }).is_uneven(&before));
+        assert!(!with(Shown { apart: 2e-5, ..shown }).is_uneven(&before));
+        assert!(with(Shown { apart: 2e-5, died_out: 9e-8, ..shown }).is_uneven(&before));
+        let shorter =
+            |died_out: f64, disagreed: f64, accuracy| with(Shown { died_out, disagreed, ..shown }).shorter(accuracy);
+        assert_eq!(shorter(1e-7, 1e-7, 1.0), SHORTER[0]);
+        assert_eq!(shorter(2e-7, 1e-7, 1.0), SHORTER_WHERE_DEAD);
+        // Of what the law leaves, one part in a million, and as much that died out.
+        assert!(is_close(shorter(1e-6, 1e-7, 2e-6 / AIM / 50.0), 50f64.powf(0.125)));
+    }
 }

@@ -89,4 +89,26 @@ mod tests {
         assert_eq!(parting(1e-5, 0.2).outlook(&coarse, 1.0), None);
         assert_eq!(Parting { time: None, ..fine }.outlook(&coarse, 1.0), None);
     }
+
+    /// Times count from the start, and less than a hundredth of the way is no gain.
+    #[test]
+    fn partings_are_told_from_the_start_on() {
+        use crate::accuracy::course::Course;
+        let course = |apart: f64| {
+            let mut course = Course::default();
+            for step in 0..4 {
+                let x = 1.0 + if step >= 2 { apart } else { 0.0 };
+                course.push(3.0 + f64::from(step), &[[0.0; 3].into(), [x, 0.0, 0.0].into()]);
+            }
+            course
+        };
+        let difference = course(0.0).compared_with(&course(0.5), &[[0.0; 3].into(), [1.0, 0.0, 0.0].into()]);
+        let parting = Parting::of(&difference, 0.1, 1e-5, 3.0);
+        assert_eq!((parting.time, parting.spread), (Some(2.0), difference.largest()));
+        for (time, says) in [(2.09, false), (2.11, true)] {
+            let outlook =
+                Parting { time: Some(time), ..parting }.outlook(&Parting { tolerance: 1e-4, ..parting }, 10.0);
+            assert_eq!(outlook.is_some(), says, "{time}");
+        }
+    }
 }

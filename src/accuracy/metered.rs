@@ -142,3 +142,75 @@ impl<S: AdaptiveStepper + ?Sized> AdaptiveStepper for Metered<'_, S> {
         self.stepper.statistics_mut()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrate::{ImplicitOptions, Method};
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+
+    /// With a meter that never refuses every method is itself: what it is asked for and told goes through to the last bit.
+    #[test]
+    fn what_is_metered_stays_what_it_is() {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        let _ = [[0.0, 0.0], [1.2, 0.0], [2.0, 0.6]].map(|[x, y]| builder.particle([x, y, 0.0], 1.0));
+        builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 1.0, damping: 0.3 });
+        builder.spring(1, 2, Spring { stiffness: 30.0, rest_length: 1.1, damping: 0.0 });
+        builder.hold(0);
+        let (system, start) = builder.build().unwrap();
+        let go_on = || true;
+        let meter = Meter::new(CostModel::of(&system), f64::INFINITY, &go_on);
+        for method in Method::ALL {
+            let stepper = || method.stepper(&system, &start, &ImplicitOptions::default()).unwrap();
+            let walk = |stepper: &mut dyn TimeStepper| {
+                let mut state = start.clone();
+                for (step, dt) in [0.02, 0.02, 0.03, 0.01].into_iter().enumerate() {
+                    stepper.step(&mut state, dt).unwrap();
+                    if step == 1 {
+                        stepper.restart();
+                    }
+                }
+                let solver = stepper.linear_solver().map(LinearSolver::name);
+                (state, stepper.name(), solver, stepper.statistics().work)
+            };
+            let (mut plain, mut metered) = (stepper(), stepper());
+            let seen = walk(&mut Metered { stepper: &mut *metered, meter: &meter });
+            assert_eq!(seen, walk(&mut *plain));
+            assert_eq!(seen.2.is_some(), method.is_implicit(), "{}", seen.1);
+            let adaptive = || method.adaptive_stepper(&system, &start, &ImplicitOptions::default()).unwrap();
+            let (Some(mut plain), Some(mut metered)) = (adaptive(), adaptive()) else { continue };
+            let walk = |stepper: &mut dyn AdaptiveStepper| {
+                let mut state = start.clone();
+                for (step, dt) in [0.02, 0.5, 0.02, 0.03, 0.01].into_iter().enumerate() {
+                    let _ = stepper.try_step(&state, dt).map(drop);
+                    if step == 1 { stepper.reject() } else { stepper.accept(&mut state) }
+                }
+                let orders = (stepper.order(), stepper.estimate_order(), stepper.caution());
+                (state, orders, stepper.statistics().work)
+            };
+            let seen = walk(&mut Metered { stepper: &mut *metered, meter: &meter });
+            assert_eq!(seen, walk(&mut *plain));
+            assert_eq!(seen.1.0, method.order());
+        }
+    }
+
+    /// A run may cost just as much as its limit, and remembers that it was more.
+    #[test]
+    fn a_limit_may_be_reached() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        let (system, _) = builder.build().unwrap();
+        let go_on = || true;
+        let meter = Meter::new(CostModel::of(&system), 5.0, &go_on);
+        meter.spent.set(5.0);
+        assert!(!meter.is_over() && !meter.has_refused());
+        meter.spent.set(5.1);
+        assert!(meter.is_over() && meter.has_refused());
+        meter.spent.set(0.0);
+        assert!(meter.is_over());
+        let stopped = || false;
+        let meter = Meter::new(CostModel::of(&system), 5.0, &stopped);
+        assert!(meter.is_over() && !meter.has_refused());
+    }
+}

@@ -24,6 +24,8 @@ mod samples;
 mod search;
 mod settled;
 mod stiff;
+#[cfg(test)]
+mod tests;
 mod trial;
 mod verlet;
 mod words;

@@ -64,4 +64,16 @@ mod tests {
         let x = [Vector3::new(f64::NAN, 0.0, 0.0)];
         assert!(relative_position_error(&x, &[Vector3::zeros()], &[Vector3::zeros()]).is_nan());
     }
+
+    /// Where nothing has a length it is 1 m; where the spread is rounding it is the way.
+    #[test]
+    fn extents_that_are_rounding_are_none() {
+        let pair = |x: f64, apart: f64| [Vector3::new(x, 0.0, 0.0), Vector3::new(x + apart, 0.0, 0.0)];
+        assert_eq!(extent(&[Vector3::zeros()], &[Vector3::zeros()]), 1.0);
+        assert_eq!(
+            extent(&pair(1024.0, 1e-10), &pair(1025.0, 0.0)),
+            distance(&pair(1024.0, 1e-10), &pair(1025.0, 0.0))
+        );
+        assert!(extent(&pair(1024.0, 1e-8), &pair(1025.0, 0.0)) < 1e-8);
+    }
 }

@@ -261,4 +261,66 @@ mod tests {
         let parts = Parts::of(&system);
         assert_eq!(parts.part, [0, 0, 2, 3, 3]);
     }
+
+    fn spring(stiffness: f64, rest_length: f64) -> crate::Spring {
+        crate::Spring { stiffness, rest_length, damping: 0.1 }
+    }
+
+    /// On the x axis hang two particles, in a scene that has a part of its own before them.
+    fn on_an_axis(anchor: Motion) -> (System, State) {
+        let mut builder = crate::SystemBuilder::new();
+        for x in [[0.0, 5.0, 0.0], [1.0, 6.0, 1.0], [0.0; 3], [1.0, 0.0, 0.0], [2.1, 0.0, 0.0]] {
+            builder.particle(x, 1.0);
+        }
+        for [i, j] in [[0, 1], [2, 3], [3, 4]] {
+            builder.spring(i, j, spring(1.0, 1.0));
+        }
+        builder.constrain(crate::system::Constraint { particles: vec![2], axes: Axes::ALL, motion: anchor });
+        builder.build().unwrap()
+    }
+
+    #[test]
+    fn axes_without_force_are_left_out_part_by_part() {
+        let axis = |axis| Reduction::Axis { axis, coordinates: 2 };
+        let along = |x: f64, y: f64| Vector3::new(x, y, 0.0);
+        let path = |to| Motion::Path { times: vec![0.0, 1.0], offsets: vec![Vector3::zeros(), to] };
+        for (motion, expected) in [
+            (Motion::Held, vec![axis('y'), axis('z')]),
+            (Motion::Velocity(along(1.0, 0.0)), vec![axis('y'), axis('z')]),
+            (Motion::Velocity(along(0.0, 1.0)), vec![axis('z')]),
+            (path(along(1.0, 0.0)), vec![axis('y'), axis('z')]),
+            (path(along(0.0, 1.0)), vec![axis('z')]),
+        ] {
+            let (system, mut state) = on_an_axis(motion.clone());
+            assert_eq!(reduce(&system, &state).reductions, expected, "{motion:?}");
+            state.velocities[4].z = 1.0;
+            let expected: Vec<_> = expected.into_iter().filter(|of| *of != axis('z')).collect();
+            assert_eq!(reduce(&system, &state).reductions, expected, "{motion:?}");
+        }
+    }
+
+    /// A heavy particle between two walls, off the middle by a part of what rounding allows: 16 ε of `2 (F + κ (|x| + 5 m))` with the κ of 200 N/m and
+    /// the F of 900 N of either spring, or, where these are compressed, by nothing.
+    #[test]
+    fn particles_rest_where_forces_balance_to_rounding() {
+        let is_left_out = |part: f64, rest_length: f64, wall: Motion| {
+            let allowed = 16.0 * f64::EPSILON * 2.0 * (900.0 + 1000.0);
+            let mut builder = crate::SystemBuilder { dimension: 1, ..crate::SystemBuilder::new() };
+            for x in [part * allowed / 400.0, -5.0, 5.0] {
+                builder.particle([x, 0.0, 0.0], 1e5);
+            }
+            builder.spring(0, 1, spring(200.0 * rest_length, rest_length));
+            builder.spring(0, 2, spring(200.0 * rest_length, rest_length));
+            builder.hold(1);
+            builder.constrain(crate::system::Constraint { particles: vec![2], axes: Axes::ALL, motion: wall });
+            let (system, state) = builder.build().unwrap();
+            reduce(&system, &state).reductions.contains(&Reduction::AtRest { particles: 1, coordinates: 1 })
+        };
+        for (part, rest_length, expected) in
+            [(0.0, 0.5, true), (0.7, 0.5, true), (1.5, 0.5, false), (0.0, 6.0, true), (0.7, 6.0, false)]
+        {
+            assert_eq!(is_left_out(part, rest_length, Motion::Held), expected, "{part} {rest_length}");
+        }
+        assert!(!is_left_out(0.0, 0.5, Motion::Velocity(Vector3::new(1.0, 0.0, 0.0))));
+    }
 }

@@ -114,4 +114,32 @@ mod tests {
         }
         assert_eq!(seen, [(1, 0.25), (2, 0.5), (3, 0.75), (4, 1.0)]);
     }
+
+    /// A time that lies a hundred-thousandth of the spacing before the end is one of its own; in steps of seconds too.
+    #[test]
+    fn samples_are_all_seen_whatever_the_unit() {
+        let mut builder = crate::SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        let (system, start) = builder.build().unwrap();
+        for (unit, end) in [(1e-3, 2.00001), (10.0, 2.0)] {
+            let at = |time: f64| State {
+                time,
+                positions: vec![nalgebra::Vector3::new(time * time, 0.0, 0.0)],
+                velocities: vec![nalgebra::Vector3::new(2.0 * time, 0.0, 0.0)],
+            };
+            let mut between = Between::new(0.25 * unit, 0.3 * unit, &start);
+            let mut seen = 0;
+            for step in 1..=7 {
+                let time = unit * if step == 7 { end } else { 0.3 * f64::from(step) };
+                let flow = between.see(&system, &at(time), unit * end, |number, state| {
+                    seen = number;
+                    let error = state.positions[0].x - state.time * state.time;
+                    assert!(error.abs() < 1e-12 * unit * unit, "{number}: {error:e}");
+                    ControlFlow::Continue(())
+                });
+                assert!(flow.is_continue());
+            }
+            assert_eq!(seen, if end > 2.0 { 9 } else { 8 });
+        }
+    }
 }

@@ -27,7 +27,7 @@ impl Run {
     /// Why a run has no useful error, in a word or two.
     pub fn cause(&self) -> Option<String> {
         match self.error {
-            Some(error) if error < LARGEST_ERROR => None,
+            _ if self.useful_error().is_some() => None,
             Some(_) => Some("error above 100 %".into()),
             None => Some(self.status.name().replace('-', " ")),
         }

@@ -187,4 +187,46 @@ mod tests {
         let error = (end.positions[1].x - (v * t + l0 + u)).abs();
         assert!(error < 1e-7, "{error:e}");
     }
+
+    /// After 150 s of 1000 s, and after 50 s: less than a tenth of the time says nothing. The pace of the way so far may be half of what it should be.
+    #[test]
+    fn runs_that_would_take_too_long_are_hopeless() {
+        use super::Watch;
+        let is_hopeless = |elapsed: u64, allowed: u64, time: f64| {
+            let begin = Instant::now().checked_sub(Duration::from_secs(elapsed)).unwrap();
+            let deadline = (begin + Duration::from_secs(allowed)).into();
+            Watch { reached: Vec::new(), span: [2.0, 12.0], begin, deadline }.is_hopeless(time)
+        };
+        for (elapsed, allowed, time, expected) in [
+            (150, 1000, 2.5, true),
+            (150, 1000, 2.7, true),
+            (150, 1000, 2.8, false),
+            (150, 1000, 12.0, false),
+            (50, 1000, 2.0, false),
+            (50, 1000, 2.1, false),
+            (99, 1000, 2.0, false),
+            (1010, 1000, 12.0, true),
+            (990, 1000, 12.0, false),
+            (990, 1000, 6.0, true),
+        ] {
+            assert_eq!(is_hopeless(elapsed, allowed, time), expected, "{elapsed} of {allowed} s at {time}");
+        }
+    }
+
+    /// Kinks inside of the way alone, each once, in their order, and the end.
+    #[test]
+    fn intervals_end_at_kinks() {
+        let mut builder = SystemBuilder::new();
+        (0..2).for_each(|_| _ = builder.particle([0.0; 3], 1.0));
+        for (particle, times) in [(0, vec![0.0, 2.0, 3.0, 9.0]), (1, vec![1.0, 3.0, 5.0])] {
+            let offsets = times.iter().map(|&t: &f64| Vector3::new(t.sin(), 0.0, 0.0)).collect();
+            let motion = Motion::Path { times, offsets };
+            builder.constrain(Constraint { particles: vec![particle], axes: Axes::ALL, motion });
+        }
+        let (system, _) = builder.build().unwrap();
+        let kinks = |start, end| super::kinks(&system, start, end);
+        assert_eq!(kinks(1.0, 5.0), [2.0, 3.0, 5.0]);
+        assert_eq!(kinks(0.5, 4.0), [1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(kinks(5.0, 6.0), [6.0]);
+    }
 }

@@ -84,3 +84,26 @@ pub(super) fn study(deadline: Deadline) -> Result<Vec<SizeRun>> {
 pub(super) fn share(budget: Duration) -> Duration {
     (budget / 8).min(Duration::from_secs(10))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Without time for more the smallest scenes of both kinds, by every solver: 36 particles, two held, and 27, nine held.
+    #[test]
+    fn the_smallest_sizes_are_measured_in_any_case() {
+        let runs = study(Deadline::from(Instant::now())).unwrap();
+        let found: Vec<_> = runs.iter().map(|run| (run.kind, run.dofs, run.solver, run.steps)).collect();
+        let of = |kind: Kind, dofs| ["llt", "cg", "cg-assembled"].map(|solver| (kind.name(), dofs, solver, 4));
+        assert_eq!(found, [of(Kind::Cloth, 102), of(Kind::Lattice, 54)].concat());
+        for run in runs {
+            assert!(run.seconds_per_step > 0.0 && run.work.solves == 4, "{run:?}");
+        }
+    }
+
+    #[test]
+    fn an_eighth_of_the_time_is_for_sizes_and_ten_seconds_at_most() {
+        let seconds = |budget| share(Duration::from_secs(budget)).as_secs_f64();
+        assert_eq!([8, 79, 80, 800].map(seconds), [1.0, 9.875, 10.0, 10.0]);
+    }
+}

@@ -207,3 +207,123 @@ fn coarsest(dt: f64, duration: f64) -> f64 {
     let doublings = (duration / dt / FEWEST_STEPS).log2().floor();
     dt * doublings.exp2()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+
+    /// A particle on a spring of 1 N/m, 1 kg, drawn out by 0.3 m, as it is after this time.
+    fn oscillator(duration: f64) -> (System, State, Reference) {
+        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.3, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        builder.hold(0);
+        let (system, start) = builder.build().unwrap();
+        let mut state = start.clone();
+        state.positions[1].x = 1.0 + 0.3 * duration.cos();
+        (system, start, Reference { method: "exact".into(), error_estimate: 1e-4, state })
+    }
+
+    fn far() -> Deadline {
+        Deadline::from(Instant::now() + Duration::from_secs(7200))
+    }
+
+    /// Every curve ends with its first run that is as good as the reference, and goes there by halves, or by quarters of the tolerance.
+    #[test]
+    fn curves_go_by_halves_to_the_floor() {
+        let (system, start, reference) = oscillator(1.0);
+        let bench = Bench {
+            system: &system,
+            start: &start,
+            duration: 1.0,
+            reference: &reference,
+            costs: CostModel::of(&system),
+        };
+        let mut told = Vec::new();
+        let runs = sweep(&bench, 0.01, Par::Seq, far(), &mut |_, what: &str| told.push(what.to_owned())).unwrap();
+        assert_eq!(told, runs.iter().map(|run| run.method).collect::<Vec<_>>());
+        let all = configurations(Par::Seq);
+        assert_eq!(all.len(), 22);
+        assert!(all.iter().all(|configuration| configuration.options.linear.par == Par::Seq));
+        let mut curves: Vec<Vec<&Run>> = Vec::new();
+        for run in &runs {
+            let way = |run: &Run| (run.method, run.stiffness, run.solver, run.rtol.is_some());
+            match curves.iter_mut().find(|curve| way(curve[0]) == way(run)) {
+                Some(curve) => curve.push(run),
+                None => curves.push(vec![run]),
+            }
+        }
+        let adaptive: Vec<_> = curves.iter().filter(|curve| curve[0].rtol.is_some()).collect();
+        let methods: Vec<_> = adaptive.iter().map(|curve| (curve[0].method, curve[0].solver)).collect();
+        assert_eq!(methods, [("bdf2", "llt"), ("w2", "llt"), ("rodas4", "llt"), ("dop853", "none")]);
+        assert_eq!(curves.len(), all.len() + adaptive.len());
+        for curve in curves {
+            for (round, run) in curve.iter().enumerate() {
+                let is_last = round + 1 == curve.len();
+                assert_eq!(run.error.unwrap() <= 3e-4, is_last, "{run:?}");
+                match run.rtol {
+                    // 0.01 s, doubled as long as four steps are left.
+                    None => assert_eq!(run.dt, 0.16 * 0.5f64.powi(round as i32), "{run:?}"),
+                    Some(rtol) => assert_eq!(rtol, 0.1 * 0.25f64.powi(round as i32), "{run:?}"),
+                }
+                assert_eq!(run.tolerance.is_some(), run.solver == "cg", "{run:?}");
+            }
+        }
+    }
+
+    /// Steps that follow an estimate have the mean for their length, and the first of them is as long as the steps of one length are: with a loose
+    /// tolerance a run from a step half as long takes other steps.
+    #[test]
+    fn adaptive_runs_have_a_mean_step() {
+        let (system, start, reference) = oscillator(3.0);
+        let bench = Bench {
+            system: &system,
+            start: &start,
+            duration: 3.0,
+            reference: &reference,
+            costs: CostModel::of(&system),
+        };
+        let configuration = Configuration { method: Method::Dop853, options: ImplicitOptions::default() };
+        let pace = Pace::Adaptive { rtol: 1e-6, first_step: Some(0.1) };
+        let run = bench.measure(&configuration, pace, far()).unwrap().unwrap();
+        let alone = trial(&system, &start, &configuration, pace, 3.0, &|| true).unwrap();
+        assert!(alone.steps > 1);
+        assert_eq!((run.dt, run.rtol, run.status), (3.0 / alone.steps as f64, Some(1e-6), Status::Completed));
+        let over = Deadline::from(Instant::now());
+        assert_eq!(bench.measure(&configuration, pace, over).unwrap(), None);
+        assert!(sweep(&bench, 0.01, Par::Seq, over, &mut |_, _: &str| {}).unwrap().is_empty());
+    }
+
+    #[test]
+    fn sweeps_begin_with_a_few_steps() {
+        for (dt, duration, expected) in [(0.25, 8.0, 2.0), (0.25, 7.9, 1.0), (3.0, 4.0, 0.75), (3.0, 8.0, 1.5)] {
+            assert_eq!(coarsest(dt, duration), expected);
+        }
+    }
+
+    /// From coarse to fine, by conjugate gradients, with the tolerance that is asked for.
+    #[test]
+    fn tolerances_go_by_hundreds() {
+        let (system, start, reference) = oscillator(1.0);
+        let bench = Bench {
+            system: &system,
+            start: &start,
+            duration: 1.0,
+            reference: &reference,
+            costs: CostModel::of(&system),
+        };
+        let runs = crate::chart::tolerance::study(&bench, Method::W2, 0.25, far()).unwrap();
+        let found: Vec<_> = runs.iter().map(|run| (run.method, run.solver, run.dt, run.tolerance.unwrap())).collect();
+        let expected = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12].map(|tolerance| ("w2", "cg", 0.25, tolerance));
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found.0, found.1, found.2) == (expected.0, expected.1, expected.2));
+            assert!((found.3 / expected.3 - 1.0).abs() < 1e-12, "{found:?}");
+        }
+        let none = crate::chart::tolerance::study(&bench, Method::W2, 0.25, Instant::now().into()).unwrap();
+        assert!(none.is_empty());
+    }
+}

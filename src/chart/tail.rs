@@ -45,3 +45,19 @@ impl WorkPrecision {
         curves(&self.runs).iter().flat_map(|curve| tail(curve, self.floor())).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chart::Reference;
+    use crate::system::State;
+
+    #[test]
+    fn three_times_the_error_of_the_reference_is_the_floor() {
+        let state = State { time: 0.0, positions: Vec::new(), velocities: Vec::new() };
+        let reference = Reference { method: "made up".into(), error_estimate: 5e-4, state };
+        let (runs, tolerances, sizes) = Default::default();
+        let chart = WorkPrecision { scene: "s".into(), duration: 1.0, reference, runs, tolerances, sizes };
+        assert_eq!(chart.floor(), 1.5e-3);
+    }
+}

@@ -147,4 +147,29 @@ mod tests {
             assert_eq!(inverse(&(l * Matrix3::from_diagonal(&pivots.into()) * l.transpose())), None, "{pivots:?}");
         }
     }
+
+    /// Where the particles are cut for the threads, and their rows with them, no number changes.
+    #[test]
+    fn stretches_are_cut_where_particles_end() {
+        let mut builder = crate::SystemBuilder { dimension: 2, ..crate::SystemBuilder::new() };
+        let particles = 2 * STRETCH + 3;
+        (0..particles).for_each(|p| _ = builder.particle([p as f64, 0.0, 0.0], 1.0));
+        (0..particles).step_by(7).for_each(|p| _ = builder.hold(p));
+        let (system, _) = builder.build().unwrap();
+        let mut blocks = BlockJacobi::new(DiagonalPart::Blocks, system.dofs());
+        for (p, inverse) in blocks.inverses.iter_mut().enumerate() {
+            *inverse = Matrix3::new(1.0 + p as f64, 0.5, 0.0, 0.5, 2.0, 0.0, 0.0, 0.0, 1.0);
+        }
+        let rows = system.dofs().len();
+        let r: Vec<f64> = (0..rows).map(|row| (row as f64).sin()).collect();
+        let (mut z, mut alone) = (vec![0.0; rows], vec![0.0; rows]);
+        blocks.apply(&r, &mut z);
+        for p in 0..particles {
+            let rows = system.dofs().rows(p);
+            blocks.apply_to(p..p + 1, &r[rows.clone()], &mut alone[rows]);
+        }
+        assert_eq!(z, alone);
+        let row = system.dofs().rows(8).start;
+        assert_eq!(z[row..row + 2], [9.0 * r[row] + 0.5 * r[row + 1], 0.5 * r[row] + 2.0 * r[row + 1]]);
+    }
 }

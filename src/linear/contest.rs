@@ -302,4 +302,69 @@ mod tests {
         assert_eq!(Contest::patience(Kind::BlockJacobi), Some((100, Kind::Multigrid)));
         assert_eq!(Contest::patience(Kind::Multigrid), None);
     }
+
+    /// Set-ups are a mean in which what was before counts seven tenths, of matrices that multigrid had alone.
+    #[test]
+    fn set_ups_are_remembered() {
+        let (mut contest, costs) = (contest(), costs());
+        for (kind, set_up, expected) in
+            [(Kind::Multigrid, 1.0, 0.3), (Kind::BlockJacobi, 5.0, 0.3), (Kind::Multigrid, 2.0, 0.81)]
+        {
+            contest.set_up(set_up);
+            contest.record(kind, 5, 10.0);
+            contest.next(kind, &costs, true);
+            assert!((contest.set_ups - expected).abs() < 1e-12, "{}", contest.set_ups);
+        }
+        for (kind, set_up, price) in
+            [(Kind::Multigrid, -1.0, 4.0), (Kind::BlockJacobi, 0.0, 4.0), (Kind::Multigrid, -1.0, 16.0)]
+        {
+            contest.changed_to(kind);
+            assert_eq!((contest.set_up, contest.price[place(kind)], contest.lost), (set_up, price, 0.0));
+        }
+    }
+
+    /// What is lost is nine tenths of what a matrix has cost less what the cheapest other one would have; beyond what a trial costs, times what was
+    /// promised in vain, there is one.
+    #[test]
+    fn trials_begin_where_they_have_cost_as_much_not_to_be_made() {
+        let costs = costs();
+        let digits = 10.0;
+        let run = |kind, iterations: f64| costs.preparation(kind) + iterations * costs.iteration(kind);
+        // Each one with what the others are known to take, or are hoped to.
+        for (kind, iterations, set_up, best, trial) in [
+            (
+                Kind::BlockJacobi,
+                400,
+                0.0,
+                Kind::Multigrid,
+                3.0 * costs.multigrid_setup() + costs.preparation(Kind::Multigrid),
+            ),
+            (Kind::Multigrid, 40, 1.5, Kind::BlockJacobi, costs.preparation(Kind::BlockJacobi)),
+        ] {
+            let before = |contest: &mut Contest| {
+                // Known to be hopeless without any, and with blocks to take eight iterations a digit.
+                contest.record(Kind::None, 100_000, 10.0);
+                if kind == Kind::Multigrid {
+                    contest.record(Kind::BlockJacobi, 80, 10.0);
+                }
+                contest.now = Seen::default();
+                contest.record(kind, iterations, digits);
+                contest.set_up(set_up);
+            };
+            let cost = run(kind, iterations as f64) + set_up * costs.multigrid_setup();
+            let expected = if best == Kind::Multigrid { run(best, digits) } else { run(best, 8.0 * digits) };
+            let lost = SURE * cost - expected;
+            assert!(lost > 0.0, "{lost}");
+            let border = DISAPPOINTED * if best == Kind::BlockJacobi { trial + cost } else { trial };
+            for (part, moves) in [(0.999, None), (1.001, Some(best))] {
+                let mut contest = contest();
+                contest.changed_to(best);
+                before(&mut contest);
+                contest.lost = part * border - lost;
+                let found = contest.next(kind, &costs, true);
+                assert!((contest.lost / (part * border) - 1.0).abs() < 1e-9, "{} {border}", contest.lost);
+                assert_eq!(found, moves, "{part}");
+            }
+        }
+    }
 }

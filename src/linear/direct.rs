@@ -246,7 +246,10 @@ fn refused(matrix: &SystemMatrix, pivot: NonPositivePivot) -> SolveFailure {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spring::Spring;
+    use crate::force::Extensions;
+    use crate::linear::Prepare;
+    use crate::operator::Combination;
+    use crate::spring::{Spring, Stiffness};
     use crate::system::SystemBuilder;
 
     /// Two free particles and a spring: six rows, and a factor that has all entries of its triangle at least.
@@ -266,5 +269,58 @@ mod tests {
             let entries = solver.factor().unwrap().size.entries;
             assert!((21..=36).contains(&entries), "{}: {entries}", solver.name());
         }
+    }
+
+    /// A particle on a spring from a wall, pressed to half its length, and the matrix of a long step: negative across the spring, twice.
+    fn pressed(stiffness: f64) -> (System, Extensions) {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([0.5, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness, rest_length: 1.0, damping: 0.0 });
+        builder.hold(0);
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        (system, extensions)
+    }
+
+    #[test]
+    fn negative_pivots_are_counted() {
+        let (system, extensions) = pressed(100.0);
+        let work = &mut Work::default();
+        let mut solver = LdltSolver::new(&system, Par::Seq, work).unwrap();
+        for (dt, expected) in [(0.01, None), (1.0, Some(2))] {
+            let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(dt));
+            let negative = match solver.take(&a, work).unwrap() {
+                Definiteness::Indefinite { negative, .. } => Some(negative),
+                _ => None,
+            };
+            assert_eq!((negative, solver.name()), (expected, "ldlt"));
+        }
+        assert_eq!(work.factorizations, 2);
+    }
+
+    /// However small or large it is, a right-hand side has its solution: the same digits.
+    #[test]
+    fn solutions_have_the_size_of_their_right_hand_side() {
+        let (system, extensions) = pressed(100.0);
+        let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.01));
+        let work = &mut Work::default();
+        let solvers: [Box<dyn LinearSolver>; 2] = [
+            Box::new(CholeskySolver::new(&system, Par::Seq, work).unwrap()),
+            Box::new(LdltSolver::new(&system, Par::Seq, work).unwrap()),
+        ];
+        for mut solver in solvers {
+            let mut solved = |size: f64| {
+                let (b, mut x) = ([3.0, -2.0, 0.7].map(|b| b * size), [0.0; 3]);
+                let solution = solver.prepare(&a, work).unwrap().solve(&b, &mut x, work).unwrap();
+                assert!(solution.relative_residual < 1e-15, "{solution:?}");
+                x.map(|x| x / size)
+            };
+            let plain = solved(1.0);
+            for size in [-500.0f64, 500.0].map(f64::exp2) {
+                assert_eq!(solved(size), plain);
+            }
+        }
+        assert_eq!(work.solves, 6);
     }
 }

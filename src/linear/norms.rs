@@ -65,4 +65,11 @@ mod tests {
         }
         assert!(scaling(&[5e-324]).is_finite() && scaling(&[]) == 1.0);
     }
+
+    /// 2 against 3·4 + 8.
+    #[test]
+    fn backward_errors_are_of_the_matrix_and_the_right_hand_side() {
+        assert_eq!(super::backward_error(&[0.5, -2.0], 3.0, &[4.0, 1.0], &[-8.0, 0.0]), 0.1);
+        assert_eq!(super::backward_error(&[0.0, 0.0], 0.0, &[0.0, 0.0], &[0.0, 0.0]), 0.0);
+    }
 }

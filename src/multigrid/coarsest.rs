@@ -82,3 +82,37 @@ impl std::fmt::Debug for Dense {
         f.debug_struct("Dense").field("order", &self.order).finish_non_exhaustive()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::sparse::{BlockMatrix, Pattern};
+    use super::*;
+    use std::sync::Arc;
+
+    /// The row is told in which an entry is not finite, or a pivot not positive; the rest is solved with.
+    #[test]
+    fn bad_rows_are_told() {
+        let pattern = Pattern::build(5, |row, columns| columns.push(row as u32)).unwrap();
+        let with = |row: usize, entry: f64| {
+            let mut matrix = BlockMatrix::<2, 2, f64>::zeros(Arc::new(pattern.clone()));
+            for (at, block) in matrix.values.iter_mut().enumerate() {
+                *block = [[2.0, 0.5], [0.5, if at == row { entry } else { 4.0 }]];
+            }
+            matrix
+        };
+        let mut dense = Dense::new(10);
+        assert!(format!("{dense:?}").contains("order: 10"));
+        for row in 0..5 {
+            for entry in [f64::INFINITY, f64::NAN, -1.0] {
+                assert_eq!(dense.update(&with(row, entry), 1.0), Err(BadRow(row)), "{entry}");
+            }
+        }
+        dense.update(&with(3, 1.0), 2.0).unwrap();
+        let mut x = [[0.0f32; 2]; 5];
+        dense.solve(&[[1.0, 3.0]; 5], &mut x);
+        assert!(x.iter().enumerate().all(|(row, x)| {
+            let last = if row == 3 { 1.0 } else { 4.0 };
+            (4.0 * x[0] + x[1] - 1.0).abs() < 1e-6 && (x[0] + 2.0 * last * x[1] - 3.0).abs() < 1e-6
+        }));
+    }
+}

@@ -199,4 +199,52 @@ mod tests {
         }
         assert!(kept[4] > 100 && kept[5] > 1000 && kept[6] > 1000, "{kept:?}");
     }
+
+    /// Seen from another centre a rotation about the axis k is followed by `e_k × s` more: of each row, with its translations.
+    #[test]
+    fn rotations_about_another_centre_are_translations_too() {
+        use nalgebra::Vector3;
+        let s = Vector3::new(0.3, -1.7, 2.9);
+        let b: Block<2, 6> = [[1.0, 2.0, 5.0, 7.0, 11.0, 13.0], [-3.0, 0.5, 0.25, 1.5, -2.5, 4.5]];
+        for (row, found) in b.iter().zip(shifted(&b, s.into())) {
+            let by = Vector3::new(row[0], row[1], row[2]);
+            for k in 0..3 {
+                let expected = row[3 + k] + by.dot(&Vector3::ith(k, 1.0).cross(&s));
+                assert!((found[3 + k] - expected).abs() < 1e-14, "{k}: {} {expected}", found[3 + k]);
+            }
+            assert_eq!(found[..3], row[..3]);
+        }
+        // In a plane about the third axis alone, on a line not at all.
+        let found = shifted(&[[2.0, 3.0, 5.0]], s.into());
+        assert!((found[0][2] - (5.0 + 2.0 * 1.7 + 3.0 * 0.3)).abs() < 1e-14 && found[0][..2] == [2.0, 3.0]);
+        assert_eq!(shifted(&[[2.0], [3.0]], s.into()), [[2.0], [3.0]]);
+        let frame = Frame { modes: [[2.0, 3.0, 5.0]], centre: [1.0, 2.0, 3.0] };
+        assert_eq!(frame.about([0.7, 3.7, 0.0]), shifted(&frame.modes, [1.0 - 0.7, 2.0 - 3.7, 3.0]));
+        let member = |centre| Frame { modes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], centre };
+        let members = [member([1.0, 2.0, 0.5]), member([3.0, -5.0, 1.0])];
+        assert_eq!(AggregateModes::of(members.into_iter()).frame.centre, [2.0, -1.5, 0.75]);
+    }
+
+    /// What is nearly spanned by others is kept as long as its own part is above 10⁻⁴ of it. Of equals the first comes first, whatever their size.
+    #[test]
+    fn factors_keep_what_is_independent() {
+        let kept =
+            |gram: Block<2, 2>| factor(&gram).1.iter().enumerate().map(|(j, row)| row[j] != 0.0).collect::<Vec<_>>();
+        assert_eq!(kept([[1.0, 1.0], [1.0, 1.0 + 1e-6]]), [true, true]);
+        assert_eq!(kept([[1.0, 1.0], [1.0, 1.0 + 1e-9]]), [true, false]);
+        assert_eq!(kept([[1.0, 0.0], [0.0, 0.0]]), [true, false]);
+        assert_eq!(kept([[0.0, 0.0], [0.0, 1.0]]), [false, true]);
+        let gram: Block<3, 3> = [[1.0, 0.5, 0.2], [0.5, 4.0, 0.7], [0.2, 0.7, 9.0]];
+        let (r, inverse) = factor(&gram);
+        assert!(r[1][0] == 0.0 && r[2][0] == 0.0 && r[0][1] != 0.0 && r[0][2] != 0.0);
+        let (mut square, mut unit): (Block<3, 3>, Block<3, 3>) = (zero(), zero());
+        add_transposed_product(&mut square, &r, &r);
+        add_product(&mut unit, &r, &inverse);
+        for i in 0..3 {
+            for j in 0..3 {
+                assert!((square[i][j] - gram[i][j]).abs() < 1e-14, "{i} {j}");
+                assert!((unit[i][j] - f64::from(u8::from(i == j))).abs() < 1e-14, "{i} {j}");
+            }
+        }
+    }
 }

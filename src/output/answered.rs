@@ -55,3 +55,38 @@ impl Summary {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accuracy::answer;
+    use crate::integrate::Method;
+    use crate::{Spring, SystemBuilder};
+
+    /// Steps that follow an estimate have the mean for their length, and steps of one length their length.
+    #[test]
+    fn answers_have_a_step() {
+        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.3, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        builder.hold(0);
+        let (system, start) = builder.build().unwrap();
+        for method in [Method::Dop853, Method::Verlet] {
+            let requirement = Requirement {
+                accuracy: 1e-3,
+                duration: 3.0,
+                interval: 1.0,
+                par: faer::Par::Seq,
+                method: Some(method),
+                stiffness: None,
+                solver: None,
+            };
+            let found = answer(&system, &start, &requirement, &mut (), &|| true).unwrap().unwrap();
+            let energy = EnergyChange { initial: 0.0, last: 0.0, balance: Default::default() };
+            let summary = Summary::of_answer("s".into(), &system, &found, &requirement, energy, 0.0, Vec::new());
+            assert!(summary.steps > 2);
+            assert!((summary.dt * summary.steps as f64 - 3.0).abs() < 1e-12, "{} s", summary.dt);
+        }
+    }
+}

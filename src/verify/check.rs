@@ -266,4 +266,70 @@ mod tests {
         ids.dedup();
         assert_eq!(ids.len(), Claim::ALL.len());
     }
+
+    fn check(claim: Claim, value: f64, bound: f64) -> Check {
+        Check::new(claim, "n", "s", value, bound, "w")
+    }
+
+    /// Of a bound of zero nothing or everything is used; a NaN is never a share, and never passes.
+    #[test]
+    fn shares_are_of_the_bound() {
+        let share = |value, bound| check(Claim::Solvers, value, bound).share();
+        assert_eq!([share(1.0, 4.0), share(3.0, 2.0), share(0.0, 2.0)], [0.25, 1.5, 0.0]);
+        assert_eq!(
+            [share(0.0, 0.0), share(-1.0, 0.0), share(1e-9, 0.0), share(0.5, -1.0)],
+            [0.0, 0.0, f64::INFINITY, f64::INFINITY]
+        );
+        assert!(share(f64::NAN, 1.0).is_nan() && share(1.0, f64::NAN).is_nan() && share(f64::NAN, 0.0).is_nan());
+    }
+
+    #[test]
+    fn nothing_passes_that_is_no_number() {
+        let passed = |value, bound| check(Claim::Solvers, value, bound).passed();
+        assert!(passed(1.0, 1.0) && !passed(1.1, 1.0));
+        for (value, bound) in [(f64::NAN, 1.0), (1.0, f64::NAN), (1.0, f64::INFINITY), (f64::NEG_INFINITY, 1.0)] {
+            assert!(!passed(value, bound), "{value} {bound}");
+        }
+        let entry = Entry::new(0, None, 1.0, 1.0, 0.0);
+        assert!(!entry.has_nan());
+        for entry in [
+            Entry { analytic: f64::NAN, ..entry.clone() },
+            Entry { numeric: f64::NAN, ..entry.clone() },
+            Entry { absolute: f64::NAN, ..entry.clone() },
+            Entry { relative: f64::NAN, ..entry.clone() },
+        ] {
+            assert!(entry.has_nan() && !check(Claim::Solvers, 1.0, 1.0).with_table(vec![entry]).passed());
+        }
+        assert!(check(Claim::Solvers, 1.0, 1.0).with_table(vec![entry]).passed());
+    }
+
+    #[test]
+    fn results_count_what_passed_and_what_failed() {
+        let none = Results::default();
+        assert_eq!((none.passed(), none.failed(), none.all_passed(), none.by_claim().len()), (0, 0, false, 0));
+        let mut results: Results =
+            [(Claim::Failure, 0.5), (Claim::Jacobian, 2.0), (Claim::Failure, 0.7), (Claim::Jacobian, 3.0)]
+                .map(|(claim, value)| check(claim, value, 1.0))
+                .into_iter()
+                .collect();
+        assert_eq!((results.passed(), results.failed(), results.all_passed()), (2, 2, false));
+        assert_eq!(results.failures().map(|check| check.value).collect::<Vec<_>>(), [2.0, 3.0]);
+        results.extend([check(Claim::Solvers, 0.1, 1.0)]);
+        assert_eq!((results.passed(), results.failed()), (3, 2));
+        let claims: Vec<_> = results.by_claim().into_iter().map(|(claim, checks)| (claim, checks.len())).collect();
+        assert_eq!(claims, [(Claim::Jacobian, 2), (Claim::Solvers, 1), (Claim::Failure, 2)]);
+        results.checks.retain(|check| check.passed());
+        assert!(results.all_passed() && results.passed() == 3);
+    }
+
+    /// Every claim in words of its own.
+    #[test]
+    fn claims_have_texts() {
+        for text in [Claim::title, Claim::formula, Claim::explanation] {
+            let mut texts = Claim::ALL.map(text).to_vec();
+            texts.sort_unstable();
+            texts.dedup();
+            assert!(texts.len() == Claim::ALL.len() && texts.iter().all(|text| text.len() > 3), "{texts:?}");
+        }
+    }
 }

@@ -127,4 +127,49 @@ mod tests {
         assert_eq!(forward_bound(&[], &mut |_| {}), 0.0);
         assert_eq!(forward_bound(&[0.0], &mut |_| {}), 0.0);
     }
+
+    /// A matrix that fools the climb: `B x` of the even vector and of every corner that the climb tries is small beside that of the alternating
+    /// vector `(1, −1 − 1/(n − 1), 1 + 2/(n − 1), …)`, of which two thirds over n are the estimate (Higham 1988).
+    #[test]
+    fn the_last_vector_alternates() {
+        for n in 2..7 {
+            let z: Vec<f64> = (0..n)
+                .map(|i| (1.0 + f64::from(i) / (f64::from(n) - 1.0)) * if i % 2 == 0 { 1.0 } else { -1.0 })
+                .collect();
+            let mut seen = Vec::new();
+            let nothing = |x: &mut [f64]| x.fill(0.0);
+            let product = |x: &mut [f64]| {
+                seen = x.to_vec();
+                x.fill(3.0);
+            };
+            let found = one_norm_estimate(n as usize, product, nothing);
+            for (seen, expected) in seen.iter().zip(&z) {
+                assert!((seen - expected).abs() < 1e-15, "{seen} {expected}");
+            }
+            assert!((found - 3.0 * f64::from(n)).abs() < 1e-12);
+            let large =
+                one_norm_estimate(n as usize, |x| if x[1] < -0.9 { x.fill(90.0) } else { x.fill(0.0) }, nothing);
+            assert!((large - 60.0).abs() < 1e-12, "{large}");
+        }
+    }
+
+    /// The climb follows signs, of which that of zero is positive: from (1, 1) the gradient of ‖B x‖₁ for B = (1, 0; −1, 1) is Bᵀ(1, 1).
+    #[test]
+    fn the_climb_follows_signs() {
+        let mut signs = Vec::new();
+        let product = |x: &mut [f64]| (x[0], x[1], x[2]) = (x[0], x[1] - x[0], x[2] - 2.0 * x[0]);
+        let found = one_norm_estimate(3, product, |x: &mut [f64]| {
+            signs.push(x.to_vec());
+            (x[0], x[1], x[2]) = (x[0] - x[1] - 2.0 * x[2], x[1], x[2]);
+        });
+        assert_eq!((signs[0].as_slice(), found), (&[1.0, 1.0, -1.0][..], 4.0));
+    }
+
+    /// Three times ‖diag(r) A⁻¹‖₁, a little more for rounding, also where one of the residuals is zero.
+    #[test]
+    fn forward_bounds_weigh_the_residual() {
+        let halved = |x: &mut [f64]| x.iter_mut().for_each(|x| *x *= 0.5);
+        let bound = forward_bound(&[0.0, 8.0, 2.0], &mut { halved });
+        assert!(bound > 12.0 && bound < 12.0 * (1.0 + 1e-12), "{bound}");
+    }
 }

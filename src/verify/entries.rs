@@ -29,3 +29,16 @@ pub(super) fn for_each_entry(
         visit(extra, value, false);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::entry_of;
+    use nalgebra::DMatrix;
+    use nalgebra_sparse::CscMatrix;
+
+    #[test]
+    fn entries_that_are_not_stored_are_zero() {
+        let matrix = CscMatrix::from(&DMatrix::from_row_slice(2, 2, &[3.0, 0.0, -4.0, 5.0]));
+        assert_eq!([(0, 0), (0, 1), (1, 0), (1, 1)].map(|(r, c)| entry_of(&matrix, r, c)), [3.0, 0.0, -4.0, 5.0]);
+    }
+}

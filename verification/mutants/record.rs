@@ -24,7 +24,7 @@ struct Equivalents {
 struct Equivalent {
     file: String,
     reason: String,
-    /// Changes, each with the source line, or a part of it, that it is made in.
+    /// Changes, each with the source line, or a part of it, that it is made in. `replace + with _ in f` is any that replaces this.
     mutants: Vec<(String, String)>,
 }
 
@@ -152,7 +152,7 @@ impl<'m> Record<'m> {
         // What a test catches, what does not compile, and what is not in the source is not equivalent.
         let stale = |(file, (change, line)): &(&String, &(String, String))| {
             let mut of =
-                self.keys.iter().filter(|key| key.0 == **file && key.1 == *change && key.2.contains(line.as_str()));
+                self.keys.iter().filter(|key| key.0 == **file && is(change, &key.1) && key.2.contains(line.as_str()));
             of.all(|key| self.fates.contains_key(key) && self.alive(key).is_none())
         };
         let entries = self.equivalents.iter().flat_map(|of| of.mutants.iter().map(|mutant| (&of.file, mutant)));
@@ -252,6 +252,14 @@ impl<'m> Record<'m> {
 
 impl Equivalent {
     fn holds(&self, key: &Key) -> bool {
-        self.file == key.0 && self.mutants.iter().any(|(change, line)| *change == key.1 && key.2.contains(line))
+        self.file == key.0 && self.mutants.iter().any(|(change, line)| is(change, &key.1) && key.2.contains(line))
     }
+}
+
+/// Whether a change is the one that is listed, or one of those that are.
+fn is(listed: &str, change: &str) -> bool {
+    listed == change
+        || listed.split_once(" with _").is_some_and(|(what, place)| {
+            change.strip_prefix(what).is_some_and(|rest| rest.starts_with(" with ") && rest.ends_with(place))
+        })
 }

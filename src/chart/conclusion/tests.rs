@@ -2,7 +2,7 @@
 
 use super::{called, crossing, flat, growth, spread, times};
 use crate::chart::digits::short;
-use crate::chart::{Figure, Quality, Reference, Run, SizeRun, WorkPrecision, best_of_each, curves, tail};
+use crate::chart::{Decision, Figure, Quality, Reference, Run, SizeRun, WorkPrecision, best_of_each, curves, tail};
 use crate::figure::{Guide, Series};
 use crate::integrate::Status;
 use crate::system::State;
@@ -380,4 +380,18 @@ fn numbers_have_three_digits() {
     ] {
         assert_eq!(short(value), text);
     }
+}
+
+/// Advice that differs from the method of the notes in the stiffness alone is told what that saves; the same way is not.
+#[test]
+fn what_the_notes_would_cost_is_said() {
+    let [full, axial] = ["full", "axial"].map(|stiffness| run((EULER, stiffness, "llt"), 0.1, 100.0, Some(1e-3)));
+    let cheaper = run((EULER, "axial", "llt"), 0.2, 50.0, Some(5e-3));
+    let said = |notes: Option<&Run>| {
+        let decision = Decision { accuracy: 0.01, cheapest: Some(&cheaper), fastest: None, notes, methods: Vec::new() };
+        decision.sentence().unwrap()
+    };
+    assert!(said(Some(&full)).ends_with("; linear-backward-euler needs 2 times the work."));
+    assert!(!said(Some(&axial)).contains("the work"));
+    assert!(said(None).ends_with("; linear-backward-euler did not get there."));
 }

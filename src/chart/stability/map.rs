@@ -214,7 +214,21 @@ mod tests {
 
     #[test]
     fn a_small_map_agrees_with_theory() {
-        let map = StabilityMap::measure(12, &mut |_, _: &str| {}).unwrap();
+        let mut told = Vec::new();
+        let map = StabilityMap::measure(12, &mut |_, what: &str| told.push(what.to_owned())).unwrap();
+        assert_eq!(told, map.tiles.iter().map(|tile| tile.method).collect::<Vec<_>>());
+        // Three axes, without the ways that differ in their solver alone: those by conjugate gradients.
+        assert_eq!((map.tiles.len(), map.checks().len()), (3 * 19, 3 * 19));
+        assert!(map.tiles.iter().all(|tile| (tile.columns.len(), tile.rows.len()) == (12, 9)));
+        assert!(
+            map.tiles[..38]
+                .iter()
+                .all(
+                    |tile| (tile.rows[4] - if tile.axis == Varied::Stretch { 1.0 } else { 0.1f64.sqrt() }).abs() < 1e-9
+                )
+        );
+        assert_eq!(map.agreement(), (map.tiles.iter().map(|tile| tile.predicted).sum(), 0));
+        assert_eq!(map.tiles[0].file_name(), "stability-linear-backward-euler-full-stretch");
         for check in map.checks() {
             assert!(check.passed(), "{} {}: {}", check.name, check.scene, check.why);
         }
@@ -230,5 +244,38 @@ mod tests {
             .filter(|tile| tile.axis == Varied::Turning && tile.verdicts.concat().contains(&TileVerdict::Braked));
         assert!(braked.clone().any(|tile| tile.stiffness == "full" && tile.predicted > 30));
         assert!(braked.clone().all(|tile| tile.stiffness != "axial" || tile.method != "linear-backward-euler"));
+    }
+
+    #[test]
+    fn steps_have_equal_ratios() {
+        let close = |found: &[f64], expected: &[f64]| {
+            found.len() == expected.len() && found.iter().zip(expected).all(|(a, b)| (a / b - 1.0).abs() < 1e-14)
+        };
+        assert!(close(&geometric(3.0, 48.0, 5), &[3.0, 6.0, 12.0, 24.0, 48.0]));
+        assert!(close(&geometric(0.1, 10.0, 3), &[0.1, 1.0, 10.0]));
+        assert!(close(&geometric(3.0, 48.0, 1), &[3.0]) && geometric(3.0, 48.0, 0).is_empty());
+    }
+
+    /// What contradicts is counted, and told with its place.
+    #[test]
+    fn contradictions_are_told() {
+        let (axis, verdicts, limits) = (Varied::Stretch, Vec::new(), Vec::new());
+        let [columns, rows] = [vec![1.0, 2.0], vec![0.5]];
+        let tile = Tile {
+            method: "w2",
+            stiffness: "full",
+            axis,
+            columns,
+            rows,
+            verdicts,
+            limits,
+            predicted: 7,
+            contradictions: vec![(2.0, 0.5), (1.0, 0.5)],
+        };
+        let map = StabilityMap { tiles: vec![tile.clone(), Tile { predicted: 4, contradictions: Vec::new(), ..tile }] };
+        assert_eq!(map.agreement(), (11, 2));
+        let checks = map.checks();
+        assert!(checks[0].why.ends_with("; the first that does is z = 2.000, stretch 0.500"), "{}", checks[0].why);
+        assert_eq!(checks.iter().map(|check| check.value).collect::<Vec<_>>(), [2.0, 0.0]);
     }
 }

@@ -1,8 +1,12 @@
 use super::*;
 use crate::linear::FactorTimes;
 use crate::linear::fixtures::{self, noise};
+use crate::memory::watch::asked;
 use crate::operator::LinearOperator;
 use std::collections::BTreeSet;
+
+/// What the room for an analysis is asked for under.
+const ANALYSED: &str = "the analysis of the matrix";
 
 /// A band with `diagonal` added to the diagonal.
 fn banded(particles: usize, diagonal: impl Fn(usize) -> f64) -> SymmetricMatrix {
@@ -104,5 +108,37 @@ fn times_add_up() {
         assert_eq!(now[0].solve_seconds > before[0].solve_seconds, call != 1);
         assert!(now[1].solve_seconds > before[1].solve_seconds);
         before = now;
+    }
+}
+
+/// Many right-hand sides at once are solved as each alone.
+#[test]
+fn columns_are_solved_like_vectors() {
+    let a = banded(5, |_| 20.0);
+    let (mut factorization, n) = (ldlt(&a), a.order());
+    factorization.factor(&a).unwrap();
+    for columns in [1, 4, 5, 9] {
+        let mut together: Vec<f64> = (0..columns * n).map(|at| noise(at, 3 * at + 1)).collect();
+        let mut alone = together.clone();
+        factorization.solve_columns_in_place(n, &mut together);
+        alone.chunks_mut(n).for_each(|x| factorization.solve_in_place(x));
+        let error = together.iter().zip(&alone).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(error < 1e-14, "{columns} columns: {error:e}");
+    }
+}
+
+/// What a factor is said to take is what it then holds, but for alignment; what shares its analysis has memory of its own and has taken no time.
+#[test]
+fn factors_hold_what_they_say() {
+    for particles in [3, 60] {
+        let a = banded(particles, |_| 20.0);
+        let (factorization, asked) = asked(ANALYSED, || ldlt(&a));
+        assert_eq!(asked, 64 * (a.pattern().entries() + a.order()) as u64);
+        let held = |of: &Ldlt| size_of_val(&of.analysis.values[..]) + of.analysis.memory.len();
+        let said = factorization.bytes() as usize;
+        assert!(said.abs_diff(held(&factorization)) <= 256, "{said} {}", held(&factorization));
+        assert!(factorization.report().times.analysis_seconds > 0.0);
+        let shared = Ldlt::sharing(&factorization).unwrap();
+        assert_eq!((held(&shared), shared.report().times), (held(&factorization), FactorTimes::default()));
     }
 }

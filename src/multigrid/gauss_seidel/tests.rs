@@ -2,7 +2,7 @@
 
 use super::super::block::BadPivot;
 use super::super::sparse::{BlockMatrix, Pattern};
-use super::{BadBlock, GaussSeidel, domain};
+use super::{BadBlock, GaussSeidel, LEAST_DIAGONAL, damped, domain};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
@@ -103,4 +103,11 @@ fn the_first_block_that_is_not_definite_is_named() {
 fn domains_have_eight_thousand_rows_and_are_sixteen_at_most() {
     let found = [0, 1, 8191, 16_383, 16_384, 16_385, 24_576, 131_072, 200_000].map(domain);
     assert_eq!(found, [1, 1, 8191, 16_383, 8192, 8193, 8192, 8192, 12_500]);
+}
+
+/// A row without any entry gets a diagonal, however small.
+#[test]
+fn empty_rows_are_not_refused() {
+    let found = damped(&[[0.0, 0.0], [0.0, 2.0]], 1.0, &[0.0, 1.0]).unwrap();
+    assert!((found[0][0] * LEAST_DIAGONAL - 1.0).abs() < 1e-12 && (found[1][1] * 3.0 - 1.0).abs() < 1e-12, "{found:?}");
 }

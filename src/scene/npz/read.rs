@@ -149,10 +149,6 @@ impl<R: Read> Array<R> {
 
     /// The numbers as they lie there.
     fn numbers(self) -> Result<Vec<f64>, String> {
-        fn collect<T: npyz::Deserialize, R: Read>(npy: NpyFile<R>, to: impl Fn(T) -> f64) -> Result<Vec<f64>, String> {
-            let numbers = npy.data::<T>().map_err(|error| error.to_string())?;
-            numbers.map(|number| number.map(&to)).collect::<io::Result<_>>().map_err(|error| error.to_string())
-        }
         let (kind, npy) = (self.kind(), self.npy);
         match kind {
             Some((TypeChar::Float, 8)) => collect(npy, |x: f64| x),
@@ -226,6 +222,11 @@ impl<R: Read> Array<R> {
         };
         texts.into_iter().next().ok_or_else(|| "must be text".to_owned())
     }
+}
+
+fn collect<T: npyz::Deserialize, R: Read>(npy: NpyFile<R>, to: impl Fn(T) -> f64) -> Result<Vec<f64>, String> {
+    let numbers = npy.data::<T>().map_err(|error| error.to_string())?;
+    numbers.map(|number| number.map(&to)).collect::<io::Result<_>>().map_err(|error| error.to_string())
 }
 
 fn describe(widths: &RangeInclusive<usize>) -> String {
