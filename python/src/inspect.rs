@@ -54,7 +54,7 @@ impl Inspection {
     fn html(&self, py: Python<'_>) -> PyResult<String> {
         let Self { system, name, state, found } = self;
         let made = compute(py, &Flag::new(), || {
-            let pictures = Pictures::of(system, state, found, parallelism(system))?;
+            let pictures = Pictures::of(system, state, found)?;
             Ok(html(name, 0, state.time, found, None, &pictures))
         })?;
         made.map_err(raised)

@@ -117,6 +117,11 @@ impl SpringPattern {
         &self.incidences[self.starts[particle] as usize..self.starts[particle + 1] as usize]
     }
 
+    /// The positions of a particle's springs among the active ones, ascending.
+    pub(crate) fn springs_at(&self, particle: usize) -> impl Iterator<Item = usize> + '_ {
+        self.incidences(particle).iter().map(|incidence| incidence.spring as usize)
+    }
+
     /// As many incidences as the particle has, `distance` further on.
     #[inline]
     pub(super) fn incidences_ahead(&self, particle: usize, distance: usize) -> &[Incidence] {

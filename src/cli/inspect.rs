@@ -101,7 +101,7 @@ impl Inspect {
         // Those of an interrupted inspection are few and quickly made.
         let images = match images {
             Some(images) => images,
-            None => Pictures::of(system, state, &inspection, par).map_err(in_file)?,
+            None => Pictures::of(system, state, &inspection).map_err(in_file)?,
         };
         let images = images.named(name);
         let losses = arrival.losses.as_ref();
@@ -134,7 +134,7 @@ impl Inspect {
                 let mut onlooker = |progress: f64, found: &Inspection| tell((progress, found.clone()));
                 let inspection = Inspection::within(system, state, dt, option, par, most, &mut onlooker)?;
                 tell((1.0, inspection.clone()));
-                let images = Pictures::of(system, state, &inspection, par)?;
+                let images = Pictures::of(system, state, &inspection)?;
                 Ok(Looked { inspection: Some(inspection), images: Some(images) })
             },
             |(progress, found)| {

@@ -28,11 +28,11 @@
 //! **The search.** A factorization `P = L D Lᵀ` with D > 0 is Cholesky's and proves P definite, to rounding: the oracle. Where it
 //! refuses, or where a vector u with `uᵀP(s)u ≤ 0` is known, P is not definite. Along any u the scalar quadratic `uᵀP(s)u` has a
 //! root that is a lower bound for s*, and an excellent one if u is nearly the null vector of P(s*). Such a u comes from a Krylov
-//! space of `−M^{-1/2} C M^{-1/2}`, by products alone, and then, with every accepted factorization, from one of
-//! `M^{1/2} P(s)⁻¹ M^{1/2}`: without damping its eigenvector is the null vector at whatever s, with damping it comes near it as s
-//! comes near s*. A refused factorization gives `u = L⁻ᵀe_j`, for which `uᵀPu = d_j < 0`. Bisection takes over where this does not at least halve the interval between
-//! the bound and what was accepted. The interval ends at the oracle's own rounding: a relative width of
-//! `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
+//! space of `−M^{-1/2} C M^{-1/2}`, by products alone, and then, with an accepted factorization of some P(s₀), from a space (`space`)
+//! that grows by `P(s₀)⁻¹r` for the residuals r at its own root (the nonlinear Arnoldi method, Voss 2004): that root goes to s*, damped
+//! or not, and how fast depends on how near s₀ is. A refused factorization gives `u = L⁻ᵀe_j`, for which `uᵀPu = d_j < 0`. Bisection
+//! takes over where this does not at least halve the interval between the bound and what was accepted. The interval ends at the oracle's own rounding:
+//! a relative width of `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`. So two factorizations are enough where all goes well: one near s*, one that proves the end.
 
 use super::family::{Family, Property};
 use super::inertia::InertiaCounter;
@@ -40,7 +40,7 @@ use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::force::Extensions;
 use crate::linear::{Ldlt, dot};
-use crate::spring::Stiffness;
+use crate::spring::{SpringBlock, Stiffness};
 use crate::system::{State, System};
 use crate::work::Work;
 use faer::Par;
@@ -111,6 +111,8 @@ pub(super) struct Known {
     pub curves_downwards: Option<bool>,
     /// A direction, not necessarily a good one.
     pub direction: Option<Vec<f64>>,
+    /// An s at which A is positive definite, proven.
+    pub definite_from: Option<f64>,
 }
 
 /// Bisection alone ends in 64 halvings: a search that takes longer has a defect.
@@ -119,6 +121,15 @@ const LONGEST_SEARCH: usize = 100;
 /// By how much a margin that was too small grows, and by how much one that was large enough shrinks at least.
 const BOLDER: f64 = 8.0;
 const CLOSER: f64 = 1e-3;
+
+/// Rounding error of what a length contributes to the block of a spring, relative to the block: of a spring at rest that is all there is.
+const LENGTH: f64 = 16.0 * f64::EPSILON;
+
+/// How far from s* a direction may be, relatively, that is not to be made better by products.
+const NEAR: f64 = 1e-2;
+
+/// How far above the bound an s may be, relatively, where P is factored to find a better one.
+const FAR: f64 = 30.0;
 
 /// By how much s falls from one trial to the next while nothing has been refused.
 const LEAP: f64 = 16.0;
@@ -174,21 +185,31 @@ impl<'s> CriticalSteps<'s> {
 
     fn search(&mut self, requirement: Property, option: Stiffness) -> LargestStep {
         self.family.set(requirement, option, 0.0);
-        // Blocks that are all positive semidefinite decide it without a factorization.
-        if self.family.blocks().iter().all(|block| block.lowest() >= 0.0) {
+        // Blocks that are all positive semidefinite decide it without a factorization: as far as the lengths of springs tell.
+        let is_none = |block: &SpringBlock| block.lowest() >= -LENGTH * block.transverse.abs().max(block.axial.abs());
+        if self.family.blocks().iter().all(is_none) {
             return LargestStep::Every;
         }
-        let mut accepted = self.family.surely_definite(requirement);
-        let mut u = match self.known.direction.take() {
-            Some(direction) => direction,
-            None => self.family.softest_direction(),
-        };
+        let known = std::mem::take(&mut self.known);
+        // Above this P(s) is definite for certain.
+        let mut accepted = self.family.surely_definite(requirement).min(known.definite_from.unwrap_or(f64::INFINITY));
+        let mut u = known.direction.unwrap_or_default();
         let mut bound = Bound { s: 0.0, rounding: 4.0 * f64::EPSILON };
-        if !self.raise(requirement, option, &mut bound, &u) && !self.has_negative_curvature(option, requirement, &mut u)
+        if u.is_empty()
+            || !self.raise(requirement, option, &mut bound, &u)
+            || !self.is_near(requirement, option, bound, &u)
         {
-            return LargestStep::Every;
+            self.family.set(requirement, option, 0.0);
+            u = self.family.softest_direction(&u);
+            self.raise(requirement, option, &mut bound, &u);
         }
-        self.raise(requirement, option, &mut bound, &u);
+        if bound.s == 0.0 {
+            if !self.has_negative_curvature(option, requirement, known.curves_downwards == Some(true), &mut u) {
+                return LargestStep::Every;
+            }
+            self.raise(requirement, option, &mut bound, &u);
+        }
+        bound.s = bound.s.min(accepted);
         while bound.s == 0.0 {
             let trial = accepted / LEAP;
             if trial == 0.0 {
@@ -202,6 +223,11 @@ impl<'s> CriticalSteps<'s> {
         // How far P(s) is from singular along u, which is what the bound may be short of s*; nothing is known of a bound that is a trial.
         self.family.set(requirement, option, bound.s);
         let mut margin = self.family.residual(&u);
+        // A direction that says so little is made a better one where P is definite for certain, unless that is so far that the masses dominate there.
+        let width = accepted / bound.s - 1.0;
+        if margin > NEAR && width > NEAR && width < FAR && self.is_definite(requirement, option, accepted) {
+            margin = self.soften(requirement, option, &mut bound, &mut u, accepted);
+        }
         for _ in 0..LONGEST_SEARCH {
             if accepted / bound.s - 1.0 <= bound.rounding {
                 break;
@@ -213,12 +239,10 @@ impl<'s> CriticalSteps<'s> {
             }
             if self.is_definite(requirement, option, trial) {
                 accepted = trial;
-                let residual = self.family.soften(&mut self.factorization, &mut u, &mut self.work);
-                self.raise(requirement, option, &mut bound, &u);
-                // Rounding may lift the root above what a factorization has accepted; the bracket must stay one.
-                bound.s = bound.s.min(accepted);
-                // The error of the root is of the order of the square of the direction's.
-                margin = residual.min(CLOSER * (accepted / bound.s - 1.0));
+                if accepted / bound.s - 1.0 <= bound.rounding {
+                    break;
+                }
+                margin = self.soften(requirement, option, &mut bound, &mut u, accepted);
             } else {
                 bound.s = trial;
                 let mut worst = vec![0.0; u.len()];
@@ -234,6 +258,29 @@ impl<'s> CriticalSteps<'s> {
         LargestStep::UpTo { dt: 1.0 / accepted, refused: 1.0 / bound.s }
     }
 
+    /// Raises the bound by solves with the P(s) that was accepted and is factored. How far the bound may still be from s*, relatively.
+    fn soften(
+        &mut self,
+        requirement: Property,
+        option: Stiffness,
+        bound: &mut Bound,
+        u: &mut [f64],
+        accepted: f64,
+    ) -> f64 {
+        let enough = bound.rounding / 4.0;
+        let margin = self.family.soften(requirement, option, &mut self.factorization, u, enough, &mut self.work);
+        self.raise(requirement, option, bound, u);
+        // Rounding may lift the root above what a factorization has accepted; the bracket must stay one.
+        bound.s = bound.s.min(accepted);
+        margin.min(CLOSER * (accepted / bound.s - 1.0))
+    }
+
+    /// Whether the bound is so near to s* that nothing better need be looked for by products.
+    fn is_near(&mut self, requirement: Property, option: Stiffness, bound: Bound, u: &[f64]) -> bool {
+        self.family.set(requirement, option, bound.s);
+        self.family.residual(u) <= NEAR
+    }
+
     /// The oracle: whether P(s) has a Cholesky factorization.
     fn is_definite(&mut self, requirement: Property, option: Stiffness, s: f64) -> bool {
         self.family.set(requirement, option, s);
@@ -244,11 +291,17 @@ impl<'s> CriticalSteps<'s> {
     }
 
     /// Whether C has negative eigenvalues, where no direction is known; if so, sets u to one along which it curves downwards.
-    fn has_negative_curvature(&mut self, option: Stiffness, requirement: Property, u: &mut [f64]) -> bool {
+    fn has_negative_curvature(
+        &mut self,
+        option: Stiffness,
+        requirement: Property,
+        is_known: bool,
+        u: &mut [f64],
+    ) -> bool {
         self.family.set(requirement, option, 0.0);
         self.matrix.refill(self.family.operator());
         self.work.assemblies += 1;
-        if self.inertia.count(self.matrix.matrix(), &mut self.work).negative == 0 {
+        if !is_known && self.inertia.count(self.matrix.matrix(), &mut self.work).negative == 0 {
             return false;
         }
         self.work.factorizations += 1;

@@ -7,12 +7,16 @@
 //! ```
 
 use super::krylov::Krylov;
+use super::random::gaussian;
+use super::space::{Curvature, Space, Term};
 use crate::force::{DegenerateSpring, Extensions};
-use crate::linear::{Ldlt, dot};
+use crate::linear::{Ldlt, SOLVE_COLUMNS, dot, norm};
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::{SpringBlock, Stiffness};
 use crate::system::{State, System};
 use crate::work::Work;
+use rand::SeedableRng;
+use rand::rngs::Xoshiro256PlusPlus;
 
 /// What a step is to keep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -55,24 +59,6 @@ pub(super) struct Family<'s> {
     product: Vec<f64>,
     /// √m of every degree of freedom.
     roots: Vec<f64>,
-}
-
-/// `uᵀP(s)u = mass s² + damping s + constant`.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Curvature {
-    pub mass: f64,
-    pub damping: f64,
-    pub constant: f64,
-}
-
-impl Curvature {
-    /// The positive s at which the curvature vanishes; `None` when it is positive for every s > 0.
-    pub fn root(&self) -> Option<f64> {
-        let Self { mass, damping, constant } = *self;
-        let discriminant = damping * damping - 4.0 * mass * constant;
-        // The form without cancellation: damping ≥ 0 and constant < 0.
-        (constant < 0.0).then(|| -2.0 * constant / (damping + discriminant.sqrt()))
-    }
 }
 
 impl<'s> Family<'s> {
@@ -131,8 +117,8 @@ impl<'s> Family<'s> {
     }
 
     /// A vector along which `uᵀCu/uᵀMu` is nearly lowest, from a Krylov space of `τ − M^{-1/2} C M^{-1/2}`, τ a bound for the norm
-    /// of the latter; expects the operator at s = 0.
-    pub fn softest_direction(&mut self) -> Vec<f64> {
+    /// of the latter; expects the operator at s = 0. `start` may be empty, or something near it.
+    pub fn softest_direction(&mut self, start: &[f64]) -> Vec<f64> {
         let n = self.system.dofs().len();
         let size = |block: &SpringBlock| block.transverse.abs().max(block.axial.abs());
         let bound = self.largest_per_mass(size);
@@ -144,30 +130,109 @@ impl<'s> Family<'s> {
                 y.iter_mut().zip(x).zip(&*roots).for_each(|((y, x), root)| *y = bound * x - *y / root);
             }
         };
-        let found = Krylov::new(n, 1, &mut apply).iterate(RESIDUAL, STEPS, &mut apply);
+        let start: Vec<f64> = start.iter().zip(&*roots).map(|(u, root)| u * root).collect();
+        let start = if start.is_empty() { Vec::new() } else { vec![start] };
+        let found = Krylov::from_vectors(n, 1, &start, &mut apply).iterate(RESIDUAL, STEPS, &mut apply);
         let mut u = found.into_iter().next().map_or_else(|| vec![0.0; n], |pair| pair.vector);
         u.iter_mut().zip(&self.roots).for_each(|(u, root)| *u /= root);
         u
     }
 
-    /// Where P(s) has been factored and found definite: turns u to the vector along which `uᵀPu/uᵀMu` is lowest, by solves.
-    /// Without damping that is the null vector of P(s*). Returns the relative residual.
-    pub fn soften(&self, factorization: &mut Ldlt, u: &mut [f64], work: &mut Work) -> f64 {
+    /// Where some `P(s₀)` has been factored and found definite: turns u to the null vector of P(s*), nearly, by solves. `M^{1/2}P(s₀)⁻¹M^{1/2}r`
+    /// extends a [`Space`] for the residuals r of its lowest eigenvectors at its root, until that is no farther than `enough` from s*,
+    /// relatively, as is thought. Says how far that is, by Kato's and Temple's bound: the square of the residual over the distance to the next
+    /// eigenvalue that can be told from zero.
+    pub fn soften(
+        &mut self,
+        requirement: Property,
+        option: Stiffness,
+        factorization: &mut Ldlt,
+        u: &mut [f64],
+        enough: f64,
+        work: &mut Work,
+    ) -> f64 {
         let n = u.len();
-        let roots = &self.roots;
-        let mut solve = |x: &[f64], y: &mut [f64]| {
-            work.solves += (x.len() / n) as u64;
-            for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
-                y.iter_mut().zip(x).zip(roots).for_each(|((y, x), root)| *y = x * root);
+        let mut space = Space::default();
+        u.iter_mut().zip(&self.roots).for_each(|(u, root)| *u *= root);
+        self.join(&mut space, requirement, option, u);
+        let mut fresh = vec![0.0; n];
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
+        for _ in 1..SOLVE_COLUMNS {
+            gaussian(&mut rng, &mut fresh);
+            self.join(&mut space, requirement, option, &fresh);
+        }
+        let (mut margin, mut before) = (f64::INFINITY, 0.0);
+        let (mut columns, mut residual) = (Vec::new(), vec![0.0; n]);
+        for step in 0..=STEPS {
+            let Some((s, eigen)) = space.root() else { break };
+            self.set(requirement, option, s);
+            let values = &eigen.eigenvalues;
+            let mut order: Vec<usize> = (0..values.len()).collect();
+            order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+            let steepness = 2.0 * requirement.mass() * s * s;
+            columns.clear();
+            for (k, &column) in order.iter().take(SOLVE_COLUMNS).enumerate() {
+                space.combine(eigen.eigenvectors.column(column).iter(), &mut fresh);
+                self.scaled_product(&fresh, &mut residual);
+                residual.iter_mut().zip(&fresh).for_each(|(r, x)| *r -= values[column] * x);
+                if k == 0 {
+                    u.copy_from_slice(&fresh);
+                    let length = norm(&residual);
+                    let beyond = order.iter().map(|&other| values[other]).find(|&value| value > 2.0 * length);
+                    margin = length * length / (beyond.unwrap_or(length) * steepness);
+                }
+                columns.extend(residual.iter().zip(&self.roots).map(|(r, root)| r * root));
             }
-            factorization.solve_columns_in_place(n, y);
-            y.chunks_mut(n).for_each(|y| y.iter_mut().zip(roots).for_each(|(y, root)| *y *= root));
-        };
-        u.iter_mut().zip(roots).for_each(|(u, root)| *u *= root);
-        let found = Krylov::from_vectors(n, 1, &[u.to_vec()], &mut solve).iterate(RESIDUAL, STEPS, &mut solve);
-        let Some(softest) = found.into_iter().next() else { return f64::INFINITY };
-        u.iter_mut().zip(&softest.vector).zip(roots).for_each(|((u, x), root)| *u = x / root);
-        softest.residual
+            // A root that rises no more is there, even where eigenvalues lie so close that the bound does not tell.
+            if s - before <= enough * s {
+                margin = margin.min(enough);
+            }
+            if margin <= enough || step == STEPS {
+                break;
+            }
+            before = s;
+            work.solves += (columns.len() / n) as u64;
+            factorization.solve_columns_in_place(n, &mut columns);
+            let size = space.len();
+            for column in columns.chunks_mut(n) {
+                column.iter_mut().zip(&self.roots).for_each(|(x, root)| *x *= root);
+                self.join(&mut space, requirement, option, column);
+            }
+            if space.len() == size {
+                break;
+            }
+        }
+        u.iter_mut().zip(&self.roots).for_each(|(u, root)| *u /= root);
+        margin
+    }
+
+    /// Adds `M^{1/2}u` to a space for `M^{-1/2}P(s)M^{-1/2}`.
+    fn join(&mut self, space: &mut Space, requirement: Property, option: Stiffness, vector: &[f64]) {
+        self.set(requirement, option, 0.0);
+        let Self { damping, operator, product, roots, .. } = self;
+        space.add(vector, |term, v, image| {
+            product.iter_mut().zip(v).zip(&*roots).for_each(|((p, v), root)| *p = v / root);
+            match term {
+                Term::Mass => image.iter_mut().zip(v).for_each(|(image, v)| *image = requirement.mass() * v),
+                Term::Damping => damping.apply(product, image),
+                Term::Constant => operator.apply(product, image),
+            }
+            match term {
+                Term::Mass => {}
+                Term::Damping => {
+                    image.iter_mut().zip(&*roots).for_each(|(y, root)| *y *= -requirement.damping() / root);
+                }
+                Term::Constant => image.iter_mut().zip(&*roots).for_each(|(y, root)| *y /= root),
+            }
+        });
+    }
+
+    /// `M^{-1/2} P M^{-1/2} x` with the P of the operator.
+    fn scaled_product(&mut self, x: &[f64], y: &mut [f64]) {
+        let Self { operator, product, roots, .. } = self;
+        product.iter_mut().zip(x).zip(&*roots).for_each(|((p, x), root)| *p = x / root);
+        operator.apply(product, y);
+        y.iter_mut().zip(&*roots).for_each(|(y, root)| *y /= root);
     }
 
     /// `‖M^{-1/2} P(s) u‖/(2 s² ‖M^{1/2} u‖)`, at the s of the operator: nearly how far the root along u is from the s at which P is singular,

@@ -1,5 +1,6 @@
 //! Everything about the definiteness of A at one state.
 
+use super::analysed::Analysed;
 use super::critical::LargestStep;
 use super::culprits::{Cluster, Direction};
 use super::first::FirstAnswer;
@@ -87,6 +88,8 @@ pub struct Inspection {
     pub estimated: Vec<Part>,
     /// What the inspection cost.
     pub work: Work,
+    /// The analysis of the pattern, for [`Pictures`](super::Pictures); `None` where nothing was factored.
+    pub(super) analysed: Option<Analysed>,
 }
 
 /// Eigenvalues that differ by less, relatively, are one to those who look at their eigenvectors: where A changes by that much, as it does
@@ -124,6 +127,7 @@ impl Inspection {
             left_out: Vec::new(),
             estimated: Vec::new(),
             work: Work::default(),
+            analysed: None,
         }
     }
 

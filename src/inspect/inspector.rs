@@ -1,11 +1,13 @@
 //! How an inspection goes about its parts, and what it knows on the way.
 
+use super::analysed::Analysed;
 use super::critical::{CriticalSteps, Known as KnownOfLimit};
 use super::culprits::{Direction, clusters, direction};
 use super::family::Property;
 use super::first::first_answer;
 use super::inertia::{InertiaCounter, InertiaMethod, definite_by_blocks, lightest};
 use super::inspection::{Inspection, place};
+use super::lanczos::End;
 use super::left_out::{Cost, ESTIMATE, LARGEST_FACTORED, Ledger, Part, Why};
 use super::search::{Digits, Known, LARGE, upper_end};
 use super::smallest_set::{Trial, smallest_set_with};
@@ -67,17 +69,21 @@ impl Inspection {
         };
         let mut first = Stiffness::ALL;
         first.sort_by_key(|&each| each != option);
-        let axial = Part::Spectrum(Stiffness::Axial);
+        // What the search for a spectrum has factored is of use for turning.
+        let of_others: Vec<Part> = first
+            .iter()
+            .flat_map(|&each| {
+                let spectrum = (each != option).then_some(Part::Spectrum(each));
+                let turning = (each != Stiffness::Full).then_some(Part::Turning(each));
+                [spectrum, turning].into_iter().flatten()
+            })
+            .collect();
         let parts: Vec<Part> = [
             &[Part::FirstAnswer][..],
             &first.map(Part::Signs),
             &[Part::GrowingModes, Part::Spectrum(option), Part::Definite(option), Part::Stable(option)],
             &[Part::SmallestSet],
-            // What turning has factored is of use for the spectrum.
-            &[Part::Turning(Stiffness::Tension)],
-            &first.map(Part::Spectrum)[1..].iter().filter(|part| **part != axial).copied().collect::<Vec<_>>(),
-            &[Part::Turning(Stiffness::Axial)],
-            &first.map(Part::Spectrum)[1..].iter().filter(|part| **part == axial).copied().collect::<Vec<_>>(),
+            &of_others,
             &first.map(Part::Definite)[1..],
             &first.map(Part::Stable)[1..],
             // Drawn by [`Pictures`](super::Pictures), if it is affordable.
@@ -109,8 +115,9 @@ struct Inspector<'s> {
     factorization: Ldlt,
     /// The option whose A is factored, and positive.
     factored: Option<Stiffness>,
-    /// An upper end of the spectra under all options, proven.
+    /// An upper end of the spectra under all options, proven, and that of A under `Tension` by products.
     ceiling: f64,
+    tension_end: Option<End>,
     ledger: Ledger,
     /// Work that is not counted by the searches for steps.
     work: Work,
@@ -123,6 +130,7 @@ impl<'s> Inspector<'s> {
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
         let shared = || Ldlt::sharing(&factorization);
+        let analysed = Analysed { pattern: pattern.clone(), factorization: Arc::new(factorization.analysis_alone()) };
         let nothing = Work::default();
         Ok(Self {
             system,
@@ -133,9 +141,10 @@ impl<'s> Inspector<'s> {
             factorization,
             factored: None,
             ceiling: f64::INFINITY,
+            tension_end: None,
             pattern,
             work: Work { symbolic_factorizations: 1, ..Work::default() },
-            found: Inspection::unknown(system, &extensions, dt, option),
+            found: Inspection { analysed: Some(analysed), ..Inspection::unknown(system, &extensions, dt, option) },
             extensions,
         })
     }
@@ -153,7 +162,9 @@ impl<'s> Inspector<'s> {
         let is_counted = !self.found.lacks(Part::GrowingModes);
         let lowest = self.found.spectrum.lowest.first().filter(|_| self.found.option == Stiffness::Full);
         let direction = lowest.map(|pair| pair.vector.clone());
-        KnownOfLimit { curves_downwards: is_counted.then_some(self.found.growing_modes > 0), direction }
+        let is_definite = self.found.options[place(Stiffness::Full)].inertia.is_definite();
+        let definite_from = is_definite.then_some(self.found.dt.recip());
+        KnownOfLimit { curves_downwards: is_counted.then_some(self.found.growing_modes > 0), direction, definite_from }
     }
 
     /// Looks at a part, unless it costs too much; whether something new is known.
@@ -243,6 +254,10 @@ impl<'s> Inspector<'s> {
 
     /// A step of `Full` is estimated with `Tension`, see [`Turning::worst`].
     fn turning(&mut self, option: Stiffness) {
+        if self.factored == Some(option) {
+            self.turning.take_over(option, self.found.dt, &mut self.factorization);
+            self.factored = None;
+        }
         let (limit, worst) = self.turning.limit_and_worst(option, self.found.dt);
         for each in &mut self.found.options {
             if (each.option == Stiffness::Axial) == (option == Stiffness::Axial) {
@@ -255,6 +270,15 @@ impl<'s> Inspector<'s> {
     }
 
     fn spectrum(&mut self, option: Stiffness) {
+        // Where nothing is compressed there is nothing to drop.
+        let is_full = option == Stiffness::Tension && self.found.option == Stiffness::Full;
+        if is_full && self.found.compressed_springs == 0 && !self.found.lacks(Part::Spectrum(Stiffness::Full)) {
+            let full = self.found.options[place(Stiffness::Full)].clone();
+            let tension = &mut self.found.options[place(option)];
+            (tension.smallest, tension.largest, tension.condition) = (full.smallest, full.largest, full.condition);
+            tension.within = full.within;
+            return;
+        }
         let (operator, a) = self.matrix_of_step(option);
         let inertia = self.found.options[place(option)].inertia;
         let is_examined = option == self.found.option;
@@ -264,9 +288,11 @@ impl<'s> Inspector<'s> {
             false => (1, Digits::Certified),
         };
         // Dropping terms that are negative only adds: A under `Tension` is the largest of the three.
-        let above = (is_examined && option != Stiffness::Tension && a.dofs().len() > LARGEST_DENSE).then(|| {
+        let is_largest =
+            option == Stiffness::Tension || option == Stiffness::Full && self.found.compressed_springs == 0;
+        let above = (is_examined && !is_largest && a.dofs().len() > LARGEST_DENSE).then(|| {
             let (operator, a) = self.matrix_of_step(Stiffness::Tension);
-            (a, upper_end(&operator).value)
+            (a, *self.tension_end.insert(upper_end(&operator)))
         });
         // Without negative blocks what the masses add is left at least, see `definite_by_blocks`.
         let floor = match inertia.method {
@@ -277,23 +303,14 @@ impl<'s> Inspector<'s> {
             products: &operator,
             is_factored: self.factored == Some(option),
             within: [floor, self.ceiling],
-            above: above.as_ref().map(|(a, largest)| (a, *largest)),
+            above: above.as_ref().map(|(a, end)| (a, end.value)),
             above_within: f64::INFINITY,
+            upper_end: self.tension_end.filter(|_| option == Stiffness::Tension),
             digits,
         };
-        let before = self.work.factorizations;
-        let factorization = match self.turning.take_factored(option, self.found.dt) {
-            Some(factorization) if !known.is_factored => {
-                known.is_factored = true;
-                factorization
-            }
-            _ => &mut self.factorization,
-        };
-        let spectrum = spectrum_with(factorization, &a, &inertia, wanted, &mut known, &mut self.work);
-        if self.work.factorizations > before {
-            self.factored = None;
-        }
-        let of_all = if option == Stiffness::Tension { spectrum.largest_within[1] } else { known.above_within };
+        let spectrum = spectrum_with(&mut self.factorization, &a, &inertia, wanted, &mut known, &mut self.work);
+        self.factored = known.is_factored.then_some(option);
+        let of_all = if is_largest { spectrum.largest_within[1] } else { known.above_within };
         self.ceiling = self.ceiling.min(of_all);
         let found = &mut self.found.options[place(option)];
         (found.smallest, found.largest, found.condition) = (spectrum.smallest(), spectrum.largest, spectrum.condition);

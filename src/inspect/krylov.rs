@@ -29,8 +29,6 @@ const OTHERS: f64 = 10.0;
 pub(super) struct Ritz {
     pub value: f64,
     pub vector: Vec<f64>,
-    /// `‖Bx − θx‖` relative to the largest |θ|, before that step.
-    pub residual: f64,
 }
 
 /// The search space for the `wanted` largest eigenvalues of an operator of order n.
@@ -114,7 +112,7 @@ impl Krylov {
                     let mut vector: Vec<f64> = (residuals.column(k) + x.column(k) * values[k]).as_slice().to_vec();
                     let length = norm(&vector);
                     vector.iter_mut().for_each(|x| *x /= length);
-                    Ritz { value: values[k], vector, residual: norms[k] / scale }
+                    Ritz { value: values[k], vector }
                 };
                 return (0..self.wanted.min(count)).map(pair).collect();
             }

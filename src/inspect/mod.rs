@@ -8,6 +8,8 @@
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `definiteness`.
 
 mod along;
+mod analysed;
+mod choice;
 mod critical;
 mod culprits;
 mod eigenpair;
@@ -32,10 +34,12 @@ mod random;
 mod search;
 mod smallest;
 mod smallest_set;
+mod space;
 mod spectrum;
 mod turning;
 
 pub use along::{DefinitenessWatch, Loss};
+pub use choice::Minimality;
 pub use critical::{CriticalSteps, LargestStep};
 pub use culprits::{Cluster, Culprit, Direction, Mover, clusters, direction};
 pub use eigenpair::Eigenpair;
@@ -48,7 +52,7 @@ pub(crate) use lanczos::lanczos_ends;
 pub use left_out::{AFFORDABLE, LeftOut, Part, Why};
 pub use picture::Pictures;
 pub use smallest::smallest_eigenvalue;
-pub use smallest_set::{DropSet, Minimality, smallest_set};
+pub use smallest_set::{DropSet, smallest_set};
 pub use spectrum::{Spectrum, spectrum};
 pub use turning::{MOST_BRAKED, MOST_STRETCHED, Turn, Turning};
 

@@ -5,15 +5,17 @@
 //! long as its residual r is too large, `P(s₀)⁻¹ r` joins V. Without damping the space for one s is that of conjugate gradients preconditioned with
 //! `P(s₀)`, which needs some twenty vectors for steps four times as long or short; it serves the next s as well, which so needs few or none.
 //!
+//! Where s is so large that the masses dominate, the blocks of single particles do as well in the place of `P(s₀)`, and nothing is factored.
+//!
 //! **When it is enough.** The error e has `eᵀP(s)e = rᵀP(s)⁻¹r ≤ rᵀM⁻¹r/s²`, to be held against `xᵀP(s)x = xᵀb`.
 
+use super::space::{Space, Term};
 use crate::force::Extensions;
-use crate::linear::{Ldlt, dot, norm};
+use crate::linear::dot;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::System;
-use crate::work::Work;
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DVector};
 
 /// Error in the norm of P(s), relative to the solution.
 const TOLERANCE: f64 = 1e-5;
@@ -21,18 +23,13 @@ const TOLERANCE: f64 = 1e-5;
 /// Vectors that the space may have: as much work as several factorizations, for matrices of cloths.
 const MOST: usize = 40;
 
-/// What is left of a vector that is already in the space, relatively.
-const NOTHING: f64 = 1e-10;
-
 /// A space for the steps from one state under one option.
 pub(super) struct Nearby<'s> {
     /// M, C and K.
     masses: Vec<f64>,
     damping: Option<SystemOperator<'s>>,
     stiffness: SystemOperator<'s>,
-    basis: Vec<Vec<f64>>,
-    /// `VᵀMV`, `VᵀCV` and `VᵀKV`, by columns as they came.
-    projected: [Vec<Vec<f64>>; 3],
+    space: Space,
 }
 
 impl<'s> Nearby<'s> {
@@ -50,28 +47,23 @@ impl<'s> Nearby<'s> {
             masses,
             damping: is_damped.then(|| operator(-1.0, 0.0)),
             stiffness: operator(0.0, -1.0),
-            basis: Vec::new(),
-            projected: [const { Vec::new() }; 3],
+            space: Space::default(),
         }
     }
 
-    /// Solves `P(s) x = b`, b in the place of x, with the factorization of some `P(s₀)`; whether that was possible. `p` is P(s).
+    /// Solves `P(s) x = b`, b in the place of x, with what `precondition` makes of a residual; whether that was possible. `p` is P(s).
     pub fn solve(
         &mut self,
         s: f64,
         p: &SystemOperator<'_>,
-        factorization: &mut Ldlt,
+        precondition: &mut dyn FnMut(&mut [f64]),
         x: &mut [f64],
-        work: &mut Work,
     ) -> bool {
         let b = x.to_vec();
         let mut rest = vec![0.0; b.len()];
         loop {
             let Some(y) = self.best(s, &b) else { return false };
-            x.fill(0.0);
-            for (v, y) in self.basis.iter().zip(y.iter()) {
-                x.iter_mut().zip(v).for_each(|(x, v)| *x += y * v);
-            }
+            self.space.combine(&y, x);
             p.apply(x, &mut rest);
             rest.iter_mut().zip(&b).for_each(|(rest, b)| *rest = b - *rest);
             let error: f64 = rest.iter().zip(&self.masses).map(|(r, mass)| r * r / mass).sum();
@@ -82,9 +74,11 @@ impl<'s> Nearby<'s> {
             if error <= (TOLERANCE * s).powi(2) * energy || error == 0.0 {
                 return true;
             }
-            work.solves += 1;
-            factorization.solve_in_place(&mut rest);
-            if self.basis.len() == MOST || !self.add(&rest) {
+            if self.space.len() == MOST {
+                return false;
+            }
+            precondition(&mut rest);
+            if !self.add(&rest) {
                 return false;
             }
         }
@@ -92,50 +86,20 @@ impl<'s> Nearby<'s> {
 
     /// y, the best of the space.
     fn best(&self, s: f64, b: &[f64]) -> Option<DVector<f64>> {
-        let size = self.basis.len();
-        let [m, c, k] = &self.projected;
-        let entry = |row: usize, column: usize| {
-            let (row, column) = (row.min(column), row.max(column));
-            s * s * m[column][row] + s * c[column][row] + k[column][row]
-        };
-        if size == 0 {
-            return Some(DVector::zeros(0));
+        match self.space.len() {
+            0 => Some(DVector::zeros(0)),
+            _ => Cholesky::new(self.space.matrix(s)).map(|factored| factored.solve(&self.space.parts(b))),
         }
-        let right = DVector::from_fn(size, |row, _| dot(&self.basis[row], b));
-        Cholesky::new(DMatrix::from_fn(size, size, entry)).map(|factored| factored.solve(&right))
     }
 
     /// Adds what is new of a vector; whether anything is.
     fn add(&mut self, vector: &[f64]) -> bool {
-        let mut v = vector.to_vec();
-        let length = norm(&v);
-        for _ in 0..2 {
-            for other in &self.basis {
-                let part = dot(other, &v);
-                v.iter_mut().zip(other).for_each(|(v, other)| *v -= part * other);
-            }
-        }
-        let left = norm(&v);
-        if left.is_nan() || left <= NOTHING * length {
-            return false;
-        }
-        v.iter_mut().for_each(|v| *v /= left);
-        self.basis.push(v);
-        let Some(v) = self.basis.last() else { return false };
-        let mut product = vec![0.0; v.len()];
-        let column = |product: &[f64]| -> Vec<f64> { self.basis.iter().map(|u| dot(u, product)).collect() };
-        product.iter_mut().zip(v).zip(&self.masses).for_each(|((p, v), mass)| *p = mass * v);
-        let m = column(&product);
-        let c = match &self.damping {
-            Some(damping) => {
-                damping.apply(v, &mut product);
-                column(&product)
-            }
-            None => vec![0.0; m.len()],
-        };
-        self.stiffness.apply(v, &mut product);
-        let k = column(&product);
-        self.projected.iter_mut().zip([m, c, k]).for_each(|(columns, new)| columns.push(new));
-        true
+        let Self { masses, damping, stiffness, space } = self;
+        space.add(vector, |term, v, product| match (term, &*damping) {
+            (Term::Mass, _) => product.iter_mut().zip(v).zip(&*masses).for_each(|((p, v), mass)| *p = mass * v),
+            (Term::Damping, Some(damping)) => damping.apply(v, product),
+            (Term::Damping, None) => product.fill(0.0),
+            (Term::Constant, _) => stiffness.apply(v, product),
+        })
     }
 }

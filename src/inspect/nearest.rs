@@ -50,6 +50,7 @@ impl Search<'_> {
 
     /// Factors A, or a matrix a little beside it where that does not solve with A, and returns how often solves are to be refined.
     fn factor_for_solves(&mut self, size: f64) -> Option<usize> {
+        self.is_factored = false;
         let mut probe = vec![0.0; self.n()];
         gaussian(&mut Xoshiro256PlusPlus::seed_from_u64(1), &mut probe);
         for (shift, refinements) in [(0.0, 0), (BESIDE * size, REFINEMENTS), (-BESIDE * size, REFINEMENTS)] {

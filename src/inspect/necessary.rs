@@ -13,6 +13,7 @@
 //! A term of rank r, at most 2 in space and 1 in the plane, is put right by taking back r directions: dropping it makes no more than r
 //! negative eigenvalues positive (Weyl). So whoever is to lift N of them takes as many terms as it needs for their ranks to add up to N.
 
+use crate::assembly::SpringPattern;
 use crate::operator::SystemOperator;
 use nalgebra::{Cholesky, DMatrix};
 
@@ -29,30 +30,13 @@ pub(super) const NECESSARY: f64 = 1.0 + 1e-9;
 pub(super) struct Necessity<'a, 's> {
     /// `A_T`.
     operator: &'a SystemOperator<'s>,
-    /// Positions of the active springs at every particle: those of particle p from `first[p]` to `first[p + 1]`.
-    first: Vec<usize>,
-    springs: Vec<usize>,
+    pattern: &'a SpringPattern,
 }
 
 impl<'a, 's> Necessity<'a, 's> {
-    /// With A without the transverse terms of compressed springs.
-    pub fn new(operator: &'a SystemOperator<'s>) -> Self {
-        let system = operator.system();
-        let mut first = vec![0; system.particles() + 1];
-        for (_, pair, _) in system.active() {
-            pair.into_iter().for_each(|p| first[p + 1] += 1);
-        }
-        for p in 0..system.particles() {
-            first[p + 1] += first[p];
-        }
-        let (mut next, mut springs) = (first.clone(), vec![0; first.last().copied().unwrap_or(0)]);
-        for (position, (_, pair, _)) in system.active().enumerate() {
-            for p in pair {
-                springs[next[p]] = position;
-                next[p] += 1;
-            }
-        }
-        Self { operator, first, springs }
+    /// With A without the transverse terms of compressed springs, on a pattern of every active spring.
+    pub fn new(operator: &'a SystemOperator<'s>, pattern: &'a SpringPattern) -> Self {
+        Self { operator, pattern }
     }
 
     /// The largest eigenvalue of `N_sᵀ (A_T,PP)⁻¹ N_s` for the spring between these particles, with these columns: from [`NECESSARY`] on it is in
@@ -66,7 +50,7 @@ impl<'a, 's> Necessity<'a, 's> {
         let rows = |p: usize| self.operator.system().dofs().rows(p).len();
         let mut size = rows(i) + rows(j);
         for end in [i, j] {
-            for other in self.at(end).map(|position| self.other(position, end)) {
+            for other in self.pattern.springs_at(end).map(|position| self.other(position, end)) {
                 if !patch.contains(&other) && size + rows(other) <= ROWS {
                     size += rows(other);
                     patch.push(other);
@@ -74,10 +58,6 @@ impl<'a, 's> Necessity<'a, 's> {
             }
         }
         if patch.len() > 2 { self.need_in(&patch, columns) } else { need }
-    }
-
-    fn at(&self, particle: usize) -> impl Iterator<Item = usize> + '_ {
-        self.springs[self.first[particle]..self.first[particle + 1]].iter().copied()
     }
 
     fn pair(&self, position: usize) -> [usize; 2] {
@@ -106,7 +86,7 @@ impl<'a, 's> Necessity<'a, 's> {
             for row in starts[k]..starts[k + 1] {
                 matrix[(row, row)] += self.operator.mass_factor() * system.masses()[p];
             }
-            for position in self.at(p) {
+            for position in self.pattern.springs_at(p) {
                 let block = self.operator.blocks()[position].matrix();
                 let other = self.other(position, p);
                 let beside = patch.iter().position(|&q| q == other).map(|l| (l, other, -1.0));

@@ -1,5 +1,6 @@
 //! What an inspection shows, as pictures.
 
+use super::analysed::Analysed;
 use super::inertia::Inertia;
 use super::inspection::Inspection;
 use super::left_out::{Part, Why};
@@ -13,7 +14,6 @@ use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use crate::work::Work;
-use faer::Par;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -47,17 +47,23 @@ impl Pictures {
     ///
     /// # Errors
     /// Coincident ends of a spring; a matrix that is too large.
-    pub fn of(system: &System, state: &State, inspection: &Inspection, par: Par) -> Result<Self> {
+    pub fn of(system: &System, state: &State, inspection: &Inspection) -> Result<Self> {
         let extensions = Extensions::at(system, &state.positions)?;
-        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let is_drawn = !(system.dofs().is_empty() || inspection.lacks(Part::Curve));
         let is_whole = inspection.left_out_for(Why::Interrupted).next().is_none() && inspection.estimated.is_empty();
-        let mut factorization = (is_drawn || is_whole).then(|| Ldlt::analyse(pattern.pattern(), par)).transpose()?;
-        let curve = factorization.as_mut().filter(|_| is_drawn);
-        let curve = curve.map(|factorization| curve_of(system, &extensions, &pattern, inspection, factorization));
-        let patterns = factorization.as_ref().filter(|_| is_whole);
-        let patterns =
-            patterns.map(|factorization| patterns_of(system, &extensions, &pattern, inspection, factorization));
+        // The inspection has analysed the pattern, unless it is one of estimates.
+        let analysed = inspection.analysed.as_ref().filter(|_| is_drawn || is_whole);
+        let curve = match analysed.filter(|_| is_drawn) {
+            Some(Analysed { pattern, factorization }) => {
+                let factorization = &mut Ldlt::sharing(factorization.as_ref())?;
+                Some(curve_of(system, &extensions, pattern, inspection, factorization))
+            }
+            None => None,
+        };
+        let patterns = analysed.filter(|_| is_whole);
+        let patterns = patterns.map(|Analysed { pattern, factorization }| {
+            patterns_of(system, &extensions, pattern, inspection, factorization)
+        });
         Ok(Self { scene: scene(system, state, inspection), curve, spectrum: low_end(inspection), patterns })
     }
 

@@ -95,7 +95,7 @@ impl Digits {
 pub(super) struct Known<'a> {
     /// A, by its fastest products.
     pub products: &'a dyn LinearOperator,
-    /// The factorization is that of A, and positive.
+    /// The factorization is that of A, and positive; afterwards, whether it still is.
     pub is_factored: bool,
     /// A proven bound for λ_min from below, and one for λ_max from above.
     pub within: [f64; 2],
@@ -103,6 +103,8 @@ pub(super) struct Known<'a> {
     pub above: Option<(&'a SymmetricMatrix, f64)>,
     /// Where the spectrum of T ends at the latest, if that is found out.
     pub above_within: f64,
+    /// The upper end of A by products, if that has been looked for.
+    pub upper_end: Option<End>,
     /// How exact the ends are wanted.
     pub digits: Digits,
 }
@@ -111,7 +113,15 @@ impl<'a> Known<'a> {
     /// Nothing but the matrix.
     pub fn nothing(a: &'a SymmetricMatrix) -> Self {
         let within = [f64::NEG_INFINITY, f64::INFINITY];
-        Self { products: a, is_factored: false, within, above: None, above_within: f64::INFINITY, digits: Digits::All }
+        Self {
+            products: a,
+            is_factored: false,
+            within,
+            above: None,
+            above_within: f64::INFINITY,
+            upper_end: None,
+            digits: Digits::All,
+        }
     }
 }
 
@@ -141,6 +151,8 @@ pub(super) struct Search<'a> {
     pub work: &'a mut Work,
     /// What the spectrum lies between, proven.
     pub within: [f64; 2],
+    /// The factorization is that of A itself, and positive.
+    pub is_factored: bool,
 }
 
 impl<'a> Search<'a> {
@@ -150,7 +162,7 @@ impl<'a> Search<'a> {
         factorization: &'a mut Ldlt,
         work: &'a mut Work,
     ) -> Self {
-        Self { a, products, factorization, work, within: [f64::NEG_INFINITY, f64::INFINITY] }
+        Self { a, products, factorization, work, within: [f64::NEG_INFINITY, f64::INFINITY], is_factored: false }
     }
 
     pub fn n(&self) -> usize {
@@ -165,7 +177,7 @@ impl<'a> Search<'a> {
     /// Products find it, and one factorization proves that they have; where they have not, it is searched for.
     pub fn largest(&mut self, ends: &[End; 2], known: &mut Known<'_>) -> f64 {
         let side = Side::Above;
-        let End { value: found, residual } = upper_end(self.products);
+        let End { value: found, residual } = known.upper_end.unwrap_or_else(|| upper_end(self.products));
         let margin = ACCURACY * size(ends);
         // What was proven of a larger matrix; where nobody asked for more digits that will do.
         if self.within[1] <= found + margin || known.digits == Digits::Certified && self.within[1].is_finite() {
@@ -193,17 +205,11 @@ impl<'a> Search<'a> {
     }
 
     /// The lowest pairs. As many of them as Sylvester's count says are negative are not missed for being multiple.
-    pub fn lowest(
-        &mut self,
-        negative: usize,
-        wanted: usize,
-        digits: Digits,
-        ends: &[End; 2],
-        is_factored: bool,
-    ) -> Vec<Eigenpair> {
+    pub fn lowest(&mut self, negative: usize, wanted: usize, digits: Digits, ends: &[End; 2]) -> Vec<Eigenpair> {
         let (side, due) = (Side::Below, negative.min(wanted));
         let accuracy = |relative| [ACCURACY, relative];
-        let target = if is_factored || self.is_beyond(0.0, side) {
+        // Below zero there is nothing to prove where there are eigenvalues.
+        let target = if self.is_factored || negative == 0 && self.is_beyond(0.0, side) {
             Target { side, shift: 0.0, wanted, due, accuracy: accuracy(RELATIVE_ACCURACY), digits }
         } else {
             let Some(shift) = self.factor_beyond(ends, side) else { return Vec::new() };
@@ -291,6 +297,7 @@ impl<'a> Search<'a> {
         self.work.factorizations += 1;
         let is_beyond = self.factorization.factor(&shifted).is_ok()
             && self.factorization.pivots().all(|(_, d)| d * side.outwards() < 0.0);
+        self.is_factored = is_beyond && shift == 0.0 && matches!(side, Side::Below);
         if is_beyond {
             let [low, high] = &mut self.within;
             match side {
@@ -306,6 +313,7 @@ impl<'a> Search<'a> {
         let mut shifted = above.clone();
         shifted.shift(-shift);
         self.work.factorizations += 1;
+        self.is_factored = false;
         let is_beyond =
             self.factorization.factor(&shifted).is_ok() && self.factorization.pivots().all(|(_, d)| d < 0.0);
         if is_beyond {

@@ -52,5 +52,5 @@ pub(super) fn smallest_eigenvalue_with(factorization: &mut Ldlt, a: &SymmetricMa
     }
     let mut search = Search::new(a, a, factorization, work);
     let ends = search.ends();
-    search.lowest(0, 1, Digits::All, &ends, false).first().map_or(f64::NAN, |pair| pair.value)
+    search.lowest(0, 1, Digits::All, &ends).first().map_or(f64::NAN, |pair| pair.value)
 }

@@ -16,24 +16,23 @@
 //! **From above.** *Enough* springs come from the local condition of [`Softening`]. Where these are too many, only the necessary ones of them
 //! and those that are nearest to it are taken, as few as three halvings with a factorization each find to be enough.
 //!
-//! **The search.** All terms are put back; while `I − NᵀA_F⁻¹N` is not positive definite, the spring with the largest part in the
-//! worst eigenvector of `NᵀA_F⁻¹N` is dropped; in the end each dropped one is put back if that does no harm after all, the last
-//! one first. Dropping more never hurts, so what remains is *irredundant*: none of its springs can be spared. It need not be of least
-//! size, to find which is as hard as covering a set; where one spring is to blame, it is that spring.
+//! **The search** is one in that small matrix (`choice`). Dropping more never hurts, so what remains is *irredundant*: none of its springs can be
+//! spared. It need not be of least size, to find which is as hard as covering a set; where one spring is to blame, it is that spring.
 
+use super::choice::{Minimality, choose};
 use super::inertia::InertiaCounter;
 use super::necessary::{Column, NECESSARY, Necessity, fewest};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::force::Extensions;
 use crate::integrate::Softening;
-use crate::linear::{Ldlt, SOLVE_COLUMNS, norm};
+use crate::linear::{Ldlt, SOLVE_COLUMNS};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::{Spring, Stiffness};
 use crate::system::System;
 use crate::work::Work;
 use faer::Par;
-use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, Vector3};
 use std::sync::Arc;
 
 /// Springs without whose transverse terms A is positive definite, proven by a factorization.
@@ -56,15 +55,6 @@ impl DropSet {
     }
 }
 
-/// How small a [`DropSet`] is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Minimality {
-    /// None of the springs can be spared.
-    Irredundant,
-    /// The springs are enough; whether some could be spared was too expensive to find out.
-    Enough,
-}
-
 /// Multiplications that the solves of one search may take, and the factorizations of its dense matrices: a few seconds.
 const AFFORDABLE: f64 = 2e10;
 
@@ -72,11 +62,11 @@ const AFFORDABLE: f64 = 2e10;
 const ALWAYS: usize = 32;
 const NEVER: usize = 500;
 
+/// Terms up to which the search begins with all that the local condition names: the wider the choice, the smaller the set.
+const WHOLE: usize = 128;
+
 /// Factorizations that narrow down how many of the most negative terms are enough.
 const HALVINGS: usize = 3;
-
-/// Steps of the power iteration that tells which spring to drop next: a choice, not a proof.
-const POWER_STEPS: usize = 40;
 
 /// Finds a smallest set for a step of length dt, where A under `Full` is indefinite (empty where it is not).
 ///
@@ -150,6 +140,7 @@ pub(super) struct Trial<'s> {
     extensions: &'s Extensions,
     combination: Combination,
     operator: SystemOperator<'s>,
+    pattern: Arc<SpringPattern>,
     matrix: SystemMatrix,
     factorization: Ldlt,
     options: Vec<Stiffness>,
@@ -168,12 +159,12 @@ impl<'s> Trial<'s> {
     ) -> Self {
         let combination = Combination::step(dt);
         let operator = SystemOperator::new(system, extensions, Stiffness::Full, combination);
-        let matrix = SystemMatrix::zeros(pattern);
+        let matrix = SystemMatrix::zeros(pattern.clone());
         let options = vec![Stiffness::Full; extensions.as_slice().len()];
         let block = |spring: &Spring, at| spring.stiffness_block(at, Stiffness::Full);
         let taken = extensions.springs(system).map(|((_, _, spring), at)| (-block(spring, at).transverse).max(0.0));
         let taken = taken.collect();
-        Self { system, extensions, combination, operator, matrix, factorization, options, taken }
+        Self { system, extensions, combination, operator, pattern, matrix, factorization, options, taken }
     }
 
     fn taken(&self, position: usize) -> f64 {
@@ -198,7 +189,7 @@ impl<'s> Trial<'s> {
     /// What each active spring's term is like.
     fn terms(&mut self) -> Vec<Term> {
         self.operator.update(self.extensions, Stiffness::Tension, self.combination);
-        let necessity = Necessity::new(&self.operator);
+        let necessity = Necessity::new(&self.operator, &self.pattern);
         let term = |(position, &spring): (usize, &u32)| match self.taken(position) > 0.0 {
             false => Term { rank: 0, need: 0.0 },
             true => {
@@ -219,7 +210,7 @@ impl<'s> Trial<'s> {
         let mut others: Vec<usize> = (0..options.len()).filter(is_new).collect();
         others.sort_by(|&a, &b| terms[b].need.total_cmp(&terms[a].need).then(a.cmp(&b)));
         let mut local = [necessary, &others].concat();
-        if local.len() > ALWAYS {
+        if local.len() > WHOLE {
             // Between `refused` and `accepted` of them.
             let (mut refused, mut accepted) = (necessary.len(), local.len());
             let mut is_factored = false;
@@ -300,78 +291,4 @@ fn across(n: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let axis = Vector3::ith(n.iamin(), 1.0);
     let first = n.cross(&axis).normalize();
     [first, n.cross(&first)]
-}
-
-/// Which owners to drop so that `I − H`, restricted to the columns of the others, is positive definite; in the order in
-/// which they were found. Where that would take more than `most` multiplications, whoever might be spared is not asked for any more,
-/// and in the end all are dropped.
-fn choose(h: &DMatrix<f64>, owners: &[usize], count: usize, most: f64) -> (Vec<usize>, Minimality) {
-    let columns = |dropped: &[bool]| -> Vec<usize> { (0..owners.len()).filter(|&c| !dropped[owners[c]]).collect() };
-    let restricted = |kept: &[usize]| {
-        DMatrix::from_fn(kept.len(), kept.len(), |r, c| 0.5 * (h[(kept[r], kept[c])] + h[(kept[c], kept[r])]))
-    };
-    let mut left = most;
-    let mut is_definite = |dropped: &[bool]| {
-        let kept = columns(dropped);
-        left -= (kept.len() as f64).powi(3) / 6.0;
-        let rest = DMatrix::identity(kept.len(), kept.len()) - restricted(&kept);
-        (left > 0.0).then(|| Cholesky::new(rest).is_some())
-    };
-    let (mut order, mut dropped) = (Vec::new(), vec![false; count]);
-    while order.len() < count {
-        match is_definite(&dropped) {
-            Some(true) => break,
-            Some(false) => {}
-            None => return ((0..count).collect(), Minimality::Enough),
-        }
-        let kept = columns(&dropped);
-        let matrix = restricted(&kept);
-        // A start that no eigenvector is likely to be orthogonal to.
-        let mut x = DVector::from_fn(kept.len(), |k, _| 1.0 + 0.1 * (k as f64).sin());
-        for _ in 0..POWER_STEPS {
-            x = &matrix * x;
-            let length = norm(x.as_slice());
-            if length > 0.0 {
-                x /= length;
-            }
-        }
-        let mut weights = vec![0.0; count];
-        for (&column, x) in kept.iter().zip(x.iter()) {
-            weights[owners[column]] += x * x;
-        }
-        let worst = (0..count).filter(|&k| !dropped[k]).max_by(|&a, &b| weights[a].total_cmp(&weights[b]));
-        worst.into_iter().for_each(|worst| dropped[worst] = true);
-        order.extend(worst);
-    }
-    let mut minimality = Minimality::Irredundant;
-    for spring in order.clone().into_iter().rev() {
-        dropped[spring] = false;
-        match is_definite(&dropped) {
-            Some(true) => order.retain(|&other| other != spring),
-            Some(false) => dropped[spring] = true,
-            None => {
-                dropped[spring] = true;
-                minimality = Minimality::Enough;
-                break;
-            }
-        }
-    }
-    (order, minimality)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Minimality, choose};
-    use nalgebra::DMatrix;
-
-    /// Three owners of one column each, of which the first two are too much by themselves.
-    #[test]
-    fn a_search_that_costs_too_much_keeps_what_is_enough() {
-        let h = DMatrix::from_partial_diagonal(3, 3, &[1.5, 1.25, 0.5]);
-        let owners = [0, 1, 2];
-        assert_eq!(choose(&h, &owners, 3, f64::INFINITY), (vec![0, 1], Minimality::Irredundant));
-        // 27/6, 8/6 and 1/6 multiplications for the three looks on the way there.
-        assert_eq!(choose(&h, &owners, 3, 5.0), (vec![0, 1, 2], Minimality::Enough));
-        assert_eq!(choose(&h, &owners, 3, 6.5), (vec![0, 1], Minimality::Enough));
-    }
 }

@@ -19,7 +19,7 @@
 
 use super::eigenpair::{Eigenpair, eigenpair};
 use super::inertia::Inertia;
-use super::search::{Known, Search, size};
+use super::search::{Digits, Known, Search, size};
 use crate::assembly::SymmetricMatrix;
 use crate::error::Result;
 use crate::linear::Ldlt;
@@ -92,13 +92,28 @@ pub(super) fn spectrum_with(
     if n <= LARGEST_DENSE
         && let Some(spectrum) = dense(a, inertia, norm)
     {
+        // Nothing was factored.
         return spectrum;
     }
-    let mut search = Search { within: known.within, ..Search::new(a, known.products, factorization, work) };
+    let mut search = Search {
+        within: known.within,
+        is_factored: known.is_factored,
+        ..Search::new(a, known.products, factorization, work)
+    };
     let ends = search.ends();
-    // The lower end first: what is factored may be of use.
-    let lowest = search.lowest(inertia.negative, wanted.clamp(1, n), known.digits, &ends, known.is_factored);
-    let largest = search.largest(&ends, known);
+    let (wanted, digits) = (wanted.clamp(1, n), known.digits);
+    let low = |search: &mut Search<'_>| search.lowest(inertia.negative, wanted, digits, &ends);
+    // What is factored may be of use, and what is not yet may be so afterwards.
+    let (lowest, largest) = match known.is_factored || digits == Digits::All {
+        true => {
+            let lowest = low(&mut search);
+            (lowest, search.largest(&ends, known))
+        }
+        false => {
+            let largest = search.largest(&ends, known);
+            (low(&mut search), largest)
+        }
+    };
     let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
     // A quotient has a rounding error of the products.
     let rounding = QUOTIENT * norm;
@@ -110,6 +125,7 @@ pub(super) fn spectrum_with(
         () => search.nearest_to_zero(size(&ends)),
     };
     let condition = largest.abs().max(smallest.abs()) / nearest;
+    known.is_factored = search.is_factored;
     Spectrum { condition, lowest, largest, smallest_within, largest_within }
 }
 

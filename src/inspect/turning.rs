@@ -34,7 +34,7 @@ use super::nearby::Nearby;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::force::{Extensions, add_elastic_force, add_weight};
-use crate::linear::Ldlt;
+use crate::linear::{BlockJacobi, DiagonalPart, Ldlt};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -177,6 +177,9 @@ pub struct Turning<'s> {
     factorization: Ldlt,
     /// The option and dt of the matrix that is factored, and the space of its steps.
     at_hand: Option<(Stiffness, f64, Nearby<'s>)>,
+    /// The blocks of particles of a step that the masses dominate, and the option and the space of such steps.
+    blocks: BlockJacobi,
+    light: Option<(Stiffness, Nearby<'s>)>,
     /// `g + f_el`, full-length.
     force: Vec<Vector3<f64>>,
     displacement: Vec<Vector3<f64>>,
@@ -187,6 +190,22 @@ pub struct Turning<'s> {
 
 /// How much longer or shorter than the step whose matrix is factored one may be that is solved with it.
 const FARTHEST: f64 = 8.0;
+
+/// How much larger than the masses' share what springs add to the block of a particle may be where the blocks alone solve for a step: twice that
+/// bounds the condition number with them, of which some thirty vectors are enough.
+const LIGHT: f64 = 16.0;
+
+/// Whether the masses' share of a matrix is no smaller than a [`LIGHT`]th of what springs add at any particle.
+fn is_dominated_by_masses(operator: &SystemOperator<'_>) -> bool {
+    let system = operator.system();
+    let mut added = vec![0.0; system.particles()];
+    for ((_, pair, _), block) in system.active().zip(operator.blocks()) {
+        pair.into_iter().for_each(|p| added[p] += block.transverse.abs().max(block.axial.abs()));
+    }
+    let free = |p: usize| !system.dofs().rows(p).is_empty();
+    let mut each = added.iter().zip(system.masses()).enumerate();
+    each.all(|(p, (added, mass))| !free(p) || *added <= LIGHT * operator.mass_factor() * mass)
+}
 
 impl<'s> Turning<'s> {
     /// At a state.
@@ -217,8 +236,22 @@ impl<'s> Turning<'s> {
         let displacement = vec![Vector3::zeros(); system.particles()];
         let reduced = vec![0.0; system.dofs().len()];
         let work = Work { force_evaluations: 1 + work.force_evaluations, ..work };
-        let at_hand = None;
-        Self { system, state, extensions, operator, matrix, factorization, at_hand, force, displacement, reduced, work }
+        let blocks = BlockJacobi::new(DiagonalPart::Blocks, system.dofs());
+        Self {
+            system,
+            state,
+            extensions,
+            operator,
+            matrix,
+            factorization,
+            at_hand: None,
+            blocks,
+            light: None,
+            force,
+            displacement,
+            reduced,
+            work,
+        }
     }
 
     /// The spring that a step of length dt, in s, turns worst; `None` where it turns none or cannot be computed.
@@ -243,13 +276,34 @@ impl<'s> Turning<'s> {
         Turn::worst(self.system, &self.extensions, &self.displacement, dt, option)
     }
 
-    /// Solves for the step with the factorization at hand or, where there is none or this step is too far from its own, with its own.
+    /// Solves for the step by what costs least: where the masses dominate by the blocks of particles, near a step whose matrix is factored by that,
+    /// elsewhere by its own.
     fn solves(&mut self, solved: Stiffness, dt: f64) -> bool {
-        let right = self.reduced.clone();
+        let (right, s) = (self.reduced.clone(), dt.recip());
+        let Self { operator, factorization, work, .. } = self;
+        // The first step is solved for to the last digit: it is what `worst` tells of.
+        let is_first = self.at_hand.as_ref().is_none_or(|(option, at, _)| *option != solved || *at == dt);
+        if !is_first && is_dominated_by_masses(operator) && self.blocks.update(operator).is_ok() {
+            if self.light.as_ref().is_none_or(|(option, _)| *option != solved) {
+                self.light = Some((solved, Nearby::new(self.system, &self.extensions, solved)));
+            }
+            let blocks = &self.blocks;
+            let mut precondition = |r: &mut [f64]| blocks.apply(&r.to_vec(), r);
+            if let Some((_, light)) = &mut self.light
+                && light.solve(s, operator, &mut precondition, &mut self.reduced)
+            {
+                return true;
+            }
+            self.reduced.copy_from_slice(&right);
+        }
+        let mut solve = |r: &mut [f64]| {
+            work.solves += 1;
+            factorization.solve_in_place(r);
+        };
         if let Some((option, at, nearby)) = &mut self.at_hand
             && *option == solved
             && (FARTHEST.recip()..=FARTHEST).contains(&(dt / *at))
-            && nearby.solve(dt.recip(), &self.operator, &mut self.factorization, &mut self.reduced, &mut self.work)
+            && nearby.solve(s, operator, &mut solve, &mut self.reduced)
         {
             return true;
         }
@@ -262,19 +316,23 @@ impl<'s> Turning<'s> {
         }
         let mut nearby = Nearby::new(self.system, &self.extensions, solved);
         self.reduced.copy_from_slice(&right);
-        if !nearby.solve(dt.recip(), &self.operator, &mut self.factorization, &mut self.reduced, &mut self.work) {
+        let Self { operator, factorization, work, .. } = self;
+        let mut solve = |r: &mut [f64]| {
+            work.solves += 1;
+            factorization.solve_in_place(r);
+        };
+        if !nearby.solve(s, operator, &mut solve, &mut self.reduced) {
             self.reduced.copy_from_slice(&right);
-            self.factorization.solve_in_place(&mut self.reduced);
-            self.work.solves += 1;
+            solve(&mut self.reduced);
         }
         self.at_hand = Some((solved, dt, nearby));
         true
     }
 
-    /// The factorization of A of a step of this length under an option, if it is at hand; it may be made another one.
-    pub(super) fn take_factored(&mut self, option: Stiffness, dt: f64) -> Option<&mut Ldlt> {
-        let is_at_hand = self.at_hand.take_if(|(of, at, _)| *of == option && *at == dt).is_some();
-        is_at_hand.then_some(&mut self.factorization)
+    /// Takes over the factorization of A of a step of this length under an option, for its own.
+    pub(super) fn take_over(&mut self, option: Stiffness, dt: f64, factorization: &mut Ldlt) {
+        std::mem::swap(&mut self.factorization, factorization);
+        self.at_hand = Some((option, dt, Nearby::new(self.system, &self.extensions, option)));
     }
 
     /// The longest step, in s, that turns no spring too far, sought up and down from dt. [`Every`](LargestStep::Every) where
