@@ -288,7 +288,12 @@ impl<'s> Turning<'s> {
                 self.light = Some((solved, Nearby::new(self.system, &self.extensions, solved)));
             }
             let blocks = &self.blocks;
-            let mut precondition = |r: &mut [f64]| blocks.apply(&r.to_vec(), r);
+            let mut residual = Vec::with_capacity(right.len());
+            let mut precondition = |r: &mut [f64]| {
+                residual.clear();
+                residual.extend_from_slice(r);
+                blocks.apply(&residual, r);
+            };
             if let Some((_, light)) = &mut self.light
                 && light.solve(s, operator, &mut precondition, &mut self.reduced)
             {
