@@ -60,6 +60,21 @@ def table(results):
     return rows
 
 
+# What is set beside the time it took at an earlier commit.
+SINCE = ["product", "refill A", "right-hand side", "factor", "solve", "cg block-jacobi", "cg multigrid"]
+
+
+def since(results, before):
+    """The time of one thread over what it was at an earlier commit, measured right after it."""
+    times = {(r["scene"], r["stage"]): r["ms"] for r in before if r["threads"] == 1}
+    rows = ["| scene | " + " | ".join(SINCE) + " |", "|---" * (len(SINCE) + 1) + "|"]
+    for scene in dict.fromkeys(r["scene"] for r in before):
+        now = {r["stage"]: r["ms"] for r in results if (r["scene"], r["library"], r["threads"]) == (scene, "sprung", 1)}
+        ratios = [now[stage] / times[scene, stage] if stage in now and (scene, stage) in times else None for stage in SINCE]
+        rows.append(f"| {scene} | " + " | ".join(map(number, ratios)) + " |")
+    return rows
+
+
 def best_of(results, scene, library, stage, threads=None):
     times = [r["ms"] for r in results if (r["scene"], r["library"], r["stage"]) == (scene, library, stage)
              and threads in (None, r["threads"])]
@@ -231,6 +246,8 @@ def chart(results, family, title, stages, file):
 
 
 def write(results, folder, day=None, machine=None):
+    before = [result for result in results if result["library"] == "sprung before"]
+    results = [result for result in results if result["library"] != "sprung before"]
     families = list(dict.fromkeys(result["scene"].split()[0] for result in results))
     pictures = []
     for family in families:
@@ -255,7 +272,11 @@ The scenes are those of `benches/scenes.rs`. All numbers are in `results.json`.
     remarks = folder / "remarks.md"
     if remarks.exists():
         text += remarks.read_text() + "\n"
-    text += "## Targets\n\n" + "\n".join(targets(results)) + "\n\n## All stages\n\n"
+    text += "## Targets\n\n" + "\n".join(targets(results)) + "\n\n"
+    if before:
+        text += "## Since an earlier commit\n\nTime of one thread over what it was there, measured one right after the other.\n\n"
+        text += "\n".join(since(results, before)) + "\n\n"
+    text += "## All stages\n\n"
     (folder / "README.md").write_text(text + "\n".join(table(results)) + "\n\n" + "\n\n".join(pictures) + "\n")
 
 

@@ -1,17 +1,20 @@
 #!/usr/bin/env python3
 """Measures sprung beside Eigen, CHOLMOD, scipy and pyamg on the same scenes, in one run.
 
-    benches/compare/run.py [SCENE…]        for example: benches/compare/run.py "cloth 100" "lattice 22"
+    benches/compare/run.py [--before COMMIT] [SCENE…]        for example: benches/compare/run.py "cloth 100" "lattice 22"
 
 Needs Rust, a C++ compiler, the Debian packages libeigen3-dev, libsuitesparse-dev and libopenblas-dev, and the Python
 packages numpy, scipy, pyamg and matplotlib. Builds everything, writes every scene's system, measures
 scene by scene, one program after the other, and writes docs/performance/{results.json, README.md, *.svg}.
+
+`--before` measures sprung as it was at a commit too, right after the sprung of today on every scene, built in a checkout of its own.
 
 The peers get their best settings: CHOLMOD is supernodal with its better ordering of AMD and METIS and a BLAS tuned for the
 processor, whose threads it may not nest (it is several times slower otherwise); Eigen stores one triangle where it can
 and is compiled for this machine; pyamg gets rigid-body modes and block Gauss-Seidel. Ours is compiled without options.
 """
 
+import argparse
 import json
 import os
 import subprocess
@@ -38,10 +41,26 @@ def output(*command, **keywords):
     return subprocess.run([str(part) for part in command], check=True, stdout=subprocess.PIPE, text=True, **keywords).stdout
 
 
-def build(folder):
-    messages = output("cargo", "bench", "--bench", "compare", "--no-run", "--message-format", "json", cwd=ROOT)
+def build_ours(root):
+    messages = output("cargo", "bench", "--bench", "compare", "--no-run", "--message-format", "json", cwd=root)
     targets = [message for message in map(json.loads, messages.splitlines()) if message.get("executable")]
-    ours = next(message["executable"] for message in targets if message["target"]["name"] == "compare")
+    return next(message["executable"] for message in targets if message["target"]["name"] == "compare")
+
+
+def build_before(folder, commit):
+    """sprung as it was at a commit. It is built below our target folder, whose dependencies it mostly shares in kind but not in place."""
+    checkout = folder / "before"
+    output("git", "worktree", "add", "--detach", checkout, commit, cwd=ROOT)
+    try:
+        os.environ["CARGO_TARGET_DIR"] = str(ROOT / "target" / "before")
+        return build_ours(checkout)
+    finally:
+        del os.environ["CARGO_TARGET_DIR"]
+        output("git", "worktree", "remove", "--force", checkout, cwd=ROOT)
+
+
+def build(folder):
+    ours = build_ours(ROOT)
     peers = folder / "peers"
     output("g++", "-std=c++17", "-O3", "-march=native", "-fopenmp", "-I/usr/include/eigen3", HERE / "peers.cpp", "-o", peers,
            "-lcholmod", "-lopenblas")
@@ -87,10 +106,12 @@ def environment(library, threads):
     return tuned
 
 
-def measure(folder, name, ours, peers):
+def measure(folder, name, ours, peers, before):
     output(ours, "--bench", "export", *name.split(), folder)
     particles = (folder / "positions.bin").stat().st_size // 24
     lines = output(ours, "--bench", "measure", *name.split())
+    if before:
+        lines += output(before, "--bench", "measure", *name.split()).replace('"sprung"', '"sprung before"')
     lines += output(ours, "--bench", "steps", *name.split())
     for preconditioner in ("block-jacobi", "multigrid"):
         lines += output(ours, "--bench", "memory", *name.split(), preconditioner)
@@ -109,14 +130,18 @@ def measure(folder, name, ours, peers):
 
 
 def main():
-    scenes = sys.argv[1:] or SCENES
+    parser = argparse.ArgumentParser(description="Measures sprung beside other libraries: see the head of this file.")
+    parser.add_argument("--before", metavar="COMMIT")
+    parser.add_argument("scenes", metavar="SCENE", nargs="*")
+    arguments = parser.parse_args()
     results = []
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         programs = build(folder)
-        for name in scenes:
+        before = build_before(folder, arguments.before) if arguments.before else None
+        for name in arguments.scenes or SCENES:
             print(f"measuring {name}", file=sys.stderr, flush=True)
-            results += measure(folder, name, *programs)
+            results += measure(folder, name, *programs, before)
     DOCS.mkdir(parents=True, exist_ok=True)
     (DOCS / "results.json").write_text("[\n" + ",\n".join(map(json.dumps, results)) + "\n]\n")
     import report
