@@ -154,9 +154,9 @@ impl Contest {
         self.lost = (self.lost + SURE * cost - expected).max(0.0);
         let trial = match KINDS.get(best)? {
             Kind::Multigrid => ANALYSED * costs.multigrid_setup() + costs.preparation(Kind::Multigrid),
-            Kind::BlockJacobi => costs.preparation(Kind::BlockJacobi) + cost,
-            // Nothing is prepared in vain: to come back is all that it can cost.
-            _ => costs.preparation(Kind::BlockJacobi),
+            // Blocks do as many iterations or fewer: to come back to them is all that it can cost.
+            Kind::None if kind == Kind::BlockJacobi => costs.preparation(Kind::BlockJacobi),
+            _ => costs.preparation(Kind::BlockJacobi) + cost,
         };
         let promised = self.price.get(best).is_some_and(|price| self.lost > trial * price);
         promised.then(|| KINDS.get(best).copied()).flatten()
