@@ -64,15 +64,20 @@ def table(results):
 SINCE = ["product", "refill A", "right-hand side", "factor", "solve", "cg block-jacobi", "cg multigrid"]
 
 
-def since(results, before):
-    """The time of one thread over what it was at an earlier commit, measured right after it."""
-    times = {(r["scene"], r["stage"]): r["ms"] for r in before if r["threads"] == 1}
+def since(folder):
+    """The time of one thread over what it was at an earlier commit, and over the floor where there is one."""
+    record = json.loads((folder / "since.json").read_text())
+    times = {(r["scene"], r["library"], r["stage"]): r for r in record["results"]}
     rows = ["| scene | " + " | ".join(SINCE) + " |", "|---" * (len(SINCE) + 1) + "|"]
-    for scene in dict.fromkeys(r["scene"] for r in before):
-        now = {r["stage"]: r["ms"] for r in results if (r["scene"], r["library"], r["threads"]) == (scene, "sprung", 1)}
-        ratios = [now[stage] / times[scene, stage] if stage in now and (scene, stage) in times else None for stage in SINCE]
-        rows.append(f"| {scene} | " + " | ".join(map(number, ratios)) + " |")
-    return rows
+    for scene in dict.fromkeys(r["scene"] for r in record["results"]):
+        cells = []
+        for stage in SINCE:
+            now, before = (times.get((scene, library, stage)) for library in ("sprung", "sprung before"))
+            over = f" ({number(now['ratio'])} over floor)" if now and now.get("ratio") else ""
+            cells.append(number(now["ms"] / before["ms"]) + over if now and before else "–")
+        rows.append(f"| {scene} | " + " | ".join(cells) + " |")
+    head = (f"Time of one thread over what it was at commit `{record['commit']}`, measured one right after the other on {record['day']}.")
+    return "## Since an earlier commit\n\n" + head + "\n\n" + "\n".join(rows) + "\n\n"
 
 
 def best_of(results, scene, library, stage, threads=None):
@@ -246,8 +251,6 @@ def chart(results, family, title, stages, file):
 
 
 def write(results, folder, day=None, machine=None):
-    before = [result for result in results if result["library"] == "sprung before"]
-    results = [result for result in results if result["library"] != "sprung before"]
     families = list(dict.fromkeys(result["scene"].split()[0] for result in results))
     pictures = []
     for family in families:
@@ -273,9 +276,8 @@ The scenes are those of `benches/scenes.rs`. All numbers are in `results.json`.
     if remarks.exists():
         text += remarks.read_text() + "\n"
     text += "## Targets\n\n" + "\n".join(targets(results)) + "\n\n"
-    if before:
-        text += "## Since an earlier commit\n\nTime of one thread over what it was there, measured one right after the other.\n\n"
-        text += "\n".join(since(results, before)) + "\n\n"
+    if (folder / "since.json").exists():
+        text += since(folder)
     text += "## All stages\n\n"
     (folder / "README.md").write_text(text + "\n".join(table(results)) + "\n\n" + "\n\n".join(pictures) + "\n")
 

@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
 """Measures sprung beside Eigen, CHOLMOD, scipy and pyamg on the same scenes, in one run.
 
-    benches/compare/run.py [--before COMMIT] [SCENE…]        for example: benches/compare/run.py "cloth 100" "lattice 22"
+    benches/compare/run.py [SCENE…]        for example: benches/compare/run.py "cloth 100" "lattice 22"
+    benches/compare/run.py --before COMMIT [SCENE…]
 
 Needs Rust, a C++ compiler, the Debian packages libeigen3-dev, libsuitesparse-dev and libopenblas-dev, and the Python
 packages numpy, scipy, pyamg and matplotlib. Builds everything, writes every scene's system, measures
 scene by scene, one program after the other, and writes docs/performance/{results.json, README.md, *.svg}.
 
-`--before` measures sprung as it was at a commit too, right after the sprung of today on every scene, built in a checkout of its own.
+`--before` measures sprung alone, as it is and as it was at a commit, one right after the other on every scene, and writes
+docs/performance/since.json: half an hour less. The earlier one is built in a checkout of its own.
 
 The peers get their best settings: CHOLMOD is supernodal with its better ordering of AMD and METIS and a BLAS tuned for the
 processor, whose threads it may not nest (it is several times slower otherwise); Eigen stores one triangle where it can
@@ -20,9 +22,12 @@ import os
 import subprocess
 import sys
 import tempfile
+from datetime import date
 from pathlib import Path
 
 import numpy as np
+
+import report
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
@@ -106,12 +111,10 @@ def environment(library, threads):
     return tuned
 
 
-def measure(folder, name, ours, peers, before):
+def measure(folder, name, ours, peers):
     output(ours, "--bench", "export", *name.split(), folder)
     particles = (folder / "positions.bin").stat().st_size // 24
     lines = output(ours, "--bench", "measure", *name.split())
-    if before:
-        lines += output(before, "--bench", "measure", *name.split()).replace('"sprung"', '"sprung before"')
     lines += output(ours, "--bench", "steps", *name.split())
     for preconditioner in ("block-jacobi", "multigrid"):
         lines += output(ours, "--bench", "memory", *name.split(), preconditioner)
@@ -129,6 +132,16 @@ def measure(folder, name, ours, peers, before):
     return [json.loads(line) for line in lines.splitlines()]
 
 
+def since(name, ours, before):
+    """sprung as it is and as it was. Of the stages that `report.SINCE` names the times on one thread are kept."""
+    rows = []
+    for program, library in ((ours, "sprung"), (before, "sprung before")):
+        lines = output(program, "--bench", "measure", *name.split())
+        kept = [row for row in map(json.loads, lines.splitlines()) if row["threads"] == 1 and row["stage"] in report.SINCE]
+        rows += [{**row, "library": library} for row in kept]
+    return rows
+
+
 def main():
     parser = argparse.ArgumentParser(description="Measures sprung beside other libraries: see the head of this file.")
     parser.add_argument("--before", metavar="COMMIT")
@@ -137,15 +150,19 @@ def main():
     results = []
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
-        programs = build(folder)
-        before = build_before(folder, arguments.before) if arguments.before else None
+        programs = (build_ours(ROOT), build_before(folder, arguments.before)) if arguments.before else build(folder)
         for name in arguments.scenes or SCENES:
             print(f"measuring {name}", file=sys.stderr, flush=True)
-            results += measure(folder, name, *programs, before)
+            results += since(name, *programs) if arguments.before else measure(folder, name, *programs)
     DOCS.mkdir(parents=True, exist_ok=True)
-    (DOCS / "results.json").write_text("[\n" + ",\n".join(map(json.dumps, results)) + "\n]\n")
-    import report
-    report.write(results, DOCS)
+    if arguments.before:
+        day = date.today().isoformat()
+        record = {"commit": arguments.before, "day": day, "results": results}
+        (DOCS / "since.json").write_text(json.dumps(record, indent=1) + "\n")
+        report.render_again()
+    else:
+        (DOCS / "results.json").write_text("[\n" + ",\n".join(map(json.dumps, results)) + "\n]\n")
+        report.write(results, DOCS)
 
 
 if __name__ == "__main__":
