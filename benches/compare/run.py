@@ -9,7 +9,7 @@ packages numpy, scipy, pyamg and matplotlib. Builds everything, writes every sce
 scene by scene, one program after the other, and writes docs/performance/{results.json, README.md, *.svg}.
 
 `--before` measures sprung alone, as it is and as it was at a commit, one right after the other on every scene, and writes
-docs/performance/since.json: half an hour less. The earlier one is built in a checkout of its own.
+docs/performance/since.json. Other libraries are not measured, which saves half an hour.
 
 The peers get their best settings: CHOLMOD is supernodal with its better ordering of AMD and METIS and a BLAS tuned for the
 processor, whose threads it may not nest (it is several times slower otherwise); Eigen stores one triangle where it can
@@ -53,7 +53,7 @@ def build_ours(root):
 
 
 def build_before(folder, commit):
-    """sprung as it was at a commit. It is built below our target folder, whose dependencies it mostly shares in kind but not in place."""
+    """sprung as it was at a commit, built from a checkout of its own, in a folder of its own below ours so that a second time is quick."""
     checkout = folder / "before"
     output("git", "worktree", "add", "--detach", checkout, commit, cwd=ROOT)
     try:
