@@ -160,6 +160,28 @@ fn what_is_wrong_is_named() {
     assert!(Scene::from_npz(Cursor::new(b"not a zip".to_vec())).is_err());
 }
 
+/// Headers as long, and lengths with as many digits, as there may be are read; one more is not.
+#[test]
+fn headers_have_limits() {
+    let padded = |length: usize| {
+        let array = doubles("(3,)", &[1.0, -1.0, 1.0]);
+        let (start, rest) = array.split_at(array.iter().position(|&byte| byte == b'\n').unwrap());
+        let mut bytes = start.to_vec();
+        bytes.resize(10 + length - 1, b' ');
+        bytes.extend(rest);
+        bytes[8..10].copy_from_slice(&(length as u16).to_le_bytes());
+        message("particles.masses", bytes)
+    };
+    assert_eq!(padded(1024), "particles.masses[1] = -1: must be finite and positive");
+    let expected = "NPZ: particles.masses: has a header of 1025 bytes, more than the 1024 of a plain array";
+    assert_eq!(padded(1025), expected);
+    // With the digit of the type they are 18, and 19.
+    let of_length = |length: &str| message("particles.masses", doubles(&format!("({length},)"), &[1.0]));
+    let expected = "NPZ: particles.masses: speaks of 80000000000000000 bytes where there are ";
+    assert!(of_length("10000000000000000").starts_with(expected));
+    assert_eq!(of_length("100000000000000000"), "NPZ: particles.masses: speaks of more numbers than there can be");
+}
+
 #[test]
 fn a_file_is_named_in_errors_and_names_the_scene() {
     let folder = tempfile::tempdir().unwrap();

@@ -227,6 +227,11 @@ mod tests {
         (system, start, Reference { method: "exact".into(), error_estimate: 1e-4, state })
     }
 
+    fn bench(scene: &(System, State, Reference), duration: f64) -> Bench<'_> {
+        let (system, start, reference) = scene;
+        Bench { system, start, duration, reference, costs: CostModel::of(system) }
+    }
+
     fn far() -> Deadline {
         Deadline::from(Instant::now() + Duration::from_secs(7200))
     }
@@ -234,14 +239,8 @@ mod tests {
     /// Every curve ends with its first run that is as good as the reference, and goes there by halves, or by quarters of the tolerance.
     #[test]
     fn curves_go_by_halves_to_the_floor() {
-        let (system, start, reference) = oscillator(1.0);
-        let bench = Bench {
-            system: &system,
-            start: &start,
-            duration: 1.0,
-            reference: &reference,
-            costs: CostModel::of(&system),
-        };
+        let scene = oscillator(1.0);
+        let bench = bench(&scene, 1.0);
         let mut told = Vec::new();
         let runs = sweep(&bench, 0.01, Par::Seq, far(), &mut |_, what: &str| told.push(what.to_owned())).unwrap();
         assert_eq!(told, runs.iter().map(|run| run.method).collect::<Vec<_>>());
@@ -278,18 +277,12 @@ mod tests {
     /// tolerance a run from a step half as long takes other steps.
     #[test]
     fn adaptive_runs_have_a_mean_step() {
-        let (system, start, reference) = oscillator(3.0);
-        let bench = Bench {
-            system: &system,
-            start: &start,
-            duration: 3.0,
-            reference: &reference,
-            costs: CostModel::of(&system),
-        };
+        let scene = oscillator(3.0);
+        let bench = bench(&scene, 3.0);
         let configuration = Configuration { method: Method::Dop853, options: ImplicitOptions::default() };
         let pace = Pace::Adaptive { rtol: 1e-6, first_step: Some(0.1) };
         let run = bench.measure(&configuration, pace, far()).unwrap().unwrap();
-        let alone = trial(&system, &start, &configuration, pace, 3.0, &|| true).unwrap();
+        let alone = trial(bench.system, bench.start, &configuration, pace, 3.0, &|| true).unwrap();
         assert!(alone.steps > 1);
         assert_eq!((run.dt, run.rtol, run.status), (3.0 / alone.steps as f64, Some(1e-6), Status::Completed));
         let over = Deadline::from(Instant::now());
@@ -307,14 +300,8 @@ mod tests {
     /// From coarse to fine, by conjugate gradients, with the tolerance that is asked for.
     #[test]
     fn tolerances_go_by_hundreds() {
-        let (system, start, reference) = oscillator(1.0);
-        let bench = Bench {
-            system: &system,
-            start: &start,
-            duration: 1.0,
-            reference: &reference,
-            costs: CostModel::of(&system),
-        };
+        let scene = oscillator(1.0);
+        let bench = bench(&scene, 1.0);
         let runs = crate::chart::tolerance::study(&bench, Method::W2, 0.25, far()).unwrap();
         let found: Vec<_> = runs.iter().map(|run| (run.method, run.solver, run.dt, run.tolerance.unwrap())).collect();
         let expected = [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12].map(|tolerance| ("w2", "cg", 0.25, tolerance));

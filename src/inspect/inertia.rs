@@ -122,9 +122,14 @@ const LARGEST_DENSE: usize = 2000;
 /// Gaussian vectors that measure a factorization: its error is underestimated with probability 10⁻⁶.
 const PROBES: usize = 6;
 
-/// Counts inertia for matrices of one pattern: analysed once.
+/// Counts inertia for matrices of one pattern: analysed once. Matrices that come one after the other are much alike: what the last one
+/// needed is where the next begins.
 pub struct InertiaCounter {
     factorization: PivotedLdlt,
+    /// The method that was good enough.
+    method: InertiaMethod,
+    /// The band that was wide enough, for counts of which none is reported.
+    shift: f64,
 }
 
 struct Count {
@@ -139,7 +144,7 @@ impl InertiaCounter {
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn new(pattern: &BlockPattern, par: Par) -> Result<Self> {
-        Ok(Self { factorization: PivotedLdlt::analyse(pattern, par)? })
+        Ok(Self::on(PivotedLdlt::analyse(pattern, par)?))
     }
 
     /// As [`new`](Self::new), on a pattern that has been analysed.
@@ -147,7 +152,11 @@ impl InertiaCounter {
     /// # Errors
     /// When the factor does not fit the memory.
     pub fn sharing<K: FactorKind>(analysed: &Factorization<K>) -> Result<Self> {
-        Ok(Self { factorization: PivotedLdlt::sharing(analysed)? })
+        Ok(Self::on(PivotedLdlt::sharing(analysed)?))
+    }
+
+    fn on(factorization: PivotedLdlt) -> Self {
+        Self { factorization, method: InertiaMethod::Sparse, shift: 0.0 }
     }
 
     /// Counts the eigenvalues of a matrix on the analysed pattern.
@@ -163,7 +172,7 @@ impl InertiaCounter {
             return undecided(f64::INFINITY);
         }
         let mut shift = FIRST_SHIFT * unit(n);
-        let mut method = InertiaMethod::Sparse;
+        let mut method = self.method;
         for _ in 0..=WIDENINGS {
             let below = self.factor(&c, -shift * scale, scale, shift, method, work);
             method = below.method;
@@ -176,6 +185,7 @@ impl InertiaCounter {
                 negative = above.signs.negative;
             }
             if error <= shift / 2.0 {
+                (self.method, self.shift) = (method, shift);
                 let positive = below.signs.positive;
                 let zero = n.saturating_sub(positive + negative);
                 return Inertia { negative, zero, positive, band: 1.5 * shift, factorization_error: error, method };
@@ -195,14 +205,15 @@ impl InertiaCounter {
         if n == 0 || !scale.is_finite() {
             return 0;
         }
-        let mut shift = FIRST_SHIFT * unit(n);
-        let mut method = InertiaMethod::Sparse;
+        let mut shift = self.shift.max(FIRST_SHIFT * unit(n));
+        let mut method = self.method;
         for _ in 0..=WIDENINGS {
             let count = self.factor(&c, shift * scale, scale, shift, method, work);
+            method = count.method;
             if count.error <= shift / 2.0 {
+                (self.method, self.shift) = (method, shift);
                 return count.signs.negative;
             }
-            method = count.method;
             shift = if count.error.is_finite() { 4.0 * count.error } else { 2.0 * shift };
         }
         0

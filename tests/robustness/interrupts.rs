@@ -3,7 +3,7 @@
 
 use crate::command::{Answer, Sandbox};
 use serde_json::Value;
-use std::process::{Child, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// Starts a command, interrupts it when it has been at work for a moment, and waits for its end.
@@ -14,7 +14,7 @@ fn interrupted(sandbox: &Sandbox, arguments: &str, signal: &str) -> Answer {
 /// The same, after so many hundredths of a second of work.
 fn interrupted_after(work: u64, sandbox: &Sandbox, arguments: &str, signal: &str) -> Answer {
     let arguments: Vec<&str> = arguments.split(' ').collect();
-    let mut child = sandbox.command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = listening(&sandbox.command(&arguments)).spawn().unwrap();
     // Where signals are caught there is something to keep.
     let started = Instant::now();
     while !catches_interrupts(&child) && child.try_wait().unwrap().is_none() && started.elapsed() < PATIENCE {
@@ -27,11 +27,23 @@ fn interrupted_after(work: u64, sandbox: &Sandbox, arguments: &str, signal: &str
     ended(child, signal)
 }
 
+/// A command that listens to signals, though whoever runs the tests may be told to ignore them: what is ignored is inherited, and the
+/// program leaves it so.
+fn listening(command: &Command) -> Command {
+    let mut listening = Command::new("env");
+    listening.arg("--default-signal=INT,HUP,TERM").arg(command.get_program()).args(command.get_args());
+    if let Some(folder) = command.get_current_dir() {
+        listening.current_dir(folder);
+    }
+    listening.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    listening
+}
+
 /// Signals a command and waits for its end. What goes on for minutes regardless is a failure; the limit is far from what any
 /// machine needs.
 fn ended(mut child: Child, signal: &str) -> Answer {
     let id = child.id().to_string();
-    assert!(std::process::Command::new("kill").args([signal, &id]).status().unwrap().success());
+    assert!(Command::new("kill").args([signal, &id]).status().unwrap().success());
     let asked = Instant::now();
     while child.try_wait().unwrap().is_none() {
         if asked.elapsed() > PATIENCE {
@@ -162,7 +174,7 @@ fn nothing_is_lost_before_anything_is_begun() {
     ] {
         for ticks in [0, 2, 10] {
             let arguments: Vec<&str> = command.split(' ').collect();
-            let child = sandbox.command(&arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+            let child = listening(&sandbox.command(&arguments)).spawn().unwrap();
             while computed(&child) < ticks {
                 std::thread::sleep(Duration::from_millis(1));
             }
