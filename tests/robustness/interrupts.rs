@@ -14,10 +14,10 @@ fn interrupted(sandbox: &Sandbox, arguments: &str, signal: &str) -> Answer {
 /// The same, after so many hundredths of a second of work.
 fn interrupted_after(work: u64, sandbox: &Sandbox, arguments: &str, signal: &str) -> Answer {
     let arguments: Vec<&str> = arguments.split(' ').collect();
-    let mut child = listening(&sandbox.command(&arguments)).spawn().unwrap();
+    let mut child = started(sandbox, &arguments);
     // Where signals are caught there is something to keep.
     let started = Instant::now();
-    while !catches_interrupts(&child) && child.try_wait().unwrap().is_none() && started.elapsed() < PATIENCE {
+    while !has_interrupts(&child, "SigCgt:") && child.try_wait().unwrap().is_none() && started.elapsed() < PATIENCE {
         std::thread::sleep(Duration::from_millis(5));
     }
     let begun = computed(&child);
@@ -27,16 +27,18 @@ fn interrupted_after(work: u64, sandbox: &Sandbox, arguments: &str, signal: &str
     ended(child, signal)
 }
 
-/// A command that listens to signals, though whoever runs the tests may be told to ignore them: what is ignored is inherited, and the
+/// Starts a command that hears signals, though whoever runs the tests may be told to ignore them: what is ignored is inherited, and the
 /// program leaves it so.
-fn listening(command: &Command) -> Command {
-    let mut listening = Command::new("env");
-    listening.arg("--default-signal=INT,HUP,TERM").arg(command.get_program()).args(command.get_args());
-    if let Some(folder) = command.get_current_dir() {
-        listening.current_dir(folder);
+fn started(sandbox: &Sandbox, arguments: &[&str]) -> Child {
+    let command = sandbox.command(arguments);
+    let mut hearing = Command::new("env");
+    hearing.arg("--default-signal=INT,HUP,TERM").arg(command.get_program()).args(arguments);
+    hearing.current_dir(sandbox.path(".")).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = hearing.spawn().unwrap();
+    while has_interrupts(&child, "SigIgn:") && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(1));
     }
-    listening.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    listening
+    child
 }
 
 /// Signals a command and waits for its end. What goes on for minutes regardless is a failure; the limit is far from what any
@@ -59,11 +61,11 @@ fn ended(mut child: Child, signal: &str) -> Answer {
 
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Whether a process has a handler for Ctrl-C.
-fn catches_interrupts(child: &Child) -> bool {
+/// Whether Ctrl-C is among the signals of a process that this key lists.
+fn has_interrupts(child: &Child, key: &str) -> bool {
     let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
-    let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap_or_default();
-    u64::from_str_radix(caught.trim(), 16).is_ok_and(|caught| caught >> 1 & 1 == 1)
+    let signals = status.lines().find_map(|line| line.strip_prefix(key)).unwrap_or_default();
+    u64::from_str_radix(signals.trim(), 16).is_ok_and(|signals| signals >> 1 & 1 == 1)
 }
 
 /// Hundredths of a second that a process has computed: unlike the time they do not pass while others have the processor.
@@ -174,7 +176,7 @@ fn nothing_is_lost_before_anything_is_begun() {
     ] {
         for ticks in [0, 2, 10] {
             let arguments: Vec<&str> = command.split(' ').collect();
-            let child = listening(&sandbox.command(&arguments)).spawn().unwrap();
+            let child = started(&sandbox, &arguments);
             while computed(&child) < ticks {
                 std::thread::sleep(Duration::from_millis(1));
             }
