@@ -12,6 +12,7 @@
 //! −d (k (l − l0)/l0 + b (d·Δv)/l)/l.
 //! ```
 
+use super::run::Run;
 use crate::spring::Spring;
 use crate::system::Moment;
 use nalgebra::Vector3;
@@ -55,27 +56,6 @@ impl<'a, I: Iterator<Item = Ends<'a>>> pulp::NullaryFnOnce for AddForces<'a, I> 
 
 /// Some spring has ends that coincide.
 pub(crate) struct Coincident;
-
-/// The end that successive springs often share, and its force so far, which stays in registers until another one comes.
-pub(crate) struct Run {
-    particle: u32,
-    force: Vector3<f64>,
-}
-
-impl Run {
-    #[inline(always)]
-    pub fn new() -> Self {
-        Self { particle: u32::MAX, force: Vector3::zeros() }
-    }
-
-    /// Puts the sum back, if `total`, the particles from `first` on, holds it.
-    #[inline(always)]
-    pub fn end(&self, first: usize, total: &mut [Vector3<f64>]) {
-        if let Some(total) = total.get_mut((self.particle as usize).wrapping_sub(first)) {
-            *total = self.force;
-        }
-    }
-}
 
 /// The numbers of a batch. What is left of the one before in a batch that is not full does no harm to forces.
 pub(crate) struct Batch {
@@ -171,17 +151,8 @@ impl Batch {
     /// Adds the forces of the first `count` springs to those of their ends that `total`, the particles from `first` on, holds.
     #[inline(always)]
     pub fn add_forces(&self, count: usize, first: usize, total: &mut [Vector3<f64>], run: &mut Run) {
-        for ((&[i, j], d), pull) in self.ends.iter().zip(&self.d).zip(&self.pull).take(count) {
-            if i != run.particle {
-                run.end(first, total);
-                let force = total.get((i as usize).wrapping_sub(first)).copied().unwrap_or_default();
-                *run = Run { particle: i, force };
-            }
-            let f = d * *pull;
-            run.force -= f;
-            if let Some(total) = total.get_mut((j as usize).wrapping_sub(first)) {
-                *total += f;
-            }
+        for ((&ends, d), pull) in self.ends.iter().zip(&self.d).zip(&self.pull).take(count) {
+            run.add(ends, &(d * -pull), first, total);
         }
     }
 }

@@ -7,6 +7,7 @@ pub(crate) mod batch;
 mod energy;
 mod extensions;
 mod pairs;
+pub(crate) mod run;
 mod total;
 
 pub use crate::error::DegenerateSpring;

@@ -1,6 +1,7 @@
 //! Forces between the ends of springs, added up particle by particle.
 
-use super::Extensions;
+use super::run::Run;
+use super::{Extensions, has_only_active};
 use crate::spring::{Extension, Spring};
 use crate::system::{Share, System};
 use nalgebra::Vector3;
@@ -15,11 +16,42 @@ pub(super) fn add(system: &System, extensions: &Extensions, total: &mut [Vector3
     if let Some(shares) = system.several_shares() {
         return add_shares(system, extensions, &shares, total, force);
     }
-    for ((_, pair, spring), at) in extensions.springs(system) {
-        if let Some(f) = force(spring, pair, at) {
-            add_own(total, 0, pair, f);
+    if has_only_active(system) && !system.has_spring_law() {
+        // Nothing is looked up that stands in order.
+        let springs = system.pairs().iter().copied().zip(system.springs());
+        let springs = springs.zip(extensions.iter()).map(|((pair, spring), at)| (pair, spring, at));
+        return add_each(springs, 0, total, force);
+    }
+    let springs = system.active_springs().iter().enumerate();
+    let springs = springs.map(|(position, &number)| placed(system, extensions, position, number));
+    add_each(springs, 0, total, force);
+}
+
+/// A spring with its ends and its extension.
+type Placed<'a> = ([u32; 2], &'a Spring, &'a Extension);
+
+/// The spring of this number, at a position among the active ones.
+#[inline(always)]
+fn placed<'a>(system: &'a System, extensions: &'a Extensions, position: usize, number: u32) -> Placed<'a> {
+    let pair = system.pairs()[number as usize];
+    (pair, extensions.spring(system, position), &extensions.as_slice()[position])
+}
+
+/// `total` holds the particles from `first` on.
+#[inline(always)]
+fn add_each<'a>(
+    springs: impl Iterator<Item = Placed<'a>>,
+    first: usize,
+    total: &mut [Vector3<f64>],
+    force: &impl PairForce,
+) {
+    let mut run = Run::new();
+    for (pair, spring, at) in springs {
+        if let Some(f) = force(spring, pair.map(|end| end as usize), at) {
+            run.add(pair, &f, first, total);
         }
     }
+    run.end(first, total);
 }
 
 /// `total` holds the particles of these shares.
@@ -33,14 +65,11 @@ fn add_shares(
     match shares {
         [] => {}
         [Share { particles, springs }] => {
-            for &position in &**springs {
-                let position = position as usize;
-                let pair = system.pair(system.active_springs()[position] as usize);
-                let spring = extensions.spring(system, position);
-                if let Some(f) = force(spring, pair, &extensions.as_slice()[position]) {
-                    add_own(total, particles.start, pair, f);
-                }
-            }
+            let springs = springs.iter().map(|&position| {
+                let number = system.active_springs()[position as usize];
+                placed(system, extensions, position as usize, number)
+            });
+            add_each(springs, particles.start, total, force);
         }
         [first, ..] => {
             let (left, right) = shares.split_at(shares.len() / 2);
@@ -51,16 +80,5 @@ fn add_shares(
                 || add_shares(system, extensions, right, high, force),
             );
         }
-    }
-}
-
-/// Adds to the ends of a spring that `total`, the particles from `first` on, holds.
-#[inline(always)]
-fn add_own(total: &mut [Vector3<f64>], first: usize, [i, j]: [usize; 2], f: Vector3<f64>) {
-    if let Some(total) = total.get_mut(i.wrapping_sub(first)) {
-        *total += f;
-    }
-    if let Some(total) = total.get_mut(j.wrapping_sub(first)) {
-        *total -= f;
     }
 }

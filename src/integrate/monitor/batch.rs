@@ -7,7 +7,8 @@
 
 use super::Sides;
 use super::sums::{BLOCK, Constants, Span, Sums};
-use crate::force::batch::{BATCH, Batch as Forces, Coincident, List, Run};
+use crate::force::batch::{BATCH, Batch as Forces, Coincident, List};
+use crate::force::run::Run;
 use crate::spring::{Extension, Spring};
 use crate::system::{Moment, System};
 use nalgebra::Vector3;
