@@ -59,7 +59,9 @@ const K: f64 = 5e3;
 /// α = 2000 and β = 5000 N/m over the four coordinates of its ends.
 fn plane() -> (System, State) {
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
-    [[3.0, 4.0, 0.0], [0.0, 0.0, 0.0], [0.0, -2.0, 0.0]].map(|x| builder.particle(x, 1.0));
+    for x in [[3.0, 4.0, 0.0], [0.0, 0.0, 0.0], [0.0, -2.0, 0.0]] {
+        builder.particle(x, 1.0);
+    }
     builder.spring(0, 1, Spring { stiffness: 3.0 * K, rest_length: 3.0, damping: 0.0 });
     builder.spring(1, 2, Spring { stiffness: 10.0, rest_length: 2.0, damping: 0.0 });
     builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[0]), motion: Motion::Held });
@@ -156,7 +158,9 @@ fn inputs_that_do_not_fit_are_refused_by_name() {
     short.positions.pop();
     refused(JacobianOptions { springs: Some((&system, &short)), ..default() }, "options.springs");
     let mut builder = SystemBuilder::new();
-    [0.0, 1.0, 2.0].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+    for x in [0.0, 1.0, 2.0] {
+        builder.particle([x, 0.0, 0.0], 1.0);
+    }
     let (other, at) = builder.build().unwrap();
     refused(JacobianOptions { springs: Some((&other, &at)), ..default() }, "options.springs");
 }

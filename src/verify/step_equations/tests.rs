@@ -15,7 +15,9 @@ const DT: f64 = 0.5;
 fn line(motion: Motion) -> Subject {
     let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
     builder.gravity(-2.0, 0.0, 0.0);
-    [(1.0, 2.0), (4.0, 1.0), (9.0, 5.0)].map(|(x, mass)| builder.particle([x, 0.0, 0.0], mass));
+    for (x, mass) in [(1.0, 2.0), (4.0, 1.0), (9.0, 5.0)] {
+        builder.particle([x, 0.0, 0.0], mass);
+    }
     builder.spring(0, 1, Spring { stiffness: 4.0, rest_length: 2.0, damping: 0.5 });
     builder.spring(1, 2, Spring { stiffness: 12.0, rest_length: 4.0, damping: 1.0 });
     builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[0]), motion });

@@ -86,7 +86,9 @@ fn large_scenes_have_one_direction() {
 /// particle hangs on nothing.
 fn corner() -> (System, State) {
     let mut builder = SystemBuilder::new();
-    [[0.0, 0.0, 0.0], [3.0, 4.0, 0.0], [3.0, 4.0, 2.0], [9.0, 9.0, 9.0]].map(|x| builder.particle(x, 1.0));
+    for x in [[0.0, 0.0, 0.0], [3.0, 4.0, 0.0], [3.0, 4.0, 2.0], [9.0, 9.0, 9.0]] {
+        builder.particle(x, 1.0);
+    }
     builder.spring(0, 1, Spring { stiffness: 8.0, rest_length: 4.0, damping: 0.0 });
     builder.spring(1, 2, Spring { stiffness: 10.0, rest_length: 5.0, damping: 0.0 });
     builder.hold(2);
