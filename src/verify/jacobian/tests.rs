@@ -96,6 +96,7 @@ fn a_wrong_entry_is_told_by_its_spring_and_its_terms() {
     assert_eq!(said(&matrix(0.0, K), 0, 2), of(0, "the transverse term missing"));
     assert_eq!(said(&matrix(0.0, K), 2, 1), of(0, "the transverse term missing"));
     assert_eq!(said(&matrix(1e3, K + 1e-4), 0, 2), of(0, "50 % of the transverse term missing"));
+    assert_eq!(said(&matrix(2e3, K + 5.0), 0, 2), of(0, "the axial term 1.00 times too large"));
     assert_eq!(said(&matrix(4e3, 2.0 * K), 0, 3), of(0, "off by the factor 2.00"));
     // The first spring is alone at its first end; at the other one two put their blocks into one place.
     assert_eq!(said(&matrix(0.0, K), 0, 0), of(0, "the transverse term missing"));

@@ -45,6 +45,19 @@ fn every_solver_solves_a_definite_system() {
     assert!(left("residual of CG, matrix-free") > 1e-13 && left("residual of CG, assembled") > 1e-13);
 }
 
+#[test]
+fn iterations_stop_at_the_tolerance_that_they_are_given() {
+    let Subject { system, state, dt, .. } = chain(30, 1.0);
+    let (option, matrix, b, _) = definite(&system, &state, dt).unwrap();
+    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let operator = SystemOperator::new(&system, &extensions, option, Combination::step(dt));
+    for (tolerance, least) in [(1e-2, 1e-6), (1e-6, 1e-9)] {
+        let x = solve_with(&system, &operator, &b, SolverChoice::Cg, tolerance).unwrap();
+        let check = tolerance_is_met(&matrix.to_csc(), &b, &x, tolerance, "CG", "chain");
+        assert!(check.passed() && check.value > least, "{tolerance}: {:e}", check.value);
+    }
+}
+
 /// Springs that are pushed to half of their length make A indefinite: all solvers then solve it without the terms of those springs, and
 /// LDLᵀ alone with them.
 #[test]
