@@ -58,6 +58,19 @@ fn flat_scenes_are_compared_with_their_twins_in_space() {
     assert!(applying(&flat).contains(&"in_space") && !applying(&flat.in_space().unwrap()).contains(&"in_space"));
 }
 
+/// Free particles can turn in a plane and in space, and not along a line.
+#[test]
+fn nothing_turns_along_a_line() {
+    let turns = |dimension: usize| {
+        let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
+        let ends = [builder.particle([0.0; 3], 1.0), builder.particle([1.5, 0.0, 0.0], 2.0)];
+        builder.spring(ends[0], ends[1], Spring { stiffness: 8.0, rest_length: 1.0, damping: 0.1 });
+        let (system, state) = builder.build().unwrap();
+        applying(&Subject { name: "pair".into(), system, state, dt: 0.01 }).contains(&"angular_momentum")
+    };
+    assert_eq!([turns(1), turns(2), turns(3)], [false, true, true]);
+}
+
 #[test]
 fn a_family_that_measures_nothing_fails() {
     let nothing = family(Claim::Solvers, "nothing", always, |_| Ok(Vec::new()));
