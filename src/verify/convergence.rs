@@ -102,10 +102,10 @@ mod tests {
         Subject { name: "pulled".into(), system, state, dt }
     }
 
-    /// The acceleration is `(4 − 1/2)/2 − 3 = −5/4` m/s²; eight steps of 1/8 s are a second, and the finest ones sixteen times shorter.
+    /// The acceleration is `(4 − 1/2)/2 − 3 = −5/4` m/s²; eight steps of 1/4 s are two seconds, and the finest ones sixteen times shorter.
     #[test]
     fn the_error_of_the_first_order_by_hand() {
-        assert_eq!(first_order_error(&pulled(1.0), 0.125), 0.5 * 1.25 * 1.0 * 0.125 / 16.0);
+        assert_eq!(first_order_error(&pulled(1.0), 0.25), 0.5 * 1.25 * 2.0 * 0.25 / 16.0);
     }
 
     /// A quarter of the step that resolves all motion, which may be a twentieth of the scene's and no less.
