@@ -93,7 +93,7 @@ pub fn forward_bound(residual: &[f64], solve: &mut dyn FnMut(&mut [f64])) -> f64
         weigh(x);
         (solve.borrow_mut())(x);
     };
-    if residual.is_empty() || largest(residual) == 0.0 {
+    if largest(residual) == 0.0 {
         return 0.0;
     }
     ESTIMATE_FACTOR * one_norm_estimate(residual.len(), product, transposed) * (1.0 + residual.len() as f64 * U)

@@ -30,20 +30,24 @@ pub(super) fn coarsest(subject: &Subject) -> f64 {
 /// Where the vibrations are not much faster than the scene's step, and something is moving: the first-order error
 /// `½ a T h` of the finest run must have digits.
 pub(super) fn is_soft(subject: &Subject) -> bool {
-    let Subject { system, state, .. } = subject;
     let h = coarsest(subject);
-    let dofs = system.dofs().len();
+    let dofs = subject.system.dofs().len();
     if !(1..=AFFORDABLE).contains(&dofs) || h < subject.dt / 20.0 {
         return false;
     }
+    first_order_error(subject, h) > 100.0 * rounding(subject)
+}
+
+/// `½ a T h` of the finest run, of which h is the step of the coarsest.
+fn first_order_error(subject: &Subject, h: f64) -> f64 {
+    let Subject { system, state, .. } = subject;
     let links = reference::links(system, &state.positions);
     let elastic = reference::sum(&links, system.particles(), reference::Link::elastic_force);
     let damping = reference::damping_product(&links, &state.velocities);
     let acceleration = |p: usize| (elastic[p] + damping[p]) / system.masses()[p] + system.gravity();
     let accelerations: Vec<Vector3<f64>> = (0..system.particles()).map(acceleration).collect();
     let largest = norm(&reference::free(system, &accelerations));
-    let error = 0.5 * largest * (STEPS as f64 * h) * h / (1 << HALVINGS) as f64;
-    error > 100.0 * rounding(subject)
+    0.5 * largest * (STEPS as f64 * h) * h / (1 << HALVINGS) as f64
 }
 
 /// What rounding does to the end of the longest run: u a step.
@@ -78,4 +82,40 @@ pub(super) fn measure(subject: &Subject) -> Measured {
 
 fn distance(a: &State, b: &State) -> f64 {
     a.positions.iter().zip(&b.positions).map(|(x, y)| (x - y).norm_squared()).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+
+    /// 2 kg on a spring of k = 8 N that is 3 m long, 2 m at rest: `ω² ≤ 2 (8/2)/2`, so that steps of 1/4 s resolve it.
+    fn pulled(dt: f64) -> Subject {
+        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+        builder.gravity(-3.0, 0.0, 0.0);
+        let (bob, anchor) = (builder.particle([1.0, 0.0, 0.0], 2.0), builder.particle([4.0, 0.0, 0.0], 2.0));
+        builder.spring(bob, anchor, Spring { stiffness: 8.0, rest_length: 2.0, damping: 0.5 });
+        builder.velocities[bob].x = 1.0;
+        builder.hold(anchor);
+        let (system, state) = builder.build().unwrap();
+        Subject { name: "pulled".into(), system, state, dt }
+    }
+
+    /// The acceleration is `(4 − 1/2)/2 − 3 = −5/4` m/s²; eight steps of 1/4 s are two seconds, and the finest ones sixteen times shorter.
+    #[test]
+    fn the_error_of_the_first_order_by_hand() {
+        assert_eq!(first_order_error(&pulled(1.0), 0.25), 0.5 * 1.25 * 2.0 * 0.25 / 16.0);
+    }
+
+    /// A quarter of the step that resolves all motion, which may be a twentieth of the scene's and no less.
+    #[test]
+    fn scenes_are_soft_down_to_a_twentieth_of_their_step() {
+        assert_eq!([coarsest(&pulled(1.0)), coarsest(&pulled(0.01))], [0.0625, 0.01]);
+        assert_eq!([1.0, 1.25, 1.2500001].map(|dt| is_soft(&pulled(dt))), [true, true, false]);
+        let mut still = pulled(1.0).relaxed().unwrap();
+        assert!(!is_soft(&still));
+        still.state.velocities[0].x = 1.0;
+        assert!(is_soft(&still));
+    }
 }

@@ -165,3 +165,34 @@ impl Factored {
         Some(self.ldlt.pivots().filter(|&(_, pivot)| pivot < 0.0).count())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+
+    /// A particle 1 m from a held one on a spring at rest.
+    fn pair(dt: f64) -> Subject {
+        let mut builder = SystemBuilder::new();
+        let (anchor, bob) = (builder.particle([0.0; 3], 1.0), builder.particle([1.0, 0.0, 0.0], 1.0));
+        builder.spring(anchor, bob, Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.0 });
+        builder.hold(anchor);
+        let (system, state) = builder.build().unwrap();
+        Subject { name: "pair".into(), system, state, dt }
+    }
+
+    /// With steps of 10¹² s rounding hides the masses, and with them all that could be said.
+    #[test]
+    fn what_was_never_tried_does_not_pass() {
+        let values = |checks: Measured, name: &str| -> Vec<f64> {
+            checks.unwrap().iter().filter(|check| check.name.contains(name)).map(|check| check.value).collect()
+        };
+        assert!(values(always(&pair(1e12)), "every step").iter().all(|value| value.is_nan()));
+        assert!(values(inertia(&pair(1e12)), "all eigenvalues")[0].is_nan());
+        assert!(values(on_demand(&pair(1e12)), "is full where")[0].is_nan());
+        for checks in [always(&pair(0.01)), inertia(&pair(0.01)), on_demand(&pair(0.01)), options(&pair(0.01))] {
+            assert!(checks.unwrap().iter().all(Check::passed));
+        }
+    }
+}

@@ -127,3 +127,33 @@ pub fn dropped_terms(
     }
     checks
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::system::SystemBuilder;
+
+    /// A spring of k = 100 N along x, pushed from 4 m to 1 m: `axial` and `tension` leave out −75 N/m across it.
+    #[test]
+    fn dropped_terms_are_added_back() {
+        let mut builder = SystemBuilder::new();
+        let (anchor, bob) = (builder.particle([0.0; 3], 1.0), builder.particle([1.0, 0.0, 0.0], 1.0));
+        builder.spring(anchor, bob, Spring { stiffness: 100.0, rest_length: 4.0, damping: 0.0 });
+        builder.hold(anchor);
+        let (system, state) = builder.build().unwrap();
+        let nothing = Nothing(3);
+        let mut y = [7.0; 3];
+        nothing.apply(&[1.0; 3], &mut y);
+        assert_eq!((nothing.order(), y), (3, [0.0; 3]));
+        for (option, across) in [(Stiffness::Full, 0.0), (Stiffness::Tension, 75.0), (Stiffness::Axial, 75.0)] {
+            let completed = Completed::new(&system, &state, option, &nothing);
+            completed.apply(&[1.0, 2.0, 3.0], &mut y);
+            assert_eq!(
+                (completed.order(), y.map(|y| y + 0.0)),
+                (3, [0.0, 2.0 * across, 3.0 * across]),
+                "{}",
+                option.name()
+            );
+        }
+    }
+}

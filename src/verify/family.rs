@@ -100,3 +100,6 @@ fn can_move(subject: &Subject) -> bool {
 fn pulls(subject: &Subject) -> bool {
     !subject.system.active_springs().is_empty()
 }
+
+#[cfg(test)]
+mod tests;

@@ -161,3 +161,39 @@ impl<'a> ForceError<'a> {
         own + self.rounding(row) / (0.5 * step.width())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    fn is(value: f64, expected: f64) {
+        assert!((value / expected - 1.0).abs() < 1e-14, "{value:e} is not {expected:e}");
+    }
+
+    /// Over ±1/4 m, with a middle that is 1/8 m off, of a spring of k = 8 N that is 2 m long, 4 m at rest.
+    #[test]
+    fn errors_of_a_difference_by_hand() {
+        let spring = Spring { stiffness: 8.0, rest_length: 4.0, damping: 0.0 };
+        let at = Extension::between(&Vector3::new(2.0, 0.0, 0.0), &Vector3::zeros()).unwrap();
+        let curved = 0.5 * 8.0 * 0.0625 / 1.75_f64.powi(3);
+        is(truncation(&spring, &at, 0.25, 1.0), curved);
+        is(curvature(&spring, &at), 0.5);
+        let moved = SECOND * 8.0 * 0.125 / (1.75 * 1.75);
+        let block = 12.0 * U * 8.0 * 0.75;
+        let step = Step { forward: 1.25, backward: 0.75, offset: 0.125 };
+        is(own_error(&spring, &at, step), curved + moved + block);
+        is(block_rounding(&spring, &at), block);
+        is(force_rounding(&spring, &at), 15.0 * U * 8.0);
+        assert_eq!(truncation(&spring, &at, 2.5, 1.0), f64::INFINITY);
+    }
+
+    /// The best step is `(ρ/2T)^(1/3)`, an eighth of the length at most; where there is no spring it is 1.
+    #[test]
+    fn steps_balance_rounding_and_truncation() {
+        let ends = |step: Step| [step.forward, step.backward, step.offset, step.width()];
+        assert_eq!(ends(Step::best(1.0, 1.0, 4.0, 100.0)), [1.5, 0.5, 0.0, 1.0]);
+        assert_eq!(ends(Step::best(1.0, 1.0, 1e-6, 2.0)), [1.25, 0.75, 0.0, 0.5]);
+        assert_eq!(ends(Step::best(3.0, 0.0, 0.0, f64::INFINITY)), [4.0, 2.0, 0.0, 2.0]);
+    }
+}

@@ -177,3 +177,6 @@ fn left(subject: &Subject, formula: &Formula, after: &State) -> f64 {
     let shaken: Vec<Vector3<f64>> = subject.system.masses().iter().enumerate().map(shake).collect();
     size(&now) / (size(&before) + (size(&rounding) + size(&shaken)) / LEFT)
 }
+
+#[cfg(test)]
+mod tests;

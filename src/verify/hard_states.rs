@@ -75,3 +75,28 @@ impl Regime {
         builder.build()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Nine regimes of five particles with masses of 0.4, 0.71, … kg, the first particle in the direction (15, −16, 12)/25.
+    #[test]
+    fn hard_states_lie_where_they_are_said_to() {
+        let states = hard_states().unwrap();
+        assert_eq!((states.len(), states[5].0), (9, "1e6 m from the origin"));
+        for (name, system, state) in &states {
+            for (p, mass) in [0.4, 0.71, 1.02, 1.33, 1.64].into_iter().enumerate() {
+                assert!((system.masses()[p] - mass).abs() < 1e-15, "{name}");
+            }
+            let away = if name.contains("1e6 m from") {
+                1e6
+            } else if name.contains("at 1e3 m") {
+                1e3
+            } else {
+                0.0
+            };
+            assert!((state.positions[0] - Vector3::new(0.6, -0.64, 0.48) * away).amax() <= 1e-15 * away, "{name}");
+        }
+    }
+}

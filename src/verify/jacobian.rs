@@ -326,3 +326,6 @@ fn explain(
         None => entry,
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -124,3 +124,27 @@ fn simpson(values: impl ExactSizeIterator<Item = f64>, dt: f64) -> f64 {
     };
     values.enumerate().map(|(at, value)| weight(at) * value).sum::<f64>() * dt / 3.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::system::{Axes, Constraint, SystemBuilder};
+    use nalgebra::Vector3;
+
+    /// Nothing vibrates, so a quarter of a second would do; of a path with corners at 0.5 s and 1.1 s there is a tenth of a second
+    /// left at 1 s.
+    #[test]
+    fn all_steps_end_before_the_next_corner_of_a_path() {
+        let step_at = |time: f64| {
+            let mut builder = SystemBuilder::new();
+            builder.particle([0.0; 3], 1.0);
+            let motion = Motion::Path { times: vec![0.5, 1.1], offsets: vec![Vector3::zeros(); 2] };
+            builder.constrain(Constraint { particles: vec![0], axes: Axes::of(&[0]), motion });
+            let (system, state) = builder.build().unwrap();
+            step(&Subject { name: "led".into(), system, state: State { time, ..state }, dt: 1.0 })
+        };
+        assert!((step_at(1.0) - 0.9 * 0.1 / STEPS as f64).abs() < 1e-15);
+        assert!((step_at(0.0) - 0.9 * 0.5 / STEPS as f64).abs() < 1e-15);
+        assert_eq!(step_at(2.0), 0.25);
+    }
+}

@@ -37,17 +37,20 @@ pub(super) fn measure(subject: &Subject) -> Measured {
 }
 
 /// Before, at, between and after all corners of all paths, far beyond the end included.
-fn at_many_times(subject: &Subject) -> Check {
-    let prescribed = subject.system.prescribed();
+fn many_times(subject: &Subject) -> Vec<f64> {
     let mut times = vec![0.0, subject.dt, 1.0, 1e3];
-    for motion in prescribed.motions() {
+    for motion in subject.system.prescribed().motions() {
         if let Motion::Path { times: corners, .. } = motion {
             times.extend(corners);
             times.extend(corners.windows(2).map(|pair| pair[0] + 0.37 * (pair[1] - pair[0])));
             times.extend(corners.iter().flat_map(|t| [t - 0.9, t + 0.9]));
         }
     }
-    let distances = times.iter().map(|&time| {
+    times
+}
+
+fn at_many_times(subject: &Subject) -> Check {
+    let distances = many_times(subject).into_iter().map(|time| {
         let mut state = State { time, ..subject.state.clone() };
         state.prescribe(&subject.system);
         distance(subject, &state)
@@ -131,3 +134,6 @@ fn reach(motion: &Motion, t: f64, axis: usize) -> f64 {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -209,3 +209,6 @@ fn named(subject: &Subject, stepper: &mut LinearBackwardEuler, spring: usize, [i
     let named = matches!(outcome, Err(StepFailure::DegenerateSpring(found)) if right(found));
     silent(named && collapsed == before)
 }
+
+#[cfg(test)]
+mod tests;

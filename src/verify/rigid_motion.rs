@@ -155,3 +155,49 @@ impl<'s> Products<'s> {
 }
 
 const BOUND: f64 = 30.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+
+    /// Two particles at (1, 2) and (3, 4), joined; of z nothing is there in a plane.
+    fn pair(dimension: usize) -> Subject {
+        let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
+        let ends = [builder.particle([1.0, 2.0, 0.0], 1.0), builder.particle([3.0, 4.0, 0.0], 2.0)];
+        builder.spring(ends[0], ends[1], Spring { stiffness: 8.0, rest_length: 2.0, damping: 0.5 });
+        let (system, state) = builder.build().unwrap();
+        Subject { name: "pair".into(), system, state, dt: 0.1 }
+    }
+
+    /// The arms are ∓(1, 1, 0): a turn about z by 0.9, and in space about (0.4, −0.9, 0.7).
+    #[test]
+    fn fields_turn_and_grow_about_the_centre() {
+        for (dimension, turned) in [(2, Vector3::new(-0.9, 0.9, 0.0)), (3, Vector3::new(-0.7, 0.7, 1.3))] {
+            let motions = motions(&pair(dimension), Stiffness::Full);
+            assert_eq!(motions.iter().map(|m| m.name).collect::<Vec<_>>(), ["translation", "rotation", "dilation"]);
+            assert_eq!(motions[2].field, [Vector3::new(-1.0, -1.0, 0.0), Vector3::new(1.0, 1.0, 0.0)]);
+            assert!((motions[1].field[1] - turned).amax() < 1e-15 && (motions[1].field[0] + turned).amax() < 1e-15);
+            assert!(measure(&pair(dimension)).unwrap().iter().all(Check::passed));
+        }
+    }
+
+    #[test]
+    fn rows_beyond_rounding_are_listed_with_what_is_wrong() {
+        let subject = pair(2);
+        let products = Products::of(&subject, Stiffness::Full, Combination::STIFFNESS).unwrap();
+        let dilation = &motions(&subject, Stiffness::Full)[2];
+        let compare = |expected: &[Vector3<f64>]| {
+            products.compare("dilation".into(), &dilation.field, expected, |link| link.magnitude())
+        };
+        let right = compare(&dilation.stiffness);
+        assert!(right.passed() && right.table.is_empty());
+        let mut doubled = dilation.stiffness.clone();
+        doubled[1].y *= 2.0;
+        let wrong = compare(&doubled);
+        let told: Vec<_> = wrong.table.iter().map(|entry| (entry.row, entry.verdict.as_str())).collect();
+        assert_eq!(told, [(3, "50.0 % too small"); 2]);
+        assert!(!wrong.passed());
+    }
+}

@@ -170,3 +170,6 @@ pub fn condition_is_right(a: &CscMatrix<f64>, estimate: &Condition, scene: &str)
     );
     Check::new(Claim::Solvers, "condition estimate against the dense inverse", scene, value, 1.0, why)
 }
+
+#[cfg(test)]
+mod tests;

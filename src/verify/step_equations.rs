@@ -38,6 +38,19 @@ struct Residual {
     unit: f64,
 }
 
+impl Residual {
+    /// The largest row in units of rounding.
+    fn in_units(&self) -> f64 {
+        worst(self.rows.iter().map(|row| row.abs()).chain([0.0])) / self.unit
+    }
+
+    /// The norm over what conjugate gradients may leave, with rounding in every row.
+    fn over_tolerance(&self) -> f64 {
+        let rounding = UNITS * self.unit * (self.rows.len() as f64).sqrt();
+        norm(&self.rows) / (TOLERANCE * norm(&self.right_hand_side) + rounding)
+    }
+}
+
 /// Linear backward Euler by every option and solver.
 pub(super) fn linear(subject: &Subject) -> Measured {
     let solvers = [
@@ -57,18 +70,15 @@ pub(super) fn linear(subject: &Subject) -> Measured {
             let name = format!("residual of a step, {}, {solver_name}", option.name());
             checks.push(match solver {
                 SolverChoice::Llt | SolverChoice::Ldlt => {
-                    let value = worst(residuals.map(|residual| largest(&residual.rows) / residual.unit));
+                    let value = worst(residuals.map(|residual| residual.in_units()));
                     let why = "in units of rounding, u (‖A‖ ‖δx‖ + ‖b‖) in the maximum norm: what a backward stable solve \
                                and forming the residual leave";
                     Check::new(Claim::Solvers, name, &subject.name, value, UNITS, why)
                 }
                 _ => {
-                    let share = |r: Residual| {
-                        let rounding = UNITS * r.unit * (r.rows.len() as f64).sqrt();
-                        norm(&r.rows) / (TOLERANCE * norm(&r.right_hand_side) + rounding)
-                    };
+                    let value = worst(residuals.map(|residual| residual.over_tolerance()));
                     let why = "‖b − A δx‖ over the tolerance of 1e-10 ‖b‖, with 30 units of rounding a row for forming it";
-                    Check::new(Claim::Solvers, name, &subject.name, worst(residuals.map(share)), 1.0, why)
+                    Check::new(Claim::Solvers, name, &subject.name, value, 1.0, why)
                 }
             });
         }
@@ -148,10 +158,6 @@ fn max(vectors: &[Vector3<f64>]) -> f64 {
     vectors.iter().fold(0.0, |largest, v| if v.amax() <= largest { largest } else { v.amax() })
 }
 
-fn largest(rows: &[f64]) -> f64 {
-    worst(rows.iter().map(|row| row.abs()).chain([0.0]))
-}
-
 /// `|x' − (x + dt v)|` in units of rounding; v is what the method moves by.
 fn displacement_error(subject: &Subject, method: Method, dt: f64, before: &State, after: &State) -> f64 {
     worst(subject.system.dofs().iter().map(|dof| {
@@ -172,9 +178,10 @@ fn displacement_error(subject: &Subject, method: Method, dt: f64, before: &State
 fn midpoint_share(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
     let mean = |x: &[Vector3<f64>], y: &[Vector3<f64>]| x.iter().zip(y).map(|(x, y)| (x + y) * 0.5).collect();
     let mut middle = State {
-        time: before.time + 0.5 * dt,
         positions: mean(&before.positions, &after.positions),
         velocities: mean(&before.velocities, &after.velocities),
+        // No force here depends on the time.
+        ..before.clone()
     };
     // Prescribed coordinates go by the chord of their motion.
     for (dof, ..) in subject.system.prescribed().iter() {
@@ -274,3 +281,6 @@ impl Forces {
         (free(system, &rows), moving.map(size).collect())
     }
 }
+
+#[cfg(test)]
+mod tests;

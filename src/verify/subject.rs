@@ -159,3 +159,6 @@ fn with_lengths(twin: &mut SystemBuilder, rest_length: impl Fn(&Spring, f64) -> 
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

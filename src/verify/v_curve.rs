@@ -311,3 +311,6 @@ pub fn v_curve(
     }));
     checks
 }
+
+#[cfg(test)]
+mod tests;

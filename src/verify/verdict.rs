@@ -1,6 +1,6 @@
 //! Which entries are worst, and what is wrong with them in words.
 
-use super::check::Entry;
+use super::check::{Entry, worst};
 use nalgebra::{Matrix3, Vector3};
 
 /// How many entries a table shows.
@@ -53,19 +53,16 @@ impl WorstEntries {
             _ if error == 0.0 => 0.0,
             ratio => ratio,
         };
-        if self.compared == 0 || ratio.is_nan() || ratio > self.worst {
-            self.worst = ratio;
-        }
+        self.worst = if self.compared == 0 { ratio } else { worst([self.worst, ratio]) };
         self.compared += 1;
         self.wrong += if ratio <= 1.0 { 0 } else { 1 };
         let rank = |ratio: f64| if ratio.is_nan() { f64::INFINITY } else { ratio };
-        let last = self.ranked.last().map_or(-1.0, |(ratio, _)| rank(*ratio));
-        if self.ranked.len() < self.limit || rank(ratio) > last {
+        let place = self.ranked.partition_point(|(other, _)| rank(*other) >= rank(ratio));
+        if place < self.limit {
             let entry = in_plain_words(Entry::new(row, column, analytic, numeric, allowed));
             let entry = Entry { spring, ..entry };
             let unsure = !allowed.is_finite() && analytic.is_finite() && numeric.is_finite();
             let entry = if unsure { entry.with_verdict("cannot be measured") } else { entry };
-            let place = self.ranked.partition_point(|(other, _)| rank(*other) >= rank(ratio));
             self.ranked.insert(place, (ratio, entry));
             self.ranked.truncate(self.limit);
         }
@@ -164,3 +161,6 @@ fn of_term(name: &str, term: f64, truth: f64, tolerance: f64) -> String {
         ratio => format!("the {name} term {ratio:.2} times too large"),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,10 +5,10 @@
 //! twentieth: its integrand is analytic far around the interval.
 
 use super::measured::Measured;
-use super::reference::{self, field};
+use super::reference::{self, Link, field};
 use super::{Check, Claim, Subject, U};
 use crate::force::{Energy, Extensions, add_elastic_force, add_weight};
-use crate::system::State;
+use crate::system::{State, System};
 use nalgebra::Vector3;
 
 /// Nodes in (0, 1) and weights of Gauss's quadrature with eight points (Abramowitz and Stegun, table 25.4), one half.
@@ -45,19 +45,14 @@ pub(super) fn measure(subject: &Subject) -> Measured {
         weight += 0.5 * share * dot(&force, &w);
     }
     let (before, after) = (Energy::of(system, state), Energy::of(system, &at(1.0)));
-    let pull = reference::pull(&links, w.len());
-    let work: f64 = pull.iter().zip(&w).map(|(f, w)| f * w.norm()).sum();
-    let reach = reference::magnitude(&links, |link| link.elastic_force().norm(), &state.positions);
-    let unit = U * (before.elastic + after.elastic + work + reach.iter().sum::<f64>());
+    let unit = elastic_unit(&links, [before.elastic, after.elastic], &w, &state.positions);
     let why = "in units of rounding: of the energies, of the work, and of the positions times the force; sums of n terms \
                add n of them, and the quadrature none";
     let error = (after.elastic - before.elastic + elastic).abs();
-    let share = |error: f64, unit: f64| if error == 0.0 { 0.0 } else { error / unit };
     let bound = 30.0 + (w.len() + links.len()) as f64;
     let mut checks =
         vec![Check::new(Claim::Consistency, "elastic energy is work", &subject.name, share(error, unit), bound, why)];
-    let heights: f64 = system.masses().iter().zip(&state.positions).map(|(m, x)| m * x.norm()).sum();
-    let unit = U * heights * system.gravity().norm();
+    let unit = weight_unit(system, &state.positions);
     let error = (after.gravitational - before.gravitational + weight).abs();
     let why = "in units of rounding of the energy, u Σ m |gravity| |x|; a sum of n terms adds n of them";
     let value = share(error, unit);
@@ -65,6 +60,27 @@ pub(super) fn measure(subject: &Subject) -> Measured {
     Ok(checks)
 }
 
+/// The rounding of two energies, of the work along w and of the positions times the force.
+fn elastic_unit(links: &[Link], energies: [f64; 2], w: &[Vector3<f64>], positions: &[Vector3<f64>]) -> f64 {
+    let pull = reference::pull(links, w.len());
+    let work: f64 = pull.iter().zip(w).map(|(f, w)| f * w.norm()).sum();
+    let reach = reference::magnitude(links, |link| link.elastic_force().norm(), positions);
+    U * (energies[0] + energies[1] + work + reach.iter().sum::<f64>())
+}
+
+/// `u Σ m |gravity| |x|`.
+fn weight_unit(system: &System, positions: &[Vector3<f64>]) -> f64 {
+    let heights: f64 = system.masses().iter().zip(positions).map(|(m, x)| m * x.norm()).sum();
+    U * heights * system.gravity().norm()
+}
+
+fn share(error: f64, unit: f64) -> f64 {
+    if error == 0.0 { 0.0 } else { error / unit }
+}
+
 fn dot(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
 }
+
+#[cfg(test)]
+mod tests;

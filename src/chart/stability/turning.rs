@@ -167,6 +167,30 @@ mod tests {
         assert_eq!(at(Method::LinearBackwardEuler, Stiffness::Axial, 10.0, 0.2), TileVerdict::Stretched);
     }
 
+    /// At an angle of 0.01 the limit is `√(2 (10.536 − 1)) = 4.367`: it holds to a factor of 1.35, or of a column where those are wider
+    /// apart, and for angles below 0.05. Under `axial` all that is known is that steps beyond the limit stretch the spring.
+    #[test]
+    fn predictions_keep_away_from_the_limit() {
+        use Prediction::{Silent, Stable, Unstable};
+        let of = |option: Stiffness, z: f64, angle: f64, margin: f64| {
+            prediction(Method::LinearBackwardEuler, option.into(), z, angle, margin)
+        };
+        let limit = limits(Method::LinearBackwardEuler, Stiffness::Full.into(), 0.01)[0].z;
+        assert!((limit - 4.367).abs() < 5e-4);
+        let full = |z: f64| of(Stiffness::Full, z, 0.01, 1.0);
+        assert_eq!([0.01, 3.2, 3.3, 5.8, 6.0].map(full), [Stable, Stable, Silent, Silent, Unstable]);
+        assert_eq!([full(limit / MARGIN), full(MARGIN * limit)], [Silent; 2]);
+        assert_eq!([2.1, 2.3, 8.6, 8.8].map(|z| of(Stiffness::Full, z, 0.01, 2.0)), [Stable, Silent, Silent, Unstable]);
+        assert_eq!([0.049, SMALL, 0.06].map(|angle| of(Stiffness::Full, 1e-3, angle, 1.0)), [Stable, Silent, Silent]);
+        let axial = limits(Method::LinearBackwardEuler, Stiffness::Axial.into(), 0.2)[0].z;
+        let axial = [0.1, 1.3, 1.4].map(|factor| of(Stiffness::Axial, factor * axial, 0.2, 1.0));
+        assert_eq!(axial, [Silent, Silent, Unstable]);
+        // A turn of −ln 0.9 is braked by damping alone, at any step.
+        let most = -(-BRAKED).ln_1p();
+        assert!(limits(Method::LinearBackwardEuler, Stiffness::Full.into(), most).is_empty());
+        assert_eq!(of(Stiffness::Full, 10.0, most, 1.0), Silent);
+    }
+
     #[test]
     fn the_exact_motion_turns_back_at_its_largest_stretch() {
         for (angle, z) in [(0.01, 3.0), (0.3, 1.0), (1.0, 0.1)] {

@@ -1,0 +1,112 @@
+//! Backward errors and bounds of solutions of small systems, worked out by hand.
+
+use super::*;
+
+/// With x below `b − A x = (0, 1/2, −1/4)` and `|A||x| + |b| = (4, 64.5, 18.25)`; the roots of the diagonal are 2, 4 and 3, the
+/// largest product with |x| is 4 · 2 = 8, and the largest sum of a row is 19.
+fn system() -> CscMatrix<f64> {
+    CscMatrix::from(&DMatrix::from_row_slice(3, 3, &[4.0, -1.0, 0.0, -1.0, 16.0, 2.0, 0.0, 2.0, 9.0]))
+}
+
+const X: [f64; 3] = [0.5, 2.0, -1.0];
+const B: [f64; 3] = [0.0, 30.0, -5.25];
+const NOTHING: [f64; 3] = [0.0; 3];
+
+fn solved<'a>(x: &'a [f64], promise: Promise) -> Solved<'a> {
+    Solved { method: "m", x, promise }
+}
+
+fn is(value: f64, expected: f64) {
+    assert!((value / expected - 1.0).abs() < 1e-14, "{value:e} is not {expected:e}");
+}
+
+#[test]
+fn backward_errors_by_hand() {
+    let checks = backward_errors(&system(), &B, &solved(&X, Promise::Stable), "s");
+    let names: Vec<&str> = checks.iter().map(|check| check.name.as_str()).collect();
+    assert_eq!(names, ["normwise backward error of m", "componentwise backward error of m"]);
+    is(checks[0].value, 0.5 / (19.0 * 2.0 + 30.0));
+    // The last row is worst: 1/4 of the 24 that elimination passes through, not 1/2 of 64.5.
+    is(checks[1].value, 0.25 / 24.0);
+    assert!(checks.iter().all(|check| check.bound == 30.0 * U));
+    let table: Vec<_> = checks[1].table.iter().map(|entry| (entry.row, entry.analytic, entry.numeric)).collect();
+    assert_eq!(table, [(2, -5.0, -5.25), (1, 29.5, 30.0), (0, 0.0, 0.0)]);
+    is(indefinite_backward_error(&system(), &B, &X, "m", "s").value, 0.5 / 68.0);
+}
+
+#[test]
+fn what_elimination_may_leave_by_hand() {
+    let (a, residual) = (system(), Residual::new(&system(), &B, &X).unwrap());
+    assert_eq!(stable_residual(&a, &X, &residual), [16.0, 64.5, 24.0].map(|size| 30.0 * U * size));
+}
+
+/// Nothing solves a right-hand side of zeros exactly, though there is nothing to measure it by.
+#[test]
+fn an_exact_solution_has_no_error() {
+    let a = system();
+    let checks = backward_errors(&a, &NOTHING, &solved(&NOTHING, Promise::Stable), "s");
+    assert_eq!(checks.iter().map(|check| check.value).collect::<Vec<_>>(), [0.0, 0.0]);
+    assert_eq!(indefinite_backward_error(&a, &NOTHING, &NOTHING, "m", "s").value, 0.0);
+    let check = tolerance_is_met(&a, &NOTHING, &NOTHING, 1e-10, "m", "s");
+    assert_eq!((check.value, check.bound), (0.0, 1e-10));
+    let none = solved(&NOTHING, Promise::Stable);
+    let check = solutions_agree(&a, &NOTHING, &none, &none, &mut |_| {}, "s");
+    assert_eq!((check.value, check.bound), (0.0, 0.0));
+}
+
+#[test]
+fn the_residual_of_an_iteration_by_hand() {
+    let check = tolerance_is_met(&system(), &B, &X, 1e-14, "m", "s");
+    let b = (900.0 + 5.25 * 5.25_f64).sqrt();
+    is(check.value, (0.25 + 0.0625_f64).sqrt() / b);
+    is(check.bound, 1e-14 + 30.0 * U * (16.0 + 64.5 * 64.5 + 18.25 * 18.25_f64).sqrt() / b);
+}
+
+/// Of the diagonal matrix (4, 16, 1) and its exact solution the stable residuals are 30 u of 16, 64 and 8, twice that for two methods;
+/// each iteration adds its tolerance times ‖b‖ = √1029. The last row bounds the difference: its inverse is the largest.
+#[test]
+fn solutions_differ_by_what_both_methods_promise() {
+    let diagonal = [4.0, 16.0, 1.0];
+    let a = CscMatrix::from(&DMatrix::from_diagonal(&diagonal.to_vec().into()));
+    let b = [2.0, 32.0, -1.0];
+    let off = [0.5, 2.5, -1.25];
+    let check = |one: Promise, other: Promise| {
+        let mut solve = |x: &mut [f64]| x.iter_mut().zip(diagonal).for_each(|(x, d)| *x /= d);
+        solutions_agree(&a, &b, &solved(&off, one), &solved(&X, other), &mut solve, "s")
+    };
+    let bound = |iterated: f64| 3.0 * (2.0 * 30.0 * U * 8.0 + iterated) * (1.0 + 3.0 * U) / 2.0;
+    let stable = check(Promise::Stable, Promise::Stable);
+    assert_eq!(stable.value, 0.25);
+    is(stable.bound, bound(0.0));
+    assert!(stable.why.ends_with("about 1.6e1"), "{}", stable.why);
+    let iterated = check(Promise::Tolerance(1e-15), Promise::Tolerance(3e-15));
+    is(iterated.bound, bound(4e-15 * 1029_f64.sqrt()));
+}
+
+#[test]
+fn sizes_that_do_not_fit_fail() {
+    let (a, short) = (system(), [0.0; 2]);
+    let failed = |check: &Check| !check.passed() && check.value.is_nan() && check.why == WRONG_SIZE;
+    assert!(backward_errors(&a, &B, &solved(&short, Promise::Stable), "s").iter().all(failed));
+    assert!(failed(&indefinite_backward_error(&a, &B, &short, "m", "s")));
+    assert!(failed(&tolerance_is_met(&a, &short, &X, 0.1, "m", "s")));
+    for (x, y) in [(&X[..], &short[..]), (&short, &X)] {
+        let (x, y) = (solved(x, Promise::Stable), solved(y, Promise::Stable));
+        assert!(failed(&solutions_agree(&a, &B, &x, &y, &mut |_| {}, "s")));
+    }
+}
+
+/// The condition number of the diagonal matrix (4, 16, 2) is 16/2. An estimate of half of it is allowed, as it is not a third, and
+/// the dense inverse may be off by 10 n u κ.
+#[test]
+fn a_condition_is_held_to_the_dense_inverse() {
+    let a = CscMatrix::from(&DMatrix::from_diagonal(&vec![4.0, 16.0, 2.0].into()));
+    let value = |inverse_norm| condition_is_right(&a, &Condition { norm: 16.0, inverse_norm }, "s").value;
+    let slack = 1.0 + 10.0 * 3.0 * U * 8.0;
+    for (inverse_norm, expected) in
+        [(0.5, 1.0 / slack), (0.25, 2.0 / 3.0 / slack), (0.125, 4.0 / 3.0 / slack), (1.0, 2.0 / slack)]
+    {
+        let value = value(inverse_norm);
+        assert!((value / expected - 1.0).abs() < 1e-15, "{value} {expected}");
+    }
+}

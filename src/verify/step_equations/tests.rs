@@ -1,0 +1,218 @@
+//! Residuals of states that solve nothing, on three particles along a line: large, and worked out by hand.
+
+use super::*;
+use crate::spring::Spring;
+use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+
+const DT: f64 = 0.5;
+
+/// Masses of 2, 1 and 5 kg at 1, 4 and 9 m with velocities of 1, −2 and 4 m/s, the last one prescribed; springs of k = 4 N,
+/// l0 = 2 m, b = ½ and of k = 12 N, l0 = 4 m, b = 1 N·s/m. Their lengths are 3 m and 5 m; gravity is −2 m/s².
+///
+/// ```text
+/// k/l0 = 2 and 3        f_el = 2, 1, −3        f_d = −1.5, 7.5, −6        m gravity = −4, −2, −10
+/// ```
+fn line(motion: Motion) -> Subject {
+    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+    builder.gravity(-2.0, 0.0, 0.0);
+    for (x, mass) in [(1.0, 2.0), (4.0, 1.0), (9.0, 5.0)] {
+        builder.particle([x, 0.0, 0.0], mass);
+    }
+    builder.spring(0, 1, Spring { stiffness: 4.0, rest_length: 2.0, damping: 0.5 });
+    builder.spring(1, 2, Spring { stiffness: 12.0, rest_length: 4.0, damping: 1.0 });
+    builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[0]), motion });
+    let (system, _) = builder.build().unwrap();
+    Subject { name: "line".into(), system, state: state(0.0, [1.0, 4.0, 9.0], [1.0, -2.0, 4.0]), dt: DT }
+}
+
+fn state(time: f64, positions: [f64; 3], velocities: [f64; 3]) -> State {
+    let along = |numbers: [f64; 3]| numbers.map(|x| Vector3::new(x, 0.0, 0.0)).to_vec();
+    State { time, positions: along(positions), velocities: along(velocities) }
+}
+
+/// The state that is put into the equations, of which it solves none.
+fn after() -> State {
+    state(DT, [2.0, 6.0, 12.0], [3.0, -1.0, 6.0])
+}
+
+fn is(value: f64, expected: f64) {
+    assert!((value / expected - 1.0).abs() < 1e-12, "{value:e} is not {expected:e}");
+}
+
+/// With v' = 3, −1 and 4: `K δx = −4, 11.5` and `G v' = −2, 7` on the free particles. The step of the third one, 2 m, is known: its
+/// `3 · 2 + 1 · 4 = 10` belong to b. The magnitudes in b are largest on the third, `5 (4/dt + 2) + 12 (5 + 4)/4 = 77`, and so are those
+/// in A, `5/dt² + 2√3 (12/4 + 12/5 + 1/dt)`.
+#[test]
+fn the_linear_residual_by_hand() {
+    let subject = line(Motion::Held);
+    let after = state(DT, [0.0; 3], [3.0, -1.0, 4.0]);
+    let residual = linear_residual(&subject, Stiffness::Axial, DT, &subject.state, &after);
+    assert_eq!(residual.rows, [2.0 - 12.0 - 4.0 - 2.0, -5.0 + 2.0 + 11.5 + 7.0]);
+    assert_eq!(residual.right_hand_side, [2.0, -5.0 + 10.0]);
+    is(residual.unit, U * ((20.0 + 14.8 * 3f64.sqrt()) * 2.0 + 77.0));
+}
+
+/// Of the rows 3 and −4 the largest, and the norm 5 over 1e-10 ‖b‖ and 30 units a row.
+#[test]
+fn residuals_are_weighed_by_rounding_or_by_the_tolerance() {
+    let residual = Residual { rows: vec![3.0, -4.0, 0.0, 0.0], right_hand_side: vec![6.0, 8.0], unit: 1e-11 };
+    is(residual.in_units(), 4e11);
+    is(residual.over_tolerance(), 5.0 / (10e-10 + 30.0 * 1e-11 * 2.0));
+}
+
+#[test]
+fn the_largest_component_of_vectors() {
+    assert_eq!(max(&[Vector3::new(1.0, -3.0, 2.0), Vector3::new(0.0, 2.0, 0.0)]), 3.0);
+    assert_eq!(max(&[]), 0.0);
+}
+
+/// At x' and v': `f_el = 4, 2`, `f_d = −2, 9`, magnitudes of 18 and 53 N, 34 and 59 with inertia.
+#[test]
+fn the_share_of_newtons_tolerance_by_hand() {
+    let subject = line(Motion::Held);
+    // M (v' − v)/dt − f = 8 + 2 and 2 − 9.
+    let rows = 10f64.hypot(-7.0);
+    // (k/l0 + k/l)(|x_i| + |x_j|) of the springs is 3 · 8 and 5 · 18.
+    let rounding = (24f64.powi(2) + 114f64.powi(2) + 90f64.powi(2)).sqrt();
+    let expected = rows / (1e-10 * 34f64.hypot(59.0) + UNITS * U * rounding);
+    is(newton_share(&subject, DT, &subject.state, &after()), expected);
+}
+
+/// The means are `x = 1.5, 5, 10.5` and `v = 2, −1.5`; the third particle goes 3 m in ½ s, whatever velocities it has. There
+/// `f_el = 3, 1.5`, `f_d = −1.75, 9.25`, in half the time.
+#[test]
+fn the_midpoint_is_reached_by_half_a_step() {
+    let subject = line(Motion::Held);
+    let rows = (8.0 + 2.75f64).hypot(2.0 - 8.75);
+    let magnitudes = (11.0 + 1.75 + 4.0 + 24.0f64).hypot(39.5 + 9.25 + 2.0 + 14.0);
+    let [first, second]: [f64; 2] = [(2.0 + 4.0 / 3.5) * 6.5, (3.0 + 12.0 / 5.5) * 15.5];
+    let rounding = (first * first + (first + second).powi(2) + second * second).sqrt();
+    let expected = rows / (1e-10 * magnitudes + UNITS * U * rounding);
+    is(midpoint_share(&subject, DT, &subject.state, &after()), expected);
+}
+
+/// The forces are those before the step: −3.5 and 6.5 N, with magnitudes of 15.5 and 46.5 N.
+#[test]
+fn the_share_of_explicit_methods_by_hand() {
+    let subject = line(Motion::Held);
+    let expected = 11.5f64.hypot(-4.5) / (UNITS * U * (15.5 + 16.0f64).hypot(46.5 + 6.0));
+    is(explicit_share(&subject, DT, &subject.state, &after()), expected);
+}
+
+/// The velocities predicted for the second force are 1/8, 5/4 and 4 m/s: it is 0.5625 and 2.1875 N, with magnitudes of 16.6875 and
+/// 49.9375 N. In the first step the velocities are the worse, in the second the positions.
+#[test]
+fn the_share_of_verlets_method_by_hand() {
+    let subject = line(Motion::Held);
+    let share = |after: State| verlet_share(&subject, DT, &[subject.state.clone(), after]);
+    let speeds = 9.46875f64.hypot(-2.34375) / (UNITS * U * 48.1875f64.hypot(102.4375));
+    is(share(after()), speeds);
+    let places = 5.75f64.hypot(8.75) / (UNITS * U * (36.1875 + 24.0f64).hypot(104.4375 + 40.0));
+    is(share(state(DT, [2.0, 6.0, 12.0], [0.0, 2.0, 6.0])), places);
+}
+
+/// The second force of a step is the first of the next. The third state stays where the second is, with 9 m/s in place of 3 m/s.
+#[test]
+fn verlets_method_keeps_the_last_force() {
+    let subject = line(Motion::Held);
+    let states = [subject.state.clone(), after(), state(2.0 * DT, [2.0, 6.0, 12.0], [9.0, -1.0, 6.0])];
+    let kept = Forces::at(&subject, &after(), &[0.125, 1.25, 4.0].map(|v| Vector3::new(v, 0.0, 0.0)));
+    let next: Vec<Vector3<f64>> = [0.5625, 2.1875].map(|f| Vector3::new(f, 0.0, 0.0)).to_vec();
+    assert_eq!(kept.total[..2], next);
+    // From v' + dt f/m = 3.140625, 0.09375 and 6: f_d = −1.5234375, 7.4296875, so that the sums of both forces are these.
+    let sums: [f64; 2] = [0.5625 + 4.0 - 1.5234375 - 4.0, 2.1875 + 2.0 + 7.4296875 - 2.0];
+    let sizes: [f64; 2] = [16.6875 + 12.0 + 1.6171875 + 4.0 + 48.0, 49.9375 + 42.0 + 7.7109375 + 2.0 + 4.0];
+    let speeds = (24.0 - 0.5 * sums[0]).hypot(0.5 * sums[1]) / (UNITS * U * sizes[0].hypot(sizes[1]));
+    is(verlet_share(&subject, DT, &states), speeds);
+}
+
+/// A step is passed over if a path has its corner within it or at its end, and so are all that follow; a corner where it begins, or a
+/// little after its end, does not matter.
+#[test]
+fn steps_over_a_corner_of_a_path_are_passed_over() {
+    let share = |corner: f64, steps: usize| {
+        let subject = line(Motion::Path { times: vec![corner, 100.0], offsets: vec![Vector3::zeros(); 2] });
+        let mut states = vec![subject.state.clone(), after(), subject.state.clone()];
+        states.iter_mut().zip([0.5, 1.0, 1.5]).for_each(|(state, time)| state.time = time);
+        verlet_share(&subject, DT, &states[..=steps])
+    };
+    let whole = share(50.0, 1);
+    assert!(whole > 1.0);
+    assert_eq!([0.25, 0.5, 0.75, 1.0, 1.0 + 1e-9, 1.25].map(|t| share(t, 1)), [whole, whole, 0.0, 0.0, whole, whole]);
+    assert_eq!([0.75, 1.0, 1.25, 1.5].map(|t| share(t, 2)), [0.0, 0.0, whole, whole]);
+    assert!(share(0.5, 2) > 1.2 * whole);
+}
+
+/// The positions of the first particle are worst: 1 m and v = 1, then 3 m and v = 3.
+#[test]
+fn positions_follow_the_old_the_new_or_the_mean_velocity() {
+    let subject = line(Motion::Held);
+    let after = state(DT, [3.0, 3.75, 11.0], [3.0, -1.0, 4.0]);
+    let error = |method| displacement_error(&subject, method, DT, &subject.state, &after);
+    is(error(Method::SymplecticEuler), 0.5 / (6.0 * U));
+    is(error(Method::ForwardEuler), 1.5 / (6.0 * U));
+    is(error(Method::ImplicitMidpoint), 1.0 / (6.0 * U));
+}
+
+/// Exactly as far as the velocity says is no error, of a particle at rest in the origin too; as far backwards, or the product of both
+/// in place of the sum, is one.
+#[test]
+fn positions_that_are_exact_have_no_error() {
+    let subject = line(Motion::Held);
+    let from = |x: f64, y: f64, w: f64| {
+        let (before, after) = (state(0.0, [x, 0.0, 0.0], [0.0; 3]), state(DT, [y, 0.0, 0.0], [w, 0.0, 0.0]));
+        displacement_error(&subject, Method::SymplecticEuler, DT, &before, &after)
+    };
+    assert_eq!([from(0.0, 0.0, 0.0), from(1.0, 3.0, 4.0)], [0.0, 0.0]);
+    is(from(3.0, 1.0, 4.0), 4.0 / (6.0 * U));
+    is(from(3.0, 6.0, 4.0), 1.0 / (11.0 * U));
+}
+
+/// A chain that bends and swings, with unlike masses and springs.
+fn chain(particles: usize) -> Subject {
+    let mut builder = SystemBuilder::new();
+    builder.gravity(0.5, -9.0, 0.25);
+    for n in 0..particles {
+        let t = n as f64;
+        builder.particle([1.1 * t, (0.9 * t).sin(), (0.7 * t).cos()], 1.0 + 0.5 * (1.3 * t).sin());
+        if n > 0 {
+            let (stiffness, rest_length) = (40.0 + 10.0 * t.cos(), 1.2 + 0.3 * t.sin());
+            builder.spring(n - 1, n, Spring { stiffness, rest_length, damping: 0.25 });
+        }
+    }
+    builder.hold(0);
+    let (system, state) = builder.build().unwrap();
+    Subject { name: "chain".into(), system, state, dt: 0.2 }
+}
+
+/// Conjugate gradients stop at their tolerance, and leave thousands of times what a factorization does.
+#[test]
+fn every_solver_is_held_to_its_own_promise() {
+    let checks = linear(&chain(40)).unwrap();
+    assert_eq!(checks.len(), 12);
+    for check in &checks {
+        let iterates = check.name.contains("conjugate gradients");
+        assert_eq!(check.bound, if iterates { 1.0 } else { UNITS }, "{}", check.name);
+        assert!(check.passed() && (check.value > 0.01 || !iterates), "{}: {:e}", check.name, check.value);
+    }
+}
+
+/// Every method is put into its own equations; those of several stages are not, and linear backward Euler is elsewhere.
+#[test]
+fn every_method_is_put_into_its_own_equations() {
+    let checks = others(&chain(5)).unwrap();
+    let residuals: Vec<&str> = checks.iter().filter_map(|c| c.name.strip_prefix("residual of a step, ")).collect();
+    let bdf2 = ["bdf2, full", "bdf2, tension", "bdf2, axial"];
+    let own = ["implicit-midpoint", "verlet", "forward-euler", "symplectic-euler"];
+    assert_eq!(residuals, [&["backward-euler"][..], &bdf2, &own].concat());
+    let moved: Vec<&str> = checks.iter().filter_map(|c| c.name.strip_prefix("x' = x + dt v, ")).collect();
+    let linear = ["full", "tension", "axial", "on-demand"].map(|option| format!("linear-backward-euler, {option}"));
+    let linear: Vec<&str> = linear.iter().map(String::as_str).collect();
+    assert_eq!(
+        moved,
+        [&linear[..], &["backward-euler", "implicit-midpoint", "forward-euler", "symplectic-euler"]].concat()
+    );
+    assert!(checks.iter().all(Check::passed));
+    let why = |name: &str| checks.iter().find(|c| c.name.ends_with(name)).map(|c| c.why.contains("Newton")).unwrap();
+    assert!(why("a step, backward-euler") && !why("a step, verlet"));
+}
