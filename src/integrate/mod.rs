@@ -20,6 +20,8 @@ mod method;
 mod monitor;
 mod newton;
 #[cfg(test)]
+mod oscillator;
+#[cfg(test)]
 mod parts_tests;
 mod pieces;
 mod rodas4;
@@ -27,6 +29,8 @@ mod run;
 mod schedule;
 mod softening;
 mod statistics;
+#[cfg(test)]
+mod steps_tests;
 mod stiffness_policy;
 mod terms;
 mod verlet;

@@ -115,3 +115,26 @@ fn transverse_coefficients_can_be_given() {
     assert!((displacement[1] - Vector3::new(1.0, 1.0, 2.0)).norm() < 1e-14, "{displacement:?}");
     assert_eq!((linear.statistics.work.assemblies, linear.statistics.softened_solves), (1, 0));
 }
+
+/// What is changed is changed, and all else stays.
+#[test]
+fn options_are_changed_one_by_one() {
+    let linear = SolverOptions { solver: SolverChoice::Ldlt, ..SolverOptions::default() };
+    let options = ImplicitOptions { stiffness: Stiffness::Tension.into(), linear };
+    assert_eq!(
+        options.with_stiffness(Stiffness::Axial),
+        ImplicitOptions { stiffness: Stiffness::Axial.into(), linear }
+    );
+    let other = SolverOptions { solver: SolverChoice::Cg, ..linear };
+    assert_eq!(options.with_linear(other), ImplicitOptions { linear: other, ..options });
+}
+
+/// A block without room along one axis has no energy.
+#[test]
+fn singular_blocks_have_no_inverse() {
+    for axis in 0..3 {
+        let mut diagonal = Vector3::repeat(2.0);
+        diagonal[axis] = 0.0;
+        assert_eq!(inverse_energy(&Matrix3::from_diagonal(&diagonal), &Vector3::repeat(1.0)), f64::INFINITY, "{axis}");
+    }
+}
