@@ -33,6 +33,8 @@ mod statistics;
 mod steps_tests;
 mod stiffness_policy;
 mod terms;
+#[cfg(test)]
+mod tolerances_tests;
 mod verlet;
 mod w_method;
 mod watch;

@@ -35,12 +35,17 @@ pub(super) struct Oscillator {
 impl Oscillator {
     /// At a time between 1 s and 2 s, off its place and in motion.
     pub fn new(way: Way, damping: f64, time: f64) -> Self {
+        Self::drifting(way, damping, time, 0.0)
+    }
+
+    /// The same, and all of it goes at a steady speed along y.
+    pub fn drifting(way: Way, damping: f64, time: f64, drift: f64) -> Self {
         let mut builder = SystemBuilder::new();
         builder.gravity(GRAVITY, 0.0, 0.0);
         builder.particle([0.0; 3], 7.0);
         builder.particle([1.0, 0.0, 0.0], MASS);
         builder.spring(0, 1, Spring { stiffness: STIFFNESS * REST_LENGTH, rest_length: REST_LENGTH, damping });
-        let (times, offsets) = PATH.map(|(time, x)| (time, Vector3::new(x, 0.0, 0.0))).into_iter().unzip();
+        let (times, offsets) = PATH.map(|(time, x)| (time, Vector3::new(x, drift * time, 0.0))).into_iter().unzip();
         builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion: Motion::Path { times, offsets } });
         let (system, mut start) = builder.build().unwrap();
         start.time = time;
@@ -55,8 +60,8 @@ impl Oscillator {
                 (rate, (STIFFNESS / MASS - rate * rate).sqrt())
             }
             Way::Across => {
-                start.positions[1].y = 1e-6;
-                start.velocities[1].y = 2e-6;
+                start.positions[1].y += 1e-6;
+                start.velocities[1].y += 2e-6;
                 // T/l, of T = m g.
                 (0.0, (GRAVITY / (REST_LENGTH + MASS * GRAVITY / STIFFNESS)).sqrt())
             }

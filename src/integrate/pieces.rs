@@ -91,5 +91,7 @@ mod tests {
         // What is a sliver is relative to the step.
         let step = 2f64.powi(-10);
         assert_eq!(pieces(0.5 - step, step + 2e-10).len(), 2);
+        // Here the end less what counts as nothing is rounded to the very kink.
+        assert_eq!(pieces(0.5 - step, step + 9.0 * 2f64.powi(-53)).len(), 1);
     }
 }

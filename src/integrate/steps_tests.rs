@@ -48,6 +48,21 @@ fn steps_are_those_of_the_stability_function() {
     }
 }
 
+/// What swings across its spring does so while all of it goes that way.
+#[test]
+fn steps_do_not_depend_on_a_steady_drift() {
+    let oscillator = Oscillator::drifting(Way::Across, 0.8, 1.25, 2.0);
+    for method in
+        [Method::LinearBackwardEuler, Method::BackwardEuler, Method::Bdf2, Method::ImplicitMidpoint, Method::W2]
+    {
+        let mut state = oscillator.start.clone();
+        let mut stepper = method.stepper(&oscillator.system, &state, &ImplicitOptions::default()).unwrap();
+        stepper.step(&mut state, 0.6).unwrap();
+        let factor = stability(method, oscillator.lambda * 0.6);
+        assert!(oscillator.is_at(&state, factor, 1e-6), "{}: {state:?}", method.name());
+    }
+}
+
 /// Half a kick, a whole drift, half a kick with the force there: of damping forces with the velocity that whole kicks predict.
 #[test]
 fn verlet_kicks_and_drifts() {

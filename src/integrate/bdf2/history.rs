@@ -92,7 +92,7 @@ impl History {
 
 #[cfg(test)]
 mod tests {
-    use super::History;
+    use super::{AT, History};
     use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
     use nalgebra::Vector3;
 
@@ -139,6 +139,9 @@ mod tests {
         assert_eq!(ratio(&[1.5 + short - 1e-7], 1.5, short, short), 0.0);
         assert_eq!(ratio(&[1.5 + short - 1e-13], 1.5, short, short), 1.0);
         assert_eq!(ratio(&[0.2, 1.7], 1.5, 0.5, 0.5), 0.0);
+        // As near to the start as counts is within, as near to the end is not.
+        assert_eq!(ratio(&[1.5 - 0.5 * AT], 1.5, 0.5, 0.5), 0.0);
+        assert_eq!(ratio(&[1.5 + 0.5 - 0.5 * AT], 1.5, 0.5, 0.5), 1.0);
     }
 
     #[test]

@@ -69,6 +69,7 @@ fn conjugate_gradients_go_as_far_as_is_asked() {
         linear.solve(&force, &mut vec![Vector3::zeros(); 20]).unwrap().relative_residual
     };
     let [coarse, fine] = [residual(0.3), residual(1e-12)];
+    assert_eq!(linear.statistics.max_tolerance, 0.3);
     assert!((1e-6..0.3).contains(&coarse) && fine < 1e-12, "{coarse:e} {fine:e}");
 }
 
@@ -141,6 +142,22 @@ fn singular_blocks_have_no_inverse() {
         diagonal[axis] = 0.0;
         assert_eq!(inverse_energy(&Matrix3::from_diagonal(&diagonal), &Vector3::repeat(1.0)), f64::INFINITY, "{axis}");
     }
+    // Not even where nothing pulls along it.
+    let singular = Matrix3::from_diagonal(&Vector3::new(2.0, 2.0, 0.0));
+    assert_eq!(inverse_energy(&singular, &Vector3::new(1.0, 1.0, 0.0)), f64::INFINITY);
+}
+
+/// Without terms of compressed springs only those of compressed springs are missing: where all are stretched the matrix is whole.
+#[test]
+fn stretched_springs_keep_their_terms() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([1.0, 0.0, 0.0], 1.0);
+    builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 0.5, damping: 0.0 });
+    let (system, state) = builder.build().unwrap();
+    let mut linear = LinearSystem::new(&system, &state, &ImplicitOptions::default()).unwrap();
+    linear.prepare(Stiffness::Tension.into(), Combination::step(0.1)).unwrap();
+    assert!(!linear.is_softened());
 }
 
 /// A request to stop is looked at before every matrix and every solve.
@@ -156,6 +173,8 @@ fn requests_to_stop_are_heard() {
     linear.prepare(Stiffness::Full.into(), step).unwrap();
     linear.solve(&force, &mut displacement).unwrap();
     assert_eq!((linear.statistics.work.assemblies, linear.statistics.work.solves), (1, 1));
+    // A direct solver has no tolerance.
+    assert_eq!(linear.statistics.max_tolerance, 0.0);
     FLAG.store(true, Ordering::Relaxed);
     assert!(matches!(linear.solve(&force, &mut displacement), Err(SolveFailure::Interrupted)));
     assert!(matches!(linear.prepare(Stiffness::Full.into(), step), Err(SolveFailure::Interrupted)));

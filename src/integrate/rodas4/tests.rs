@@ -1,6 +1,7 @@
 use super::Rodas4;
 use super::brake::{BRAKE, braked};
 use super::coefficients::{A, B, C, GAMMA, Row, STAGES};
+use super::errors::{of_positions, of_stages};
 use crate::force::Extensions;
 use crate::integrate::oscillator::{Oscillator, Way};
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
@@ -193,4 +194,33 @@ fn turning_springs_brake_by_what_they_take() {
     state.velocities = vec![Vector3::x(), Vector3::zeros(), Vector3::zeros()];
     assert_eq!(braked(&system, &extensions, &state.velocities, h), 0.0);
     assert_eq!(braked(&system, &extensions, &[Vector3::zeros(); 3], h), 0.0);
+}
+
+/// A step of fixed length is cut in quarters, and again, but no part is shorter than a 1024th of it.
+#[test]
+fn steps_are_cut_five_times_at_most() {
+    let (system, start) = compressed();
+    let limit = (1.0 / 20.0f64).sqrt() / GAMMA;
+    let mut stepper = Rodas4::new(&system, &start, &ImplicitOptions::default()).unwrap();
+    let mut state = start.clone();
+    let failure = stepper.step(&mut state, 1.1 * 1024.0 * limit).unwrap_err();
+    assert_eq!((failure.status(), stepper.statistics().rejected_steps), (Status::Indefinite, 5));
+    assert_eq!(state, start);
+}
+
+/// The lesser of ‖u_6x‖ and 0.15 h ‖u_6v‖: of positions plain, of stages a tenth of it in the norm of M, over what is free.
+#[test]
+fn errors_are_the_lesser_of_places_and_speeds() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 4.0);
+    builder.particle([1.0, 0.0, 0.0], 9.0);
+    builder.hold(1);
+    let (system, _) = builder.build().unwrap();
+    let (x, v) = ([Vector3::new(3.0, 0.0, 0.0), Vector3::y() * 4.0], [Vector3::new(0.0, 6.0, 0.0), Vector3::z() * 8.0]);
+    // 5 m and 10 m/s, and of the first alone, with 4 kg, 6 and 12.
+    for (h, positions, stages) in [(2.0, 3.0, 0.1 * 3.6), (4.0, 5.0, 0.1 * 6.0)] {
+        let found = [of_positions(&system, &x, &v, h), of_stages(&system, &x, &v, h)];
+        assert!((found[0] - positions).abs() < 1e-12 && (found[1] - stages).abs() < 1e-12, "{h}: {found:?}");
+    }
+    assert_eq!(of_stages(&system, &[], &[], 2.0), 0.0);
 }

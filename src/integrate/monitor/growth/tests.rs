@@ -158,6 +158,12 @@ fn states_that_have_grown_are_not_kept() {
     ] {
         assert_eq!(is_kept(gained, doubt), expected, "{gained} {doubt}");
     }
+    // Of 4 J it is 1.2 J.
+    for (gained, expected) in [(1.1, true), (1.3, false)] {
+        let mut growth = Growth::new(&system, &kinetic(4.0).start(), &state);
+        growth.enter(&kinetic(4.0 + gained).after(&kinetic(4.0)), 1, &state, 0.5);
+        assert_eq!(growth.kept().steps == 1, expected, "{gained}");
+    }
     // Where nothing moves all is calm: what grows by nothing has not grown.
     let mut growth = Growth::new(&system, &kinetic(0.0).start(), &state);
     growth.enter(&kinetic(0.0).after(&kinetic(0.0)), 1, &state, 0.5);

@@ -1,4 +1,4 @@
-use super::{BLOCK, Carried, Particles, Sums, Whole};
+use super::{BLOCK, Carried, Particles, Sums, Whole, norm_squared};
 use crate::system::{Axes, Constraint, State, System, SystemBuilder};
 use nalgebra::Vector3;
 
@@ -12,8 +12,8 @@ fn two() -> (System, State) {
     builder.build().unwrap()
 }
 
-/// Steps of ½, ¼ and ½ s with ways of 1, 2 and 8 m along x, and of 0, 1 and 1 m along z: with the ratios ½ and 2 of the steps
-/// `δx' − r δx` are 1.5 and 4 m, 1 and −1 m, and the third differences are of those. What cannot move counts for nothing.
+/// Steps of ½, ¼ and 1 s with ways of 1, 2 and 8 m along x, and of 0, 1 and 1 m along z: with the ratios ½ and 4 of the steps
+/// `δx' − r δx` are 1.5 and 0 m, 1 and −3 m, and the third differences are of those. What cannot move counts for nothing.
 #[test]
 fn third_differences_begin_with_the_third_step() {
     let (system, mut state) = two();
@@ -23,12 +23,12 @@ fn third_differences_begin_with_the_third_step() {
     assert_eq!([still.change, still.bend, still.third, still.slip, still.speed], [0.0; 5]);
     assert_eq!((still.kinetic, still.weight), (1.0, 2.0 * -8.0 + 3.0 * 8.0));
     let mut third = Vec::new();
-    for (dt, x, z) in [(0.5, 1.0, 0.0), (0.25, 2.0, 1.0), (0.5, 8.0, 1.0)] {
+    for (dt, x, z) in [(0.5, 1.0, 0.0), (0.25, 2.0, 1.0), (1.0, 8.0, 1.0)] {
         state.positions[0].x += x;
         state.positions[1] += Vector3::new(0.0, 100.0, z);
         third.push(particles.pass(&state, dt, None).third);
     }
-    assert_eq!(third, [0.0, 0.0, (4.0f64 - 4.0 * 1.5).powi(2) + (-1.0f64 - 4.0).powi(2)]);
+    assert_eq!(third, [0.0, 0.0, (16.0f64 * 1.5).powi(2) + (3.0f64 + 16.0).powi(2)]);
 }
 
 /// `‖x' − x − ½h (v + v')‖²`, `‖v'‖²`, and energies with the particles that are held in part.
@@ -81,4 +81,10 @@ fn sums_of_blocks_are_added() {
         Sums { kinetic, weight, change, bend, third, slip, defect, inertia, speed, carried, whole }
     };
     assert_eq!(sums(2.0).add(&sums(3.0)), sums(5.0));
+}
+
+#[test]
+fn norms_are_over_free_axes() {
+    let norm = |axes: &[usize]| norm_squared(&Vector3::new(3.0, 4.0, 9.0), Axes::of(axes));
+    assert_eq!([norm(&[0, 1]), norm(&[1, 2]), norm(&[0, 2]), norm(&[0, 1, 2])], [25.0, 97.0, 90.0, 106.0]);
 }
