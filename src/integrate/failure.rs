@@ -149,3 +149,38 @@ impl StepFailure {
 pub(super) fn large(value: f64, digits: usize) -> String {
     if value.is_finite() { format!("{value:.digits$e}") } else { "more than 1e308".into() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{NotSolved, StepFailure};
+
+    #[test]
+    fn failures_are_sentences() {
+        let newton = |reason| StepFailure::Newton { iterations: 7, relative_residual: 0.25, reason };
+        for (failure, text) in [
+            (
+                newton(NotSolved::LineSearch),
+                "Newton's method found no step length that makes progress after 7 iterations at a relative residual of 2.500e-1",
+            ),
+            (
+                newton(NotSolved::Ascent),
+                "Newton's method met an indefinite matrix whose direction does not descend after 7 iterations at a relative \
+                 residual of 2.500e-1",
+            ),
+            (
+                newton(NotSolved::IterationLimit),
+                "Newton's method reached its iteration limit after 7 iterations at a relative residual of 2.500e-1",
+            ),
+            (
+                StepFailure::Unstable { gained: 12.5, exchanged: 2.0 },
+                "1.250e1 J of energy appeared from nowhere; the motion had 2.000e0 J to exchange until then",
+            ),
+            (
+                StepFailure::Unstable { gained: f64::INFINITY, exchanged: 2.0 },
+                "more than 1e308 J of energy appeared from nowhere; the motion had 2.000e0 J to exchange until then",
+            ),
+        ] {
+            assert_eq!(failure.to_string(), text);
+        }
+    }
+}

@@ -146,7 +146,7 @@ pub(super) fn advance(
 mod tests {
     use super::advance;
     use crate::integrate::StepFailure;
-    use crate::system::SystemBuilder;
+    use crate::system::{State, SystemBuilder};
     use nalgebra::Vector3;
 
     /// Positions or velocities that would overflow are refused, and the state stays as it was.
@@ -165,5 +165,9 @@ mod tests {
         assert_eq!(step([-0.5e150, 0.0, 0.0], 1.0), Ok(()));
         assert_eq!(step([0.0, 0.0, 0.5e150], 0.1), Err(StepFailure::NonFinite));
         assert_eq!(step([0.0, 0.0, 0.5e150], 10.0), Ok(()));
+        // So are times.
+        let later =
+            |time: f64, dt: f64| advance(&system, &mut State { time, ..start.clone() }, &[Vector3::zeros()], dt);
+        assert_eq!((later(f64::MAX, f64::MAX), later(1e200, 1e200)), (Err(StepFailure::NonFinite), Ok(())));
     }
 }

@@ -246,6 +246,15 @@ mod tests {
         assert!((WMethod::GAMMA - (1.0 - 0.5f64.sqrt())).abs() < 1e-16);
     }
 
+    /// Methods that solve with the exact matrix, or with none, have no use for a stiffness option.
+    #[test]
+    fn most_implicit_methods_take_a_stiffness_option() {
+        let without = [Method::Rodas4, Method::Verlet, Method::Dop853, Method::ForwardEuler, Method::SymplecticEuler];
+        for method in Method::ALL {
+            assert_eq!(method.takes_stiffness(), !without.contains(&method), "{}", method.name());
+        }
+    }
+
     /// Every stepper goes by its method's name, tells its solver if it has one, counts its work, and is at the end of the step
     /// when it is done, prescribed particles with it.
     #[test]

@@ -20,6 +20,8 @@ mod method;
 mod monitor;
 mod newton;
 #[cfg(test)]
+mod oscillator;
+#[cfg(test)]
 mod parts_tests;
 mod pieces;
 mod rodas4;
@@ -27,8 +29,12 @@ mod run;
 mod schedule;
 mod softening;
 mod statistics;
+#[cfg(test)]
+mod steps_tests;
 mod stiffness_policy;
 mod terms;
+#[cfg(test)]
+mod tolerances_tests;
 mod verlet;
 mod w_method;
 mod watch;

@@ -120,6 +120,28 @@ fn failures_of_one_part_are_those_of_all() {
     assert_eq!(failures, [expected; 3]);
 }
 
+/// Of failures in several parts the one of the lowest spring counts, with its own ends.
+#[test]
+fn of_several_failures_the_first_spring_counts() {
+    let failures = in_parts(
+        &ladder(),
+        3,
+        |p| p * 3 / 20,
+        |Cut { particles, system, state: mut part, .. }| {
+            let mut stepper = Verlet::new(&system, &part).unwrap();
+            for (moved, there) in [(2, 0), (18, 16)] {
+                let [moved, there] = [moved, there].map(|number| particles.iter().position(|&p| p == number));
+                if let (Some(moved), Some(there)) = (moved, there) {
+                    part.positions[moved] = part.positions[there];
+                }
+            }
+            stepper.step(&mut part, 1e-3).unwrap_err()
+        },
+    );
+    let expected = StepFailure::DegenerateSpring(DegenerateSpring { spring: 0, pair: [2, 0] });
+    assert_eq!(failures, [expected; 3]);
+}
+
 /// Compressed springs of many sizes on light and heavy particles: the terms dropped are those of the whole, however it is cut.
 #[test]
 fn parts_drop_the_terms_of_the_whole() {

@@ -73,7 +73,7 @@ mod tests {
         let pieces = |start: f64, step: f64| {
             let (mut at, mut pieces) = (start, Vec::new());
             while let Some(piece) = Piece::next(system.prescribed(), at, start + step, step) {
-                assert_eq!(piece.start, at);
+                assert_eq!((piece.start, piece.middle()), (at, at + 0.5 * piece.length()));
                 at = piece.end;
                 pieces.push((piece.length(), piece.ends_at_kink));
             }
@@ -88,5 +88,10 @@ mod tests {
         assert_eq!(pieces(0.25, 0.25 - 1e-14), [(0.5 - 1e-14 - 0.25, true)]);
         assert_eq!(pieces(0.25, 0.25 + 1e-14).len(), 1);
         assert_eq!(pieces(0.25, 0.25 + 1e-9).len(), 2);
+        // What is a sliver is relative to the step.
+        let step = 2f64.powi(-10);
+        assert_eq!(pieces(0.5 - step, step + 2e-10).len(), 2);
+        // Here the end less what counts as nothing is rounded to the very kink.
+        assert_eq!(pieces(0.5 - step, step + 9.0 * 2f64.powi(-53)).len(), 1);
     }
 }

@@ -181,4 +181,20 @@ mod tests {
             assert_eq!((outcome.steps, outcome.status(), state.time), (steps, status, 0.5 * steps as f64));
         }
     }
+
+    /// A part of a schedule goes on at its time, and by the times of the whole.
+    #[test]
+    fn parts_of_runs_go_on_at_their_time() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        let (system, mut state) = builder.build().unwrap();
+        state.time = 7.5;
+        let mut stepper = Method::ForwardEuler.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+        let mut times = Vec::new();
+        let outcome = run(&mut *stepper, &mut state, &Schedule::steps(0.5, 4).part(1, 2), |count, state| {
+            times.push((count, state.time));
+            ControlFlow::Continue(())
+        });
+        assert_eq!((outcome.steps, outcome.status(), times), (3, Status::Completed, vec![(2, 8.0), (3, 8.5)]));
+    }
 }

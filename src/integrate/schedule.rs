@@ -144,6 +144,15 @@ mod tests {
         assert_eq!(Schedule::duration(1.0, 1e6 + 1.1e-3).len(), 1_000_001);
     }
 
+    /// Two steps and what is left; the whole keeps its length in its parts.
+    #[test]
+    fn the_last_step_is_what_is_left() {
+        let schedule = Schedule::duration(0.25, 0.625);
+        let lengths: Vec<Option<f64>> = (0..4).map(|step| schedule.step(step)).collect();
+        assert_eq!(lengths, [Some(0.25), Some(0.25), Some(0.125), None]);
+        assert_eq!((schedule.duration_of_whole(), schedule.part(1, 1).duration_of_whole()), (0.625, 0.625));
+    }
+
     /// The parts of a schedule have its steps, with their numbers and times.
     #[test]
     fn parts_are_the_schedule() {

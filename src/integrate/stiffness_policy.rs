@@ -56,3 +56,13 @@ impl From<Stiffness> for StiffnessPolicy {
         Self::Always(option)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::StiffnessPolicy;
+
+    #[test]
+    fn policies_go_by_their_names() {
+        assert_eq!(StiffnessPolicy::ALL.map(StiffnessPolicy::name), ["on-demand", "full", "tension", "axial"]);
+    }
+}

@@ -1,7 +1,9 @@
 use super::{
-    AdaptiveStepper, Adaptivity, ErrorEstimate, SHORTEST, Samples, Sampling, hermite, run_adaptive, run_equal_monitored,
+    AdaptiveStepper, Adaptivity, ErrorEstimate, SHORTEST, Samples, Sampling, doubt, hermite, run_adaptive,
+    run_equal_monitored, stiffness,
 };
 use crate::integrate::{Dop853, Monitor, MonitorOptions, Statistics, StepFailure, TimeStepper};
+use crate::linear::SolveFailure;
 use crate::spring::Spring;
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
 use nalgebra::Vector3;
@@ -81,7 +83,7 @@ pub(super) struct Still {
 impl Still {
     pub const GROWTH: f64 = 2.0;
 
-    /// Errors by the norm of the positions' estimate; a NaN stands for a step that fails.
+    /// Errors by the norm of the positions' estimate; a NaN stands for a step that fails, −∞ for one that is interrupted.
     pub fn new(errors: &[f64]) -> Self {
         Self {
             errors: errors.to_vec(),
@@ -127,6 +129,9 @@ impl AdaptiveStepper for Still {
         self.tried.push(dt);
         if error.is_nan() {
             return Err(StepFailure::NonFinite);
+        }
+        if error == f64::NEG_INFINITY {
+            return Err(SolveFailure::Interrupted.into());
         }
         self.estimate.fill(Vector3::zeros());
         self.estimate[0].x = error;
@@ -274,4 +279,43 @@ fn runs_find_their_first_step() {
     assert_eq!(run(Some(0.25)), (0.25, 1));
     let (first, forces) = run(None);
     assert!(first < 0.25 && forces == 3, "{first} {forces}");
+}
+
+/// A step that is interrupted ends the run where it is, and is not tried again.
+#[test]
+fn interrupted_steps_end_runs() {
+    let (system, start) = particles(&[0.0, 1.0]);
+    let (mut stepper, mut state) = (Still::new(&[0.0, f64::NEG_INFINITY]), start.clone());
+    let outcome = run_adaptive(&mut stepper, &system, &mut state, &how(1.0, 0.25), |_, _| ControlFlow::Continue(()));
+    assert_eq!((outcome.steps, outcome.end.unwrap(), state.time), (1, ControlFlow::Break(()), 0.25));
+    assert_eq!((stepper.tried.len(), stepper.rejected), (2, 0));
+}
+
+/// Three particles in a row on springs of 12 N/m and 5 N/m: `Σ 2 m (‖v‖ + 5 ‖e_v‖) ‖e_v‖ + Σ 10 κ ‖e_x‖²`.
+#[test]
+fn errors_are_worth_energy() {
+    let mut builder = SystemBuilder::new();
+    for (x, mass) in [(0.0, 2.0), (1.0, 3.0), (2.0, 7.0)] {
+        builder.particle([x, 0.0, 0.0], mass);
+    }
+    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.0 });
+    builder.spring(1, 2, Spring { stiffness: 10.0, rest_length: 2.0, damping: 0.0 });
+    let (system, mut state) = builder.build().unwrap();
+    let stiffness = stiffness(&system);
+    assert_eq!(stiffness, [12.0, 17.0, 5.0]);
+    state.velocities = vec![Vector3::new(0.0, 3.0, 0.0), Vector3::x(), Vector3::zeros()];
+    let positions = [Vector3::new(0.5, 0.0, 0.0), Vector3::new(0.0, 0.0, -0.25), Vector3::zeros()];
+    let velocities = [Vector3::new(-0.5, 0.0, 0.0), Vector3::new(0.0, 0.25, 0.0), Vector3::zeros()];
+    let estimate = ErrorEstimate { positions: &positions, velocities: &velocities };
+    let (kinetic, elastic) = (4.0 * 5.5 * 0.5 + 6.0 * 2.25 * 0.25, 120.0 * 0.25 + 170.0 * 0.0625);
+    assert_eq!(doubt(&system, &stiffness, &estimate, &state), kinetic + elastic);
+}
+
+#[test]
+fn samples_come_at_intervals_that_are_positive() {
+    let how = Adaptivity { first_step: Some(0.25), ..Adaptivity::new(2.0, 1e-3).unwrap() };
+    assert_eq!(how.sampled_every(0.5), Ok(Adaptivity { sampling: Sampling::Every(0.5), ..how }));
+    for interval in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+        assert!(how.sampled_every(interval).is_err(), "{interval}");
+    }
 }

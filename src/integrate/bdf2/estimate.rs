@@ -196,4 +196,17 @@ mod tests {
         estimate.forget();
         assert!(!estimate.is_known());
     }
+
+    /// After a step that had no past, whatever there was before it, its start counts twice with the acceleration there.
+    #[test]
+    fn steps_without_a_past_leave_their_acceleration() {
+        let (system, start) = particle();
+        let (mut estimate, mut history) = (Estimate::new(&system), History::new(&system, &start));
+        history.record(&at(0.0, |t| t), &at(1.0, |t| t), 1.0);
+        for (ratio, span, slope) in [(0.0, 0.0, 5.0), (0.5, 1.0, 2.0)] {
+            estimate.start()[0].x = 5.0;
+            estimate.record(&history, &at(1.0, |t| 2.0 * t), ratio);
+            assert_eq!((estimate.span, estimate.slopes[0].x), (Some(span), slope));
+        }
+    }
 }

@@ -92,7 +92,7 @@ impl History {
 
 #[cfg(test)]
 mod tests {
-    use super::History;
+    use super::{AT, History};
     use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
     use nalgebra::Vector3;
 
@@ -132,6 +132,18 @@ mod tests {
         }
     }
 
+    /// How near to the end of a step counts as there is relative to the shorter step. What was before the last step is forgotten.
+    #[test]
+    fn kinks_near_the_end_of_a_step_are_within_it() {
+        let short = 2f64.powi(-10);
+        assert_eq!(ratio(&[1.5 + short - 1e-7], 1.5, short, short), 0.0);
+        assert_eq!(ratio(&[1.5 + short - 1e-13], 1.5, short, short), 1.0);
+        assert_eq!(ratio(&[0.2, 1.7], 1.5, 0.5, 0.5), 0.0);
+        // As near to the start as counts is within, as near to the end is not.
+        assert_eq!(ratio(&[1.5 - 0.5 * AT], 1.5, 0.5, 0.5), 0.0);
+        assert_eq!(ratio(&[1.5 + 0.5 - 0.5 * AT], 1.5, 0.5, 0.5), 1.0);
+    }
+
     #[test]
     fn curves_of_many_points_have_no_kinks() {
         for points in [&[1.0, 1.5, 2.0][..], &[1.1, 1.6], &[1.1, 1.2, 1.3, 1.7]] {
@@ -157,5 +169,8 @@ mod tests {
         assert_eq!(ratio(&|state| state.time += 1e-8), 0.0);
         assert_eq!(ratio(&|state| state.positions[0].z += 1e-9), 0.0);
         assert_eq!(ratio(&|state| state.velocities[0].y += 1e-9), 0.0);
+        // Rounding of a millisecond's step and of a time of a quarter of an hour: 1.0e-12 s and 0.9e-12 s.
+        let later = |by: f64| history.ratio(&system, &State { time: 1e3 + by, ..after.clone() }, 2f64.powi(-10));
+        assert!(later(1.6e-12) > 0.0 && later(2.5e-12) == 0.0 && later(1e-9) == 0.0);
     }
 }

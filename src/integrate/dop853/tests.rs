@@ -1,11 +1,12 @@
 use super::coefficients::{A, C, E3, E5, Row, STAGES};
 use super::tables::{SQUARE, chain, sum, weights};
 use super::{Dop853, END};
+use crate::integrate::oscillator::{Oscillator, Way};
 use crate::integrate::pieces::drawn_with_jerks;
 use crate::integrate::{AdaptiveStepper, TimeStepper};
 use crate::spring::Spring;
-use crate::system::{State, System, SystemBuilder};
-use nalgebra::Vector3;
+use crate::system::{ExternalForce, Moment, State, System, SystemBuilder};
+use nalgebra::{Complex, Vector3};
 
 /// A rooted tree of Butcher's theory: its order, its density γ and its elementary weight of every stage.
 #[derive(Clone)]
@@ -214,4 +215,109 @@ fn steps_are_cut_at_kinks() {
     let (cut, whole) = (run(&[0.125, 0.25, 0.25, 0.25]), run(&[0.125; 7]));
     assert_eq!(cut, whole);
     assert_eq!(cut.positions[0], Vector3::new(0.25, 0.0, 0.0));
+}
+
+/// The new state of `y' = λ y`, `y = 1`, and both embedded differences, by the formula with numbers put in.
+fn scalar(lambda: Complex<f64>, h: f64) -> [Complex<f64>; 3] {
+    let sum =
+        |row: &Row, rates: &[Complex<f64>]| row.iter().zip(rates).map(|(c, k)| k * (*c * h)).sum::<Complex<f64>>();
+    let mut rates = Vec::new();
+    for row in A.iter().take(END) {
+        rates.push(lambda * (sum(row, &rates) + 1.0));
+    }
+    [sum(&A[END], &rates) + 1.0, sum(&E5, &rates), sum(&E3, &rates)]
+}
+
+/// A step of 0.6 s between two kinks: the new state, both estimates, and how wrong it says to be, see the head of `dop853.rs`.
+#[test]
+fn steps_and_estimates_are_those_of_the_formula() {
+    for (way, damping, tolerance) in [(Way::Along, 0.8, 1e-12), (Way::Along, 0.0, 1e-12), (Way::Across, 0.0, 1e-6)] {
+        let oscillator = Oscillator::new(way, damping, 1.25);
+        let Oscillator { system, start, lambda, .. } = &oscillator;
+        let (amplitude, h) = (oscillator.amplitude(start), 0.6);
+        let [next, fine, coarse] = scalar(*lambda, h);
+        let [fine, coarse] = [fine, coarse].map(|e| oscillator.motion(amplitude * e));
+        let near = |a: f64, b: f64| (a - b).abs() <= tolerance * amplitude.norm();
+        let axis = usize::from(way == Way::Across);
+        let mut state = start.clone();
+        state.velocities[0].x = 99.0;
+        let mut stepper = Dop853::new(system, &state).unwrap();
+        let estimate = stepper.try_step(&state, h).unwrap();
+        let found = [estimate.positions, estimate.velocities].map(|list| (list[0], list[1][axis]));
+        let estimate = stepper.coarser_estimate().unwrap();
+        let coarser = [estimate.positions, estimate.velocities].map(|list| (list[0], list[1][axis]));
+        for (found, expected) in [(found, fine), (coarser, coarse)] {
+            for ((led, found), expected) in found.into_iter().zip(expected) {
+                assert!(near(found, expected) && led == Vector3::zeros(), "{way:?} {damping}: {found} {expected}");
+            }
+        }
+        let [both, both_coarse] = [fine, coarse].map(|[x, v]| x.hypot(h * v));
+        let pace = (both / (0.0033 * both_coarse)).sqrt().min(3.0);
+        let wrong = 0.148 * pace * fine[0].abs() * both / both.hypot(0.1 * both_coarse);
+        let is_wrong = |found: Option<f64>| (found.unwrap() / wrong - 1.0).abs() < 1e-4;
+        let mut accepted = state.clone();
+        stepper.accept(&mut accepted);
+        assert!(oscillator.is_at(&accepted, next, tolerance) && is_wrong(stepper.local_error()), "{way:?} {damping}");
+        // And as a step of fixed length.
+        let mut stepper = Dop853::new(system, &state).unwrap();
+        stepper.step(&mut state, h).unwrap();
+        assert!(oscillator.is_at(&state, next, tolerance), "{way:?} {damping}");
+        assert!(is_wrong(stepper.local_error()), "{way:?} {damping}: {:?} {wrong}", stepper.local_error());
+    }
+}
+
+/// Two pieces of a step are wrong by what each is: the path has a kink in the middle of it.
+#[test]
+fn pieces_of_a_step_add_up_their_errors() {
+    let oscillator = Oscillator::new(Way::Along, 0.8, 1.75);
+    let Oscillator { system, start, .. } = &oscillator;
+    let wrong = |steps: &[f64]| {
+        let mut state = start.clone();
+        let mut stepper = Dop853::new(system, &state).unwrap();
+        let mut sum = 0.0;
+        for &h in steps {
+            stepper.step(&mut state, h).unwrap();
+            sum += stepper.local_error().unwrap();
+        }
+        sum
+    };
+    let (whole, cut) = (wrong(&[0.5]), wrong(&[0.25, 0.25]));
+    assert!(cut > 0.0 && (whole / cut - 1.0).abs() < 1e-9, "{whole} {cut}");
+}
+
+/// Where nothing moves no step is wrong.
+#[test]
+fn steps_of_what_rests_are_not_wrong() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([1.0; 3], 1.0);
+    let (system, mut state) = builder.build().unwrap();
+    let mut stepper = Dop853::new(&system, &state).unwrap();
+    stepper.step(&mut state, 0.5).unwrap();
+    assert_eq!(stepper.local_error(), Some(0.0));
+}
+
+/// Pulls every particle along x by its number, in newtons.
+#[derive(Debug)]
+struct Numbered;
+
+impl ExternalForce for Numbered {
+    fn add(&self, _: &Moment<'_>, force: &mut [Vector3<f64>]) {
+        force.iter_mut().enumerate().for_each(|(p, f)| f.x += p as f64);
+    }
+}
+
+/// However many particles there are, each moves by its own acceleration.
+#[test]
+fn every_particle_has_its_own_acceleration() {
+    let mut builder = SystemBuilder::new();
+    (0..150).for_each(|_| {
+        builder.particle([0.0; 3], 1.0);
+    });
+    let (system, mut state) = builder.build().unwrap();
+    let system = system.with_external_force(Numbered);
+    Dop853::new(&system, &state).unwrap().step(&mut state, 2.0).unwrap();
+    for (p, (x, v)) in state.positions.iter().zip(&state.velocities).enumerate() {
+        let number = p as f64;
+        assert!((x.x - 2.0 * number).abs() < 1e-11 && (v.x - 2.0 * number).abs() < 1e-11, "{p}: {x} {v}");
+    }
 }

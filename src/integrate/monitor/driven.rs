@@ -218,3 +218,6 @@ impl Step {
         Exchange { work: elastic + pull + pull_resolved, dissipated: certain + resolved, certain }
     }
 }
+
+#[cfg(test)]
+mod tests;

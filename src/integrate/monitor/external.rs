@@ -40,3 +40,6 @@ impl External {
         work
     }
 }
+
+#[cfg(test)]
+mod tests;

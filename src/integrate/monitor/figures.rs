@@ -124,3 +124,6 @@ impl Trail {
 fn ratio(part: f64, whole: f64) -> f64 {
     if part == 0.0 { 0.0 } else { part / whole }
 }
+
+#[cfg(test)]
+mod tests;

@@ -191,3 +191,6 @@ impl Growth {
         &self.kept
     }
 }
+
+#[cfg(test)]
+mod tests;

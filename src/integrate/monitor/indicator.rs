@@ -245,3 +245,6 @@ impl Figures {
         candidates.into_iter().filter(|(applies, _)| *applies).map(|(_, warning)| warning).collect()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -106,3 +106,6 @@ fn energy(springs: &sums::Sums, particles: &particles::Sums) -> Energy {
 fn carried(of: &Carried) -> Led {
     Led { kinetic: of.kinetic, gravitational: 0.0 - of.weight }
 }
+
+#[cfg(test)]
+mod tests;

@@ -348,5 +348,7 @@ impl Forces {
     }
 }
 
+#[cfg(test)]
+mod account_tests;
 #[cfg(all(test, feature = "scene"))]
 mod tests;

@@ -234,3 +234,6 @@ fn norm_squared(v: &Vector3<f64>, axes: Axes) -> f64 {
     let square = |axis: usize| if axes.contains(axis) { v[axis] * v[axis] } else { 0.0 };
     square(0) + square(1) + square(2)
 }
+
+#[cfg(test)]
+mod tests;

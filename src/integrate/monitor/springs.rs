@@ -155,3 +155,6 @@ pub(super) fn span(d: &Vector3<f64>, v: &Vector3<f64>) -> (Vector3<f64>, Span) {
     let n = if length > 0.0 { d / length } else { Vector3::zeros() };
     (n, Span { length, rate: n.dot(v) })
 }
+
+#[cfg(test)]
+mod tests;

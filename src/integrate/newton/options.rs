@@ -49,3 +49,18 @@ impl Default for NewtonOptions {
         Self { tolerance: 1e-10, iteration_limit: 200 }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::NewtonOptions;
+
+    #[test]
+    fn tolerances_are_finite_and_not_negative() {
+        for (tolerance, is_right) in
+            [(0.0, true), (1e-3, true), (-1e-300, false), (f64::INFINITY, false), (f64::NAN, false)]
+        {
+            let options = NewtonOptions { tolerance, ..NewtonOptions::default() };
+            assert_eq!(options.check().is_ok(), is_right, "{tolerance}");
+        }
+    }
+}

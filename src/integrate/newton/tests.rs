@@ -309,3 +309,36 @@ fn line_searches_shorten_steps() {
     let (step, point) = newton.line_search(&state, 1.0, from).unwrap();
     assert!(close(step, 1.0 / 6.0) && newton.displacement[1].x.abs() < 1e-15 && point.potential < 1e-30, "{step}");
 }
+
+/// A correction that is taken back leaves nothing; what the next one would be is seen by what is left, on the blocks of the matrix.
+#[test]
+fn corrections_can_be_taken_back() {
+    let (system, mut state) = weight(36.0, 1.0);
+    state.time = 3.0;
+    let mut newton = newton(&system, &state, Stiffness::Full);
+    let displacement = Vector3::new(0.25, 0.5, 0.0);
+    newton.displacement[1] = displacement;
+    newton.residual(&state, 0.5).unwrap();
+    assert_eq!(newton.trial.time, 3.5);
+    newton.linear.prepare(Stiffness::Axial.into(), Combination::step(0.5)).unwrap();
+    newton.correct(|_, _| 0.0).unwrap();
+    assert!((newton.displacement[1] - displacement - newton.direction()[1]).norm() < 1e-14);
+    assert!(newton.direction()[1].norm() > 0.1);
+    newton.take_back();
+    assert!((newton.displacement[1] - displacement).norm() < 1e-14);
+    // M/h² is 4 N/m, and κ along the spring from (0, 0) to (1.25, 0.5) is 36 N/m.
+    let along = Vector3::new(1.25, 0.5, 0.0).normalize();
+    newton.force[1] = along * 20.0 + Vector3::z() * 6.0;
+    assert!(close(newton.left(), 400.0 / 40.0 + 36.0 / 4.0), "{}", newton.left());
+}
+
+/// A slope that is no number is refused even where the forces are.
+#[test]
+fn slopes_beyond_all_numbers_are_refused() {
+    let (system, state) = weight(36.0, 1.0);
+    let mut newton = newton(&system, &state, Stiffness::Full);
+    newton.displacement[1] = Vector3::new(0.25, 0.0, 0.0);
+    assert!(newton.residual(&state, 0.5).is_ok());
+    newton.direction[1] = Vector3::repeat(1e308);
+    assert_eq!(newton.residual(&state, 0.5), Err(StepFailure::NonFinite));
+}

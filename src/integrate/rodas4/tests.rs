@@ -1,10 +1,14 @@
 use super::Rodas4;
+use super::brake::{BRAKE, braked};
 use super::coefficients::{A, B, C, GAMMA, Row, STAGES};
+use super::errors::{of_positions, of_stages};
+use crate::force::Extensions;
+use crate::integrate::oscillator::{Oscillator, Way};
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
 use crate::linear::{SolverChoice, SolverOptions};
 use crate::spring::{Spring, Stiffness};
 use crate::system::SystemBuilder;
-use nalgebra::{Complex, SMatrix, SVector};
+use nalgebra::{Complex, SMatrix, SVector, Vector3};
 
 type Matrix = SMatrix<f64, STAGES, STAGES>;
 type Vector = SVector<f64, STAGES>;
@@ -112,4 +116,111 @@ fn matrices_are_never_softened() {
             assert!((state.positions[1].y / grown - 1.0).abs() < 0.01, "{} {grown}", state.positions[1].y);
         }
     }
+}
+
+/// u_6 and the new state of `y' = λ y`, `y = 1`, by the formula with numbers put in.
+fn scalar(lambda: Complex<f64>, h: f64) -> [Complex<f64>; 2] {
+    let sum = |row: &Row, stages: &[Complex<f64>]| row.iter().zip(stages).map(|(c, u)| u * *c).sum::<Complex<f64>>();
+    let mut stages = Vec::new();
+    for stage in 0..STAGES {
+        let point = sum(&A[stage], &stages) + 1.0;
+        let right = lambda * point + sum(&C[stage], &stages) / h;
+        stages.push(right / (Complex::from(1.0 / (GAMMA * h)) - lambda));
+    }
+    [stages[STAGES - 1], sum(&B, &stages) + 1.0]
+}
+
+/// A step of 0.6 s between two kinks: the new state, the difference from the embedded formula, and how wrong it says to be.
+#[test]
+fn steps_are_those_of_the_formula() {
+    for (way, damping, tolerance) in [(Way::Along, 0.8, 1e-9), (Way::Along, 0.0, 1e-9), (Way::Across, 0.8, 1e-6)] {
+        let oscillator = Oscillator::new(way, damping, 1.25);
+        let Oscillator { system, start, lambda, .. } = &oscillator;
+        let [last, next] = scalar(*lambda, 0.6);
+        let amplitude = oscillator.amplitude(start);
+        let [x, v] = oscillator.motion(amplitude * last);
+        let wrong = x.abs().min(0.15 * 0.6 * v.abs());
+        let near = |a: f64, b: f64| (a - b).abs() <= tolerance * amplitude.norm();
+        let mut state = start.clone();
+        state.velocities[0].x = 99.0;
+        let mut stepper = Rodas4::new(system, &state, &ImplicitOptions::default()).unwrap();
+        let estimate = stepper.try_step(&state, 0.6).unwrap();
+        let axis = usize::from(way == Way::Across);
+        assert!(near(estimate.positions[1][axis], x) && near(estimate.velocities[1][axis], v), "{way:?} {estimate:?}");
+        assert_eq!(estimate.positions[0], Vector3::zeros());
+        let mut accepted = state.clone();
+        stepper.accept(&mut accepted);
+        assert!(oscillator.is_at(&accepted, next, tolerance), "{way:?} {damping}");
+        assert!(near(stepper.local_error().unwrap(), wrong) && wrong > 1e-5 * amplitude.norm());
+        // And as a step of fixed length.
+        let mut stepper = Rodas4::new(system, &state, &ImplicitOptions::default()).unwrap();
+        stepper.step(&mut state, 0.6).unwrap();
+        assert!(oscillator.is_at(&state, next, tolerance), "{way:?} {damping}");
+        assert!(near(stepper.local_error().unwrap(), wrong), "{way:?} {damping}");
+    }
+}
+
+/// `0.4 Σ U²/K_s / K` with `U = ½ κ L²`, `L = (h v⊥)²/(2 l)` and `K_s = ½ μ v⊥²`, of two springs, the first between particles of 2 kg and
+/// 3 kg, 1.5 m long and passed at 4 m/s across, the second from there to a held one, 2 m long and passed at 1 m/s.
+#[test]
+fn turning_springs_brake_by_what_they_take() {
+    let mut builder = SystemBuilder::new();
+    for (position, mass) in [([0.0; 3], 2.0), ([1.5, 0.0, 0.0], 3.0), ([1.5, 0.0, 2.0], 5.0)] {
+        builder.particle(position, mass);
+    }
+    builder.hold(2);
+    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.0 });
+    builder.spring(1, 2, Spring { stiffness: 10.0, rest_length: 2.0, damping: 0.0 });
+    let (system, mut state) = builder.build().unwrap();
+    state.velocities[0] = Vector3::new(7.0, 4.0, 0.0);
+    state.velocities[1] = Vector3::new(1.0, 0.0, -2.0);
+    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let h = 0.25;
+    let share = |kappa: f64, length: f64, square: f64, mass: f64| {
+        let lift = h * h * square / (2.0 * length);
+        let energy = 0.5 * kappa * lift * lift;
+        energy * energy / (0.5 * mass * square)
+    };
+    // Across the first spring 4 m/s along y and 2 m/s along z; the second turns about what is held, with all of 3 kg.
+    let taken = share(12.0, 1.5, 20.0, 6.0 / 5.0) + share(5.0, 2.0, 1.0, 3.0);
+    let kinetic = 0.5 * (2.0 * 65.0 + 3.0 * 5.0);
+    let found = braked(&system, &extensions, &state.velocities, h);
+    assert!((found / (BRAKE * taken / kinetic) - 1.0).abs() < 1e-12, "{found}");
+    let mut stepper = Rodas4::new(&system, &state, &ImplicitOptions::default()).unwrap();
+    state.time = 8.0;
+    stepper.try_step(&state, h).unwrap();
+    assert!((stepper.braked() / found - 1.0).abs() < 1e-12, "{} {found}", stepper.braked());
+    // Along springs nothing turns, and where nothing moves there is nothing to take from.
+    state.velocities = vec![Vector3::x(), Vector3::zeros(), Vector3::zeros()];
+    assert_eq!(braked(&system, &extensions, &state.velocities, h), 0.0);
+    assert_eq!(braked(&system, &extensions, &[Vector3::zeros(); 3], h), 0.0);
+}
+
+/// A step of fixed length is cut in quarters, and again, but no part is shorter than a 1024th of it.
+#[test]
+fn steps_are_cut_five_times_at_most() {
+    let (system, start) = compressed();
+    let limit = (1.0 / 20.0f64).sqrt() / GAMMA;
+    let mut stepper = Rodas4::new(&system, &start, &ImplicitOptions::default()).unwrap();
+    let mut state = start.clone();
+    let failure = stepper.step(&mut state, 1.1 * 1024.0 * limit).unwrap_err();
+    assert_eq!((failure.status(), stepper.statistics().rejected_steps), (Status::Indefinite, 5));
+    assert_eq!(state, start);
+}
+
+/// The lesser of ‖u_6x‖ and 0.15 h ‖u_6v‖: of positions plain, of stages a tenth of it in the norm of M, over what is free.
+#[test]
+fn errors_are_the_lesser_of_places_and_speeds() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 4.0);
+    builder.particle([1.0, 0.0, 0.0], 9.0);
+    builder.hold(1);
+    let (system, _) = builder.build().unwrap();
+    let (x, v) = ([Vector3::new(3.0, 0.0, 0.0), Vector3::y() * 4.0], [Vector3::new(0.0, 6.0, 0.0), Vector3::z() * 8.0]);
+    // 5 m and 10 m/s, and of the first alone, with 4 kg, 6 and 12.
+    for (h, positions, stages) in [(2.0, 3.0, 0.1 * 3.6), (4.0, 5.0, 0.1 * 6.0)] {
+        let found = [of_positions(&system, &x, &v, h), of_stages(&system, &x, &v, h)];
+        assert!((found[0] - positions).abs() < 1e-12 && (found[1] - stages).abs() < 1e-12, "{h}: {found:?}");
+    }
+    assert_eq!(of_stages(&system, &[], &[], 2.0), 0.0);
 }

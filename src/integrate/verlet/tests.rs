@@ -1,8 +1,8 @@
 use super::Verlet;
 use crate::integrate::pieces::drawn_with_jerks;
-use crate::integrate::{StepFailure, TimeStepper};
-use crate::spring::Spring;
-use crate::system::{State, System, SystemBuilder};
+use crate::integrate::{Monitor, MonitorOptions, StepFailure, TimeStepper};
+use crate::spring::{Spring, SpringLaw, Tension};
+use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
 use nalgebra::Vector3;
 
 /// A particle on a spring along the first axis, of this frequency and damping ratio, away from rest by 0.1 m.
@@ -109,4 +109,55 @@ fn steps_are_cut_at_kinks() {
     assert_eq!(forces, 7 + 1 + 3);
     assert_eq!(cut.positions[0], Vector3::new(0.25, 0.0, 0.0));
     assert_eq!(cut.velocities[0], Vector3::zeros());
+}
+
+/// Pulls by a newton, whatever the length.
+#[derive(Debug)]
+struct Steady;
+
+impl SpringLaw for Steady {
+    fn tension(&self, _: usize, _: &Spring, _: f64) -> Tension {
+        Tension { force: 1.0, slope: 0.5 }
+    }
+
+    fn energy(&self, _: usize, _: &Spring, length: f64) -> f64 {
+        length
+    }
+}
+
+/// Whoever watches changes nothing, even where it cannot compute the forces.
+#[test]
+fn steps_are_the_same_when_they_are_seen() {
+    let (system, start) = oscillator(5.0, 0.1);
+    for system in [system.clone(), system.with_spring_law(Steady)] {
+        let (mut seen, mut alone) = (start.clone(), start.clone());
+        let mut steppers = [(); 2].map(|()| Verlet::new(&system, &start).unwrap());
+        let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+        for steps in 1..=3 {
+            steppers[0].step_seen(&mut seen, 0.01, monitor.springs()).unwrap();
+            monitor.enter(steps, &seen, 0.01, None).unwrap();
+            steppers[1].step(&mut alone, 0.01).unwrap();
+        }
+        assert_eq!(seen, alone);
+    }
+}
+
+/// What is led is seen at the speed of its path, not at one that its spring would give it.
+#[test]
+fn prescribed_velocities_are_seen() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1e-6);
+    builder.particle([2.1, 0.0, 0.0], 1.0);
+    builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 2.0, damping: 0.0 });
+    let motion = Motion::Velocity(Vector3::new(0.0, 3.0, 0.0));
+    builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+    let (system, mut state) = builder.build().unwrap();
+    state.prescribe(&system);
+    let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
+    let mut stepper = Verlet::new(&system, &state).unwrap();
+    stepper.step_seen(&mut state, 0.1, monitor.springs()).unwrap();
+    monitor.enter(1, &state, 0.1, None).unwrap();
+    // Three tenths of a metre past a spring of about 2.1 m.
+    let reach = monitor.figures(&state).reach;
+    assert!((reach / (0.3 / 2.12) - 1.0).abs() < 0.01, "{reach}");
 }

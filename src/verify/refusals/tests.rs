@@ -20,8 +20,8 @@ fn pushed(dt: f64) -> Subject {
 fn the_first_step_that_is_clearly_indefinite_is_found() {
     assert_eq!(indefinite_step(&pushed(0.1)), Some((0.2, 2)));
     assert_eq!(indefinite_step(&pushed(0.2)), Some((0.2, 2)));
-    for across in [0.05, -0.05] {
-        let dt = 1.0 / (75.0 + across as f64).sqrt();
+    for across in [0.05_f64, -0.05] {
+        let dt = 1.0 / (75.0 + across).sqrt();
         assert_eq!(indefinite_step(&pushed(dt)), Some((2.0 * dt, 2)));
     }
     let relaxed = pushed(0.1).relaxed().unwrap();

@@ -132,7 +132,7 @@ fn verlets_method_keeps_the_last_force() {
 fn steps_over_a_corner_of_a_path_are_passed_over() {
     let share = |corner: f64, steps: usize| {
         let subject = line(Motion::Path { times: vec![corner, 100.0], offsets: vec![Vector3::zeros(); 2] });
-        let mut states = vec![subject.state.clone(), after(), subject.state.clone()];
+        let mut states = [subject.state.clone(), after(), subject.state.clone()];
         states.iter_mut().zip([0.5, 1.0, 1.5]).for_each(|(state, time)| state.time = time);
         verlet_share(&subject, DT, &states[..=steps])
     };

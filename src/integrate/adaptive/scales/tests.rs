@@ -1,7 +1,7 @@
-use super::{Scales, joint};
+use super::{Scales, joint, spread};
 use crate::integrate::{Adaptivity, ErrorEstimate, Sampling};
 use crate::spring::Spring;
-use crate::system::{State, System, SystemBuilder};
+use crate::system::{ExternalForce, Moment, State, System, SystemBuilder};
 use nalgebra::Vector3;
 
 /// Particles of 1 kg at these places on the first axis, under a gravity along it.
@@ -146,4 +146,88 @@ fn two_estimates_make_one() {
     assert_eq!((joint(0.0, 1.0), joint(0.0, 0.0)), (0.0, 0.0));
     assert_eq!(joint(f64::INFINITY, 1.0), f64::INFINITY);
     assert_eq!(joint(f64::INFINITY, f64::INFINITY), f64::INFINITY);
+}
+
+/// `¼ B (T/h) TV/X` over rtol = 1e-3, here with X = 3√2 m, V = 5 m/s and T = 0.8 s.
+#[test]
+fn what_turning_springs_take_makes_the_motion_lag() {
+    let (system, mut state) = particles(&[1.0, 7.0], 0.0);
+    state.velocities[1] = Vector3::new(3.0, 0.0, 4.0);
+    let (scales, _) = Scales::at_start(&system, &state, &how(0.8), [1, 0]);
+    assert!(close(scales.lag(0.02, 0.1, &state), 0.25 * 0.02 * 8.0 * 4.0 / 18f64.sqrt() / 1e-3));
+    assert_eq!((scales.lag(0.0, 0.1, &state), scales.lag(f64::NAN, 0.1, &state)), (0.0, f64::INFINITY));
+}
+
+/// Two newtons a second, a newton less a metre and three less for every metre a second, times a factor.
+#[derive(Debug)]
+struct Pull(f64);
+
+impl ExternalForce for Pull {
+    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+        for ((f, x), v) in force.iter_mut().zip(at.positions).zip(at.velocities) {
+            f.y += self.0 * (2.0 * at.time - x.y - 3.0 * v.y);
+        }
+    }
+}
+
+/// A force linear in all that it depends on: of `F = (v, a)` the probe finds `(a, a')` with `m a' = 2 − v − 3a`, on particles of 4 kg.
+#[test]
+fn the_first_step_follows_forces_in_time_place_and_speed() {
+    let mut builder = SystemBuilder::new();
+    for x in [0.0, 2.0] {
+        builder.particle([x, 0.5, 0.0], 4.0);
+    }
+    let (system, mut state) = builder.build().unwrap();
+    let system = system.with_external_force(Pull(100.0));
+    state.time = 3.0;
+    state.velocities = vec![Vector3::new(0.0, 0.25, 0.0), Vector3::new(0.0, -1.5, 0.0)];
+    let how = how(5.0);
+    let (scales, _) = Scales::at_start(&system, &state, &how, [1, 0]);
+    let norm = |x: Vec<Vector3<f64>>, v: Vec<Vector3<f64>>| {
+        scales.error(&ErrorEstimate { positions: &x, velocities: &v }, &state)
+    };
+    let along = |of: &dyn Fn(f64) -> f64| -> Vec<Vector3<f64>> {
+        state.velocities.iter().map(|v| Vector3::new(0.0, of(v.y), 0.0)).collect()
+    };
+    let a = |v: f64| 25.0 * (6.0 - 0.5 - 3.0 * v);
+    let rate = norm(state.velocities.clone(), along(&a));
+    let change = norm(along(&a), along(&|v| 25.0 * (2.0 - v - 3.0 * a(v))));
+    assert!(change > 10.0 * rate);
+    let (step, forces) = scales.first_step(&system, &state, &how, 1);
+    assert!((step / (0.01 / change).sqrt() - 1.0).abs() < 1e-9 && forces == 2, "{step}");
+}
+
+/// Where the probe finds forces beyond all numbers the step is that of the probe.
+#[test]
+fn probes_that_leave_all_numbers_are_the_first_step() {
+    let mut builder = SystemBuilder::new();
+    for x in [0.0, 2.0] {
+        builder.particle([x, 0.0, 0.0], 4.0);
+    }
+    let (system, mut state) = builder.build().unwrap();
+    state.velocities[0].x = 1.0;
+    state.velocities[1].y = 1e-3;
+    let (scales, _) = Scales::at_start(&system, &state, &how(5.0), [1, 0]);
+    let system = system.with_external_force(Beyond);
+    let rate = scales.error(&ErrorEstimate { positions: &state.velocities, velocities: &[] }, &state);
+    let (step, _) = scales.first_step(&system, &state, &how(5.0), 2);
+    assert!((step / (0.01 / (1e-3 * rate)) - 1.0).abs() < 1e-9, "{step}");
+}
+
+/// Nothing where time begins, and more than can be squared after that.
+#[derive(Debug)]
+struct Beyond;
+
+impl ExternalForce for Beyond {
+    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+        force.iter_mut().for_each(|f| f.z += if at.time > 0.0 { 1e200 } else { 0.0 });
+    }
+}
+
+/// A spread by rounding is none.
+#[test]
+fn particles_at_one_place_have_no_spread() {
+    let at = |places: [f64; 2]| spread(&places.map(|x| Vector3::new(x, 0.0, 0.0)));
+    assert_eq!((at([1e6, 1e6 + 1e-8]), at([1e6; 2]), at([0.0; 2])), (0.0, 0.0, 0.0));
+    assert!(close(at([1e6, 1e6 + 0.5]), 0.125f64.sqrt()) && close(at([1e-9, 3e-9]), 2e-18f64.sqrt()));
 }

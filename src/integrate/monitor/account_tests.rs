@@ -1,0 +1,347 @@
+//! What a monitor says of a run, step by step, for the methods that it accompanies.
+
+use super::{Balance, Monitor, MonitorOptions};
+use crate::force::Energy;
+use crate::integrate::{Outcome, Schedule, Statistics, Status, StepFailure, TimeStepper, run_monitored};
+use crate::spring::Spring;
+use crate::system::{Axes, Constraint, ExternalForce, Moment, Motion, State, System, SystemBuilder};
+use nalgebra::Vector3;
+use std::ops::ControlFlow;
+
+/// A particle of 2 kg at 1 m/s, which has 1 J, and one that is held.
+fn free() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 2.0);
+    builder.particle([3.0, 0.0, 0.0], 1.0);
+    builder.hold(1);
+    let (system, mut state) = builder.build().unwrap();
+    state.velocities[0].x = 1.0;
+    (system, state)
+}
+
+/// The same with another kinetic energy, in J, at a time.
+fn with(state: &State, kinetic: f64, time: f64) -> State {
+    let mut state = State { time, ..state.clone() };
+    state.velocities[0] = Vector3::new(0.0, kinetic.sqrt(), 0.0);
+    state
+}
+
+/// Three steps with five joules from nowhere end a run, where they are to; the last state from before is put back, with its account.
+#[test]
+fn energy_from_nowhere_ends_a_run() {
+    let (system, start) = free();
+    for stops in [true, false] {
+        let options = MonitorOptions { forces: false, stops_unstable: stops };
+        let mut monitor = Monitor::new(&system, &start, options).unwrap();
+        let enter = |monitor: &mut Monitor, steps: u64, kinetic| {
+            monitor.enter(steps, &with(&start, kinetic, steps as f64), 1.0, None)
+        };
+        assert_eq!(enter(&mut monitor, 1, 1.25), Ok(()));
+        assert_eq!((monitor.growth(), monitor.time()), (None, 1.0));
+        assert_eq!(enter(&mut monitor, 2, 6.25), Ok(()));
+        assert_eq!(monitor.growth().is_some(), stops);
+        assert_eq!(enter(&mut monitor, 3, 6.25), Ok(()));
+        let last = enter(&mut monitor, 4, 6.25);
+        assert_eq!(last.is_err(), stops);
+        if let Err(StepFailure::Unstable { gained, exchanged }) = last {
+            assert!((gained - 5.25).abs() < 1e-12 && (exchanged - 1.0).abs() < 1e-12, "{gained} {exchanged}");
+        }
+        let mut state = with(&start, 6.25, 4.0);
+        assert_eq!((monitor.restore(&mut state), state), (1, with(&start, 1.25, 1.0)));
+        assert!((monitor.energy().total() - 1.25).abs() < 1e-12);
+    }
+}
+
+/// What is in doubt by the method's own estimate is no growth.
+#[test]
+fn doubted_energy_is_no_growth() {
+    let (system, start) = free();
+    let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+    monitor.doubt(2.0);
+    for steps in 1..=5 {
+        assert_eq!(monitor.enter(steps, &with(&start, 6.5, steps as f64), 1.0, None), Ok(()));
+        assert_eq!(monitor.growth(), None);
+    }
+}
+
+/// An energy that is no number ends a run.
+#[test]
+fn energies_beyond_all_numbers_end_a_run() {
+    let (system, start) = free();
+    let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+    assert!(!monitor.has_overflowed());
+    let mut state = with(&start, 1.0, 1.0);
+    state.velocities[0].y = 1e200;
+    assert_eq!(monitor.enter(1, &state, 1.0, None), Err(StepFailure::NonFinite));
+    assert!(monitor.has_overflowed());
+}
+
+/// A free particle on a damped spring of 12 N/m that another, which is led, draws along.
+fn drawn() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([1.0, 0.0, 0.0], 3.0);
+    builder.particle([0.0; 3], 2.0);
+    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.7 });
+    let motion = Motion::Velocity(Vector3::new(0.3, 0.0, 0.0));
+    builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+    let (system, mut state) = builder.build().unwrap();
+    state.time = 2.0;
+    state.prescribe(&system);
+    state.positions[1] = state.positions[0] - Vector3::x();
+    (system, state)
+}
+
+/// After a step of h seconds that brings the free particle to a velocity by a steady acceleration.
+fn after(system: &System, state: &State, h: f64, v: f64) -> State {
+    let mut next = State { time: state.time + h, ..state.clone() };
+    next.prescribe(system);
+    next.positions[1].x += 0.5 * h * (state.velocities[1].x + v);
+    next.velocities[1].x = v;
+    next
+}
+
+/// Between the ends of a step work and dissipation grow with time, and not beyond them; the end has what it was entered with.
+#[test]
+fn accounts_between_steps_are_in_proportion_to_time() {
+    let (system, start) = drawn();
+    let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+    let energy = Energy { kinetic: 1.0, elastic: 2.0, gravitational: 0.0 };
+    // Before the first step nothing went anywhere.
+    let initial = monitor.initial().total();
+    assert_eq!(monitor.balance_between(2.0, &energy), Balance { imbalance: 3.0 - initial, ..Balance::default() });
+    let first = after(&system, &start, 0.25, 0.5);
+    monitor.enter(1, &first, 0.25, None).unwrap();
+    let before = monitor.balance();
+    let second = after(&system, &first, 0.5, 0.25);
+    monitor.enter(2, &second, 0.5, None).unwrap();
+    let now = monitor.balance();
+    assert!(before.work > 0.1 && now.work > before.work + 0.1);
+    assert!(before.dissipated > 1e-3 && now.dissipated > before.dissipated + 1e-3);
+    for (time, share) in [(2.25, 0.0), (2.375, 0.25), (2.625, 0.75), (2.75, 1.0), (2.0, 0.0), (3.0, 1.0)] {
+        let found = monitor.balance_between(time, &energy);
+        let work = before.work + share * (now.work - before.work);
+        let dissipated = before.dissipated + share * (now.dissipated - before.dissipated);
+        for (found, expected) in
+            [(found.work, work), (found.dissipated, dissipated), (found.imbalance, 3.0 - initial - work + dissipated)]
+        {
+            assert!((found - expected).abs() < 1e-14, "{time}: {found} {expected}");
+        }
+    }
+    assert_eq!(monitor.energy_at(&second), (monitor.energy(), now));
+    let between = after(&system, &first, 0.125, 0.4);
+    let energy = Energy::of(&system, &between);
+    assert_eq!(monitor.energy_at(&between), (energy, monitor.balance_between(2.375, &energy)));
+}
+
+/// A run that goes on from a state knows of what was before as much as one that was never left.
+#[test]
+fn accounts_go_on_where_they_were_left() {
+    let (system, start) = drawn();
+    let mut states = vec![start.clone()];
+    for v in [0.5, 0.25, -0.125, 0.75] {
+        states.push(after(&system, states.last().unwrap(), 0.125, v));
+    }
+    let options = MonitorOptions::default();
+    let enter =
+        |monitor: &mut Monitor, steps: usize| monitor.enter(steps as u64, &states[steps], 0.125, Some(0.5)).unwrap();
+    let mut whole = Monitor::new(&system, &start, options).unwrap();
+    (1..=2).for_each(|steps| enter(&mut whole, steps));
+    let account = whole.account();
+    let mut later = Monitor::continued(&system, [&start, &states[2]], 2, &account, options).unwrap();
+    assert!(later.account() == account);
+    assert_eq!((later.initial(), later.balance(), later.time()), (whole.initial(), whole.balance(), 2.25));
+    // Before a step is entered there is none to be between the ends of.
+    assert_eq!(later.balance_between(0.0, &later.energy()), whole.balance());
+    let mut state = start.clone();
+    assert_eq!((later.restore(&mut state), &state), (2, &states[2]));
+    (3..=4).for_each(|steps| [&mut whole, &mut later].into_iter().for_each(|monitor| enter(monitor, steps)));
+    assert_eq!(later.balance(), whole.balance());
+    let [whole, later] = [whole, later].map(|monitor| monitor.figures(&states[4]));
+    assert_eq!((later.steps, later.embedded, later.exchanged), (4, whole.embedded, whole.exchanged));
+    assert!(later.way == whole.way && later.change == whole.change && later.slip == whole.slip);
+}
+
+/// Figures are relative to the extent of the scene at its end; of a scene at one place to the way from the start.
+#[test]
+fn the_extent_is_the_spread_or_the_way() {
+    let mut builder = SystemBuilder::new();
+    for x in [1.0, 4.0, 4.0] {
+        builder.particle([x, 0.0, 0.0], 1.0);
+    }
+    let (system, start) = builder.build().unwrap();
+    let monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+    let at = |places: [f64; 3]| {
+        let positions = places.map(|x| Vector3::new(x, 0.0, 0.0)).to_vec();
+        monitor.figures(&State { positions, ..start.clone() }).extent
+    };
+    // From the centroid at 3: 4 + 1 + 1; at 2: 1 + 1 + 4.
+    assert!((at([1.0, 4.0, 4.0]) - 6f64.sqrt()).abs() < 1e-15 && (at([1.0, 1.0, 4.0]) - 6f64.sqrt()).abs() < 1e-15);
+    // All at 7: from where they were, 36 + 9 + 9. A spread by rounding is none, a little one is one.
+    assert!((at([7.0; 3]) - 54f64.sqrt()).abs() < 1e-14);
+    assert!((at([1.0, 1.0 + 1e-15, 1.0]) - 18f64.sqrt()).abs() < 1e-14);
+    assert!((at([1e6, 1e6 + 1e-8, 1e6]) - ((1e6f64 - 1.0).powi(2) + 2.0 * (1e6f64 - 4.0).powi(2)).sqrt()).abs() < 1e-3);
+    assert!((at([7.0, 7.0, 7.003]) / (3e-3 * (2.0f64 / 3.0).sqrt()) - 1.0).abs() < 1e-9);
+    // The start is that of the whole run.
+    let gathered = State { positions: vec![Vector3::new(7.0, 0.0, 0.0); 3], ..start.clone() };
+    let (account, options) = (monitor.account(), MonitorOptions::default());
+    let later = Monitor::continued(&system, [&start, &gathered], 5, &account, options).unwrap();
+    assert!((later.figures(&gathered).extent - 54f64.sqrt()).abs() < 1e-14);
+    // At one place from the start on there is no length at all.
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    let (system, start) = builder.build().unwrap();
+    let monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
+    assert_eq!(monitor.figures(&start).extent, 1.0);
+}
+
+/// How far energy would have carried the particles in the time of the run: `T √(2E/m̄)` over the extent, with the mean mass of those that
+/// move. Here three of 1, 3 and 2 kg, one of them along one axis only, and a held one.
+#[test]
+fn energies_are_ways_of_the_mean_mass() {
+    let mut builder = SystemBuilder::new();
+    for (x, mass) in [(0.0, 1.0), (4.0, 3.0), (0.0, 2.0), (4.0, 100.0)] {
+        builder.particle([x, 0.0, 0.0], mass);
+    }
+    builder.hold(3);
+    builder.constrain(Constraint { axes: Axes::of(&[1, 2]), ..Constraint::hold([2]) });
+    let (system, mut start) = builder.build().unwrap();
+    start.velocities[1].y = 2.0;
+    let options = MonitorOptions { stops_unstable: false, ..MonitorOptions::default() };
+    let mut monitor = Monitor::new(&system, &start, options).unwrap();
+    let mut state = start.clone();
+    // From 6 J to 24 J and down to 1.5 J, in 3 s: 18 J were gained, 4.5 J are lost. Every particle is 2 m from the centre.
+    for (steps, dt, v) in [(1, 1.0, 4.0), (2, 2.0, 1.0)] {
+        state.velocities[1].y = v;
+        monitor.enter(steps, &state, dt, None).unwrap();
+    }
+    let figures = monitor.figures(&state);
+    assert_eq!((figures.exchanged, figures.gained, figures.lost, figures.extent), (6.0, 18.0, 4.5, 4.0));
+    assert_eq!((figures.gained_way, figures.lost_way), (3.0 * 18f64.sqrt() / 4.0, 3.0 * 4.5f64.sqrt() / 4.0));
+    // Where nothing moves the mass is one; what was given is not lost.
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 7.0);
+    builder.hold(0);
+    let (system, start) = builder.build().unwrap();
+    assert_eq!(Monitor::new(&system, &start, options).unwrap().mass, 1.0);
+}
+
+/// Forces are looked at in the first eight steps and then in every eighth: here in steps 1 to 8, whose weight makes all of the motion,
+/// and in the 16th, in which four of five newtons come from nowhere.
+#[test]
+fn forces_are_looked_at_now_and_then() {
+    let (system, mut state) = {
+        let mut builder = SystemBuilder::new();
+        builder.gravity(0.0, 1.0, 0.0);
+        builder.particle([0.0; 3], 1.0);
+        builder.build().unwrap()
+    };
+    let options = MonitorOptions { forces: true, stops_unstable: false };
+    let mut monitor = Monitor::new(&system, &state, options).unwrap();
+    for steps in 1..=17 {
+        state.velocities[0].y += if steps <= 8 { 1.0 } else { 5.0 };
+        monitor.enter(steps, &state, 1.0, None).unwrap();
+    }
+    assert_eq!(monitor.figures(&state).defect, 4.0 / (8.0 + 5.0));
+}
+
+/// Three newtons upwards.
+#[derive(Debug)]
+struct Lift;
+
+impl ExternalForce for Lift {
+    fn add(&self, _: &Moment<'_>, force: &mut [Vector3<f64>]) {
+        force.iter_mut().for_each(|f| f.y += 3.0);
+    }
+}
+
+#[test]
+fn external_forces_do_work() {
+    let (system, mut state) = free();
+    let system = system.with_external_force(Lift);
+    let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
+    for (steps, work) in [(1, 1.5), (2, 3.0)] {
+        state.positions[0].y += 0.5;
+        monitor.enter(steps, &state, 1.0, None).unwrap();
+        assert_eq!(monitor.balance().work, work);
+    }
+}
+
+/// A scene can fold when it has fewer springs than degrees of freedom, and more than one axis to move along.
+#[test]
+fn scenes_with_few_springs_can_fold() {
+    let can_fold = |springs: usize, is_line: bool| {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        builder.hold(0);
+        for _ in 0..springs {
+            builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        if is_line {
+            builder.dimension = 1;
+        }
+        let (system, state) = builder.build().unwrap();
+        Monitor::new(&system, &state, MonitorOptions::default()).unwrap().figures(&state).can_fold
+    };
+    assert_eq!([0, 1, 2, 3, 4].map(|springs| can_fold(springs, false)), [true, true, true, false, false]);
+    assert_eq!([0, 1, 2].map(|springs| can_fold(springs, true)), [false; 3]);
+}
+
+/// Doubles the velocities in every step, and fails after some.
+struct Doubling {
+    steps: u64,
+    failing: (u64, StepFailure),
+    statistics: Statistics,
+}
+
+impl TimeStepper for Doubling {
+    fn name(&self) -> &'static str {
+        "doubling"
+    }
+
+    fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        if self.steps == self.failing.0 {
+            return Err(self.failing.1);
+        }
+        self.steps += 1;
+        state.time += dt;
+        state.velocities.iter_mut().for_each(|v| *v *= 2.0);
+        Ok(())
+    }
+
+    fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+}
+
+/// Where a step fails while energy grows the growth is the cause, and the state is one from before; else it is the last one.
+#[test]
+fn failures_of_growing_runs_are_told_as_growth() {
+    let (system, start) = free();
+    let run = |failing: (u64, StepFailure), speed: f64| {
+        let mut state = start.clone();
+        state.velocities[0].x = speed;
+        let mut stepper = Doubling { steps: 0, failing, statistics: Statistics::default() };
+        let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
+        let schedule = Schedule::steps(0.5, 9);
+        let see = |_: u64, _: &State, _: &Monitor| ControlFlow::Continue(());
+        (run_monitored(&mut stepper, &mut state, &schedule, &mut monitor, see), state)
+    };
+    let told = |outcome: &Outcome| {
+        let failure = outcome.end.unwrap_err();
+        (outcome.steps, failure.step, failure.time, outcome.status())
+    };
+    // 1, 4 and 16 J: three joules more are not too many, fifteen are.
+    let (outcome, state) = run((1, StepFailure::Tolerance), 1.0);
+    assert_eq!((told(&outcome), state.time), ((1, 2, 0.5, Status::NotConverged), 0.5));
+    let (outcome, state) = run((2, StepFailure::Tolerance), 1.0);
+    assert_eq!((told(&outcome), state.time), ((0, 3, 1.0, Status::Unstable), 0.0));
+    let (outcome, state) = run((9, StepFailure::Tolerance), 1.0);
+    assert_eq!((told(&outcome), state.time), ((0, 4, 1.5, Status::Unstable), 0.0));
+    // Energy that is no number, found at once.
+    let (outcome, state) = run((9, StepFailure::Tolerance), 1e154);
+    assert_eq!((told(&outcome), state.time), ((0, 1, 0.0, Status::NonFinite), 0.0));
+    // At rest nothing grows.
+    let (outcome, state) = run((4, StepFailure::Tolerance), 0.0);
+    assert_eq!((told(&outcome), state.time), ((4, 5, 2.0, Status::NotConverged), 2.0));
+}

@@ -1,0 +1,297 @@
+//! One step of every method against its formula, worked out for an oscillator.
+
+use super::oscillator::{Oscillator, Way};
+use super::{AdaptiveStepper, Bdf2, ImplicitOptions, Method, StepMatrices, TimeStepper, WMethod};
+use crate::spring::Stiffness;
+use crate::system::{ExternalForce, Moment, State, SystemBuilder};
+use nalgebra::{Complex, DMatrix, Vector3};
+
+const OPTIONS: [(Way, f64, f64); 3] = [(Way::Along, 0.8, 1e-9), (Way::Along, 0.0, 1e-9), (Way::Across, 0.8, 1e-6)];
+
+/// R of the methods that solve one or two linear systems a step.
+fn stability(method: Method, z: Complex<f64>) -> Complex<f64> {
+    let one = Complex::from(1.0);
+    let gamma = 1.0 - 0.5f64.sqrt();
+    match method {
+        Method::ForwardEuler => one + z,
+        Method::LinearBackwardEuler | Method::BackwardEuler | Method::Bdf2 => one / (one - z),
+        Method::ImplicitMidpoint => (one + z * 0.5) / (one - z * 0.5),
+        Method::W2 => (one + z * (1.0 - 2.0 * gamma)) / ((one - z * gamma) * (one - z * gamma)),
+        _ => unreachable!("they have tests of their own"),
+    }
+}
+
+/// A step of 0.6 s from 1.25 s on, between two kinks. What the state says of the velocity of the led particle is another matter.
+#[test]
+fn steps_are_those_of_the_stability_function() {
+    for (way, damping, tolerance) in OPTIONS {
+        let oscillator = Oscillator::new(way, damping, 1.25);
+        let Oscillator { system, start, lambda, .. } = &oscillator;
+        for method in [
+            Method::ForwardEuler,
+            Method::LinearBackwardEuler,
+            Method::BackwardEuler,
+            // Its first step is one of backward Euler.
+            Method::Bdf2,
+            Method::ImplicitMidpoint,
+            Method::W2,
+        ] {
+            let mut stepper = method.stepper(system, start, &ImplicitOptions::default()).unwrap();
+            let mut state = start.clone();
+            if method != Method::ForwardEuler {
+                state.velocities[0].x = 99.0;
+            }
+            stepper.step(&mut state, 0.6).unwrap();
+            let factor = stability(method, lambda * 0.6);
+            assert!(oscillator.is_at(&state, factor, tolerance), "{} {way:?} {damping}: {state:?}", method.name());
+        }
+    }
+}
+
+/// What swings across its spring does so while all of it goes that way.
+#[test]
+fn steps_do_not_depend_on_a_steady_drift() {
+    let oscillator = Oscillator::drifting(Way::Across, 0.8, 1.25, 2.0);
+    for method in
+        [Method::LinearBackwardEuler, Method::BackwardEuler, Method::Bdf2, Method::ImplicitMidpoint, Method::W2]
+    {
+        let mut state = oscillator.start.clone();
+        let mut stepper = method.stepper(&oscillator.system, &state, &ImplicitOptions::default()).unwrap();
+        stepper.step(&mut state, 0.6).unwrap();
+        let factor = stability(method, oscillator.lambda * 0.6);
+        assert!(oscillator.is_at(&state, factor, 1e-6), "{}: {state:?}", method.name());
+    }
+}
+
+/// Half a kick, a whole drift, half a kick with the force there: of damping forces with the velocity that whole kicks predict.
+#[test]
+fn verlet_kicks_and_drifts() {
+    for (way, damping, tolerance) in OPTIONS {
+        let oscillator = Oscillator::new(way, damping, 1.25);
+        let mut stepper =
+            Method::Verlet.stepper(&oscillator.system, &oscillator.start, &ImplicitOptions::default()).unwrap();
+        let (mut state, h) = (oscillator.start.clone(), 0.3);
+        let [mut x, mut v] = oscillator.seen(&state);
+        // Of λ² + 2ρλ + ω₀² = 0.
+        let (rho, square) = (-oscillator.lambda.re, oscillator.lambda.norm_sqr());
+        let kick = |x: f64, v: f64| -0.5 * h * (square * x + 2.0 * rho * v);
+        for _ in 0..2 {
+            let first = kick(x, v);
+            v += first;
+            x += h * v;
+            v += kick(x, v + first);
+            stepper.step(&mut state, h).unwrap();
+            let found = oscillator.seen(&state);
+            let scale = x.abs() + v.abs();
+            assert!(
+                (found[0] - x).abs() < tolerance * scale && (found[1] - v).abs() < tolerance * scale,
+                "{way:?} {damping}"
+            );
+            // From the first step the second has the force, with predicted velocities; this one has not.
+            stepper.restart();
+        }
+    }
+}
+
+/// `x' = x̃ + τ v'`, `v' = ṽ + τ a(x', v')` from two states, with steps of three lengths.
+#[test]
+fn bdf2_goes_on_from_two_states() {
+    for (way, damping, tolerance) in OPTIONS {
+        let oscillator = Oscillator::new(way, damping, 1.05);
+        let Oscillator { system, start, lambda, .. } = &oscillator;
+        let (rate, square) = (-2.0 * lambda.re, lambda.norm_sqr());
+        let scale = oscillator.amplitude(start).norm();
+        let mut stepper = Bdf2::new(system, start, &ImplicitOptions::default()).unwrap();
+        let (mut states, mut last) = (vec![start.clone()], 0.0);
+        for (number, h) in [0.3, 0.2, 0.25].into_iter().enumerate() {
+            let state = &states[number];
+            let [x, v] = oscillator.seen(state);
+            let [x0, v0] = oscillator.seen(&states[number.saturating_sub(1)]);
+            let ratio = if last > 0.0 { h / last } else { 0.0 };
+            let (beta, tau) = (ratio * ratio / (1.0 + 2.0 * ratio), h * (1.0 + ratio) / (1.0 + 2.0 * ratio));
+            let (x1, v1) = (x + beta * (x - x0), v + beta * (v - v0));
+            // v' = ṽ − τ (ω₀² (x̃ + τ v') + 2ρ v').
+            let v2 = (v1 - tau * square * x1) / (1.0 + tau * (tau * square + rate));
+            let x2 = x1 + tau * v2;
+            let before = stepper.statistics().work;
+            stepper.try_step(state, h).unwrap();
+            let work = stepper.statistics().work;
+            // A start has the accelerations too; then there is one correction, and the force before and after it.
+            let forces = if number == 0 { 3 } else { 2 };
+            assert_eq!((work.solves - before.solves, work.force_evaluations - before.force_evaluations), (1, forces));
+            assert_eq!((stepper.order(), stepper.estimate_order()), (2, if number == 0 { 1 } else { 2 }));
+            let mut next = state.clone();
+            stepper.accept(&mut next);
+            let [x, v] = oscillator.seen(&next);
+            let is_near = |a: f64, b: f64| (a - b).abs() < tolerance * scale;
+            assert!(is_near(x, x2) && is_near(v, v2), "{way:?} {number}: {x} {x2} {v} {v2}");
+            states.push(next);
+            last = h;
+        }
+        // Without its past the method starts with a step of backward Euler again.
+        stepper.restart();
+        let state = states.last().unwrap();
+        let mut next = state.clone();
+        stepper.step(&mut next, 0.125).unwrap();
+        let expected = oscillator.motion(oscillator.amplitude(state) * stability(Method::Bdf2, lambda * 0.125));
+        let found = oscillator.seen(&next);
+        assert!(
+            found.iter().zip(expected).all(|(a, b)| (a - b).abs() < tolerance * scale),
+            "{way:?} {found:?} {expected:?}"
+        );
+        // After steps that nobody estimates the past says nothing about errors.
+        stepper.try_step(&next, 0.0625).unwrap();
+        assert_eq!(stepper.estimate_order(), 1);
+    }
+}
+
+/// The estimates of a first step of bdf2: ½ h (v' − v), and h (v[t', t] − a) with the acceleration at the start.
+#[test]
+fn the_first_step_of_bdf2_is_estimated_by_the_acceleration() {
+    let oscillator = Oscillator::new(Way::Along, 0.8, 1.25);
+    let Oscillator { system, start, lambda, .. } = &oscillator;
+    let h = 0.1;
+    let [_, v] = oscillator.seen(start);
+    let a = oscillator.amplitude(start);
+    let acceleration = (lambda * lambda * a).re;
+    let [_, next] = oscillator.motion(a * stability(Method::Bdf2, lambda * h));
+    let mut stepper = Bdf2::new(system, start, &ImplicitOptions::default()).unwrap();
+    let estimate = stepper.try_step(start, h).unwrap();
+    let (x, e) = (estimate.positions[1].x, estimate.velocities[1].x);
+    assert!((x - 0.5 * h * (next - v)).abs() < 1e-12 && (e - (next - v - h * acceleration)).abs() < 1e-12, "{x} {e}");
+    assert_eq!((estimate.positions[0], estimate.velocities[0]), (Vector3::zeros(), Vector3::zeros()));
+}
+
+/// `A δx = b` of a step of linearised backward Euler: the particle's three rows, `m/h² + b/h + κ` along the spring.
+#[test]
+fn the_matrices_of_a_step_are_its_equations() {
+    let oscillator = Oscillator::new(Way::Along, 0.8, 1.25);
+    let Oscillator { system, start, lambda, .. } = &oscillator;
+    let h = 0.6;
+    let step = StepMatrices::assemble(system, start, Stiffness::Full, h).unwrap();
+    let a = DMatrix::from(&step.a.to_csc());
+    let (length, along) = (0.5 + 0.15 + 0.25, 2.0 / (h * h) + 0.8 / h + 12.0);
+    let across = 2.0 / (h * h) + 12.0 * (length - 0.5) / length;
+    for (entry, expected) in a.diagonal().iter().zip([along, across, across]) {
+        assert!((entry - expected).abs() < 1e-12 * expected, "{entry} {expected}");
+    }
+    let mut state = start.clone();
+    state.time += h;
+    state.positions[1].x += step.b[0] / along;
+    let [x, _] = oscillator.seen(&state);
+    let [expected, _] = oscillator.motion(oscillator.amplitude(start) * stability(Method::BackwardEuler, lambda * h));
+    assert!((x - expected).abs() < 1e-12 && step.b[1..] == [0.0, 0.0], "{x} {expected}");
+}
+
+/// Grows with time: two newtons and three more a second.
+#[derive(Debug)]
+struct Growing;
+
+impl ExternalForce for Growing {
+    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+        force.iter_mut().for_each(|f| f.x += 2.0 + 3.0 * at.time);
+    }
+}
+
+/// A free particle of 4 kg gets the force at the start of a step, at its middle or at its end.
+#[test]
+fn external_forces_act_at_the_time_of_the_stage() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 4.0);
+    let (system, mut start) = builder.build().unwrap();
+    let system = system.with_external_force(Growing);
+    start.time = 1.25;
+    for (method, time) in [
+        (Method::LinearBackwardEuler, 1.25),
+        (Method::ForwardEuler, 1.25),
+        (Method::W2, 1.5),
+        (Method::ImplicitMidpoint, 1.5),
+        (Method::BackwardEuler, 1.75),
+        (Method::Bdf2, 1.75),
+    ] {
+        let mut stepper = method.stepper(&system, &start, &ImplicitOptions::default()).unwrap();
+        let mut state = start.clone();
+        stepper.step(&mut state, 0.5).unwrap();
+        let expected = 0.5 * (2.0 + 3.0 * time) / 4.0;
+        assert!((state.velocities[0].x - expected).abs() < 1e-9, "{}: {}", method.name(), state.velocities[0].x);
+    }
+    assert!(Method::Rodas4.stepper(&system, &start, &ImplicitOptions::default()).is_err());
+}
+
+/// Air that takes a particle's velocity within a second.
+#[derive(Debug)]
+struct Air;
+
+impl ExternalForce for Air {
+    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+        force.iter_mut().zip(at.velocities).for_each(|(f, v)| *f -= v * 4.0);
+    }
+}
+
+/// Without dampers Verlet's method has the velocity of the middle of the step where it kicks again: of 4 kg in half a second a quarter goes
+/// twice.
+#[test]
+fn verlet_kicks_with_the_velocity_of_the_middle() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 4.0);
+    let (system, mut state) = builder.build().unwrap();
+    let system = system.with_external_force(Air);
+    state.velocities[0].x = 1.0;
+    let mut stepper = Method::Verlet.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+    stepper.step(&mut state, 0.5).unwrap();
+    assert_eq!((state.velocities[0].x, state.positions[0].x), (0.75 * 0.75, 0.5 * 0.75));
+}
+
+/// A matrix serves six steps of one length in a row, and none after a step that was refused or of another length.
+#[test]
+fn w2_keeps_its_matrix_for_a_while() {
+    let oscillator = Oscillator::new(Way::Along, 0.8, 1.05);
+    let Oscillator { system, start, .. } = &oscillator;
+    let mut stepper = WMethod::new(system, start, &ImplicitOptions::default()).unwrap();
+    let mut state = start.clone();
+    let mut factorizations = |stepper: &mut WMethod, h: f64, accepts: bool| {
+        stepper.try_step(&state, h).unwrap();
+        if accepts {
+            stepper.accept(&mut state);
+        } else {
+            stepper.reject();
+        }
+        stepper.statistics().work.factorizations
+    };
+    let counts: Vec<u64> = (0..14).map(|_| factorizations(&mut stepper, 0.0625, true)).collect();
+    assert_eq!(counts, [1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 3, 3]);
+    assert_eq!(factorizations(&mut stepper, 0.03125, false), 4);
+    assert_eq!(factorizations(&mut stepper, 0.03125, true), 5);
+    assert_eq!(factorizations(&mut stepper, 0.03125, true), 5);
+}
+
+/// What controllers of steps ask of the methods, before the first step.
+#[test]
+fn methods_with_estimates_tell_their_orders_and_limits() {
+    let oscillator = Oscillator::new(Way::Along, 0.8, 1.25);
+    let Oscillator { system, start, .. } = &oscillator;
+    for (method, orders, caution, growth, gains) in [
+        (Method::Bdf2, [2, 2], 36.0, 2.0, false),
+        (Method::W2, [2, 2], 3.0, 5.0, true),
+        (Method::Rodas4, [4, 3], 5.0, 5.0, false),
+        (Method::Dop853, [8, 7], 3.0, 5.0, false),
+    ] {
+        let stepper = method.adaptive_stepper(system, start, &ImplicitOptions::default()).unwrap();
+        let mut stepper = stepper.unwrap();
+        let name = method.name();
+        assert_eq!([stepper.order(), stepper.estimate_order()], orders, "{name}");
+        assert_eq!((stepper.caution(), stepper.largest_growth()), (caution, growth), "{name}");
+        assert_eq!((stepper.gains_by_equal_steps(), stepper.braked()), (gains, 0.0), "{name}");
+        stepper.statistics_mut().rejected_steps = 7;
+        assert_eq!(stepper.statistics().rejected_steps, 7, "{name}");
+        let has_estimate = matches!(method, Method::Rodas4 | Method::Dop853);
+        assert_eq!(stepper.local_error(), has_estimate.then_some(0.0), "{name}");
+        // Whatever there is to look between the ends of a step, it begins where the step began.
+        let mut state = start.clone();
+        stepper.try_step(start, 0.1).unwrap();
+        stepper.accept(&mut state);
+        let mut sample = State { positions: vec![Vector3::repeat(9.0); 2], ..start.clone() };
+        stepper.interpolate(start, &state, start.time, &mut sample);
+        assert!((sample.positions[1] - start.positions[1]).norm() < 1e-12, "{name}");
+    }
+}
