@@ -357,3 +357,6 @@ fn dense_signs(a: &SymmetricMatrix) -> (PivotSigns, f64) {
     let error = permuted - l * &b * l.transpose();
     (signs, error.norm_l2())
 }
+
+#[cfg(test)]
+mod tests;

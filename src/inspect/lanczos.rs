@@ -81,6 +81,10 @@ impl Tridiagonal {
             let mut pivot = -1.0;
             (0..alphas.len()).any(|k| {
                 pivot = alphas[k] - x - beside(k) * beside(k) / pivot;
+                // Zero is taken for a little less: the next one is positive then, as one of both must be.
+                if pivot == 0.0 {
+                    pivot = -f64::MIN_POSITIVE;
+                }
                 pivot > 0.0
             })
         };
@@ -194,6 +198,38 @@ mod tests {
         }
         assert_eq!(upper_end(3, 3, &mut |x: &[f64], y: &mut [f64]| y.copy_from_slice(x)).value, 1.0);
         assert!(upper_end(3, 3, &mut |_: &[f64], y: &mut [f64]| y.fill(f64::NAN)).value.is_nan());
+    }
+
+    /// `[2 2; 2 5]` has the eigenvalues 1 and 6, `[100.04 0.02; 0.02 100.01]` 100 and 100.05; what lies outside the space does not count.
+    #[test]
+    fn the_largest_eigenvalue_is_found_to_the_last_bit() {
+        let of =
+            |alphas: &[f64], betas: &[f64]| Tridiagonal { alphas: alphas.to_vec(), betas: betas.to_vec(), beta: 0.5 };
+        assert_eq!(of(&[2.0, 5.0], &[2.0, 0.5]).largest(), 6.0);
+        assert!((of(&[100.04, 100.01], &[0.02, 0.5]).largest() - 100.05).abs() < 1e-12);
+        assert_eq!(of(&[-3.0], &[0.5]).largest(), -3.0);
+        // Bisection begins at 2, where the first pivot vanishes.
+        assert!((of(&[2.0; 3], &[1.0, 1.0, 0.5]).largest() - 2.0 - 2f64.sqrt()).abs() < 1e-14);
+    }
+
+    /// Of eigenvectors known in closed form, whatever the size of the matrix.
+    #[test]
+    fn the_last_entry_is_that_of_the_eigenvector() {
+        for scale in [1.0, 2.0f64.powi(-60), 2.0f64.powi(60)] {
+            let last = |alphas: &[f64], betas: &[f64]| {
+                let times = |values: &[f64]| values.iter().map(|value| scale * value).collect();
+                let tridiagonal = Tridiagonal { alphas: times(alphas), betas: times(betas), beta: 0.0 };
+                tridiagonal.last_entry(tridiagonal.largest())
+            };
+            // (1, 2)/√5, (1, √2, 1)/2 and (1, 1)/√2.
+            assert!((last(&[2.0, 5.0], &[2.0, 0.5]) - 0.8f64.sqrt()).abs() < 1e-12);
+            assert!((last(&[2.0, 2.0, 2.0], &[1.0, 1.0, 0.5]) - 0.5).abs() < 1e-12);
+            assert!((last(&[0.0, 0.0], &[2.0, 0.5]) - 0.5f64.sqrt()).abs() < 1e-12);
+            // Hardly coupled: the angle is half of atan(2β/5).
+            let beta = 5.5e-7;
+            let angle = 0.5 * f64::atan(2.0 * beta / 5.0);
+            assert!((last(&[6.0, 1.0], &[beta, 0.5]) / angle.sin() - 1.0).abs() < 1e-6);
+        }
     }
 
     /// The vector is that of the value, and its curvature as low.

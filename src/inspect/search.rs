@@ -341,3 +341,6 @@ impl<'a> Search<'a> {
         None
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -292,3 +292,6 @@ fn across(n: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let first = n.cross(&axis).normalize();
     [first, n.cross(&first)]
 }
+
+#[cfg(test)]
+mod tests;

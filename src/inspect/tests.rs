@@ -22,7 +22,7 @@ const MASS: f64 = 2.0;
 const STIFFNESS: f64 = 50.0;
 
 /// In a plane, springs of length one.
-fn chain(free: usize, rest_length: f64) -> (System, State) {
+pub(super) fn chain(free: usize, rest_length: f64) -> (System, State) {
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
     for p in 0..free + 2 {
         builder.particle([p as f64, 0.0, 0.0], MASS);
@@ -44,7 +44,7 @@ fn coefficients(rest_length: f64) -> [f64; 2] {
 }
 
 /// Eigenvalues of A, ascending.
-fn eigenvalues(free: usize, rest_length: f64, dt: f64) -> Vec<f64> {
+pub(super) fn eigenvalues(free: usize, rest_length: f64, dt: f64) -> Vec<f64> {
     let mu = mu(free);
     let of = |c: f64| mu.iter().map(move |mu| MASS / (dt * dt) + c * mu);
     let mut values: Vec<f64> = coefficients(rest_length).into_iter().flat_map(of).collect();
@@ -53,7 +53,7 @@ fn eigenvalues(free: usize, rest_length: f64, dt: f64) -> Vec<f64> {
 }
 
 /// The step at which `m/dt²` is some number, in N/m.
-fn step_for(inertia: f64) -> f64 {
+pub(super) fn step_for(inertia: f64) -> f64 {
     (MASS / inertia).sqrt()
 }
 

@@ -15,7 +15,7 @@ mod cost;
 mod direct;
 mod factorization;
 #[cfg(test)]
-mod fixtures;
+pub(crate) mod fixtures;
 mod iterative;
 mod norms;
 mod ordering;
