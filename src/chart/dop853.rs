@@ -188,6 +188,63 @@ mod tests {
         assert!(error < 1e-7, "{error:e}");
     }
 
+    /// The anchor goes at 0.4 m/s up to 1 s, at −0.6 m/s up to 3 s, and stands still from then on. Seen from it, each is the oscillator
+    /// above, which the anchor's change of velocity strikes.
+    #[test]
+    fn anchors_may_change_their_velocity() {
+        let (k, l0, m, b) = (50.0, 0.8, 0.7, 1.3);
+        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], m);
+        builder.spring(0, 1, Spring { stiffness: k, rest_length: l0, damping: b });
+        let offsets = [0.0, 0.4, -0.8].map(|x| Vector3::new(x, 0.0, 0.0)).to_vec();
+        let motion = Motion::Path { times: vec![0.0, 1.0, 3.0], offsets };
+        builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+        let (system, start) = builder.build().unwrap();
+        let end = dop853(&system, &start, 4.0, 1e-9, Instant::now() + Duration::from_secs(600)).unwrap();
+        let (rate, square) = (b / (2.0 * m), k / (l0 * m));
+        let omega = (square - rate * rate).sqrt();
+        let (mut u, mut slope, mut before) = (0.2f64, 0.0f64, 0.0);
+        for (t, velocity) in [(1.0f64, 0.4), (2.0, -0.6), (1.0, 0.0)] {
+            slope += before - velocity;
+            before = velocity;
+            let (fade, sine, cosine) = ((-rate * t).exp(), (omega * t).sin(), (omega * t).cos());
+            let across = (slope + rate * u) / omega;
+            let at = fade * (u * cosine + across * sine);
+            slope = fade * omega * (across * cosine - u * sine) - rate * at;
+            u = at;
+        }
+        let error = (end.positions[1].x - (l0 - 0.8 + u)).abs();
+        assert!(error < 1e-7, "{error:e}");
+    }
+
+    /// A damper of 10⁵ kg/s on 1 kg lets the spring draw it back at κ/b alone: stiff, and 2·10⁵ steps of any explicit method.
+    #[test]
+    fn stiff_motions_take_as_many_steps_as_they_need() {
+        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.3, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1e4, rest_length: 1.0, damping: 1e5 });
+        builder.hold(0);
+        let (system, start) = builder.build().unwrap();
+        let end = dop853(&system, &start, 12.0, 1e-4, Instant::now() + Duration::from_secs(600)).unwrap();
+        // The slow rate is κ/b (1 + κ/b²) with κ = k/l0.
+        let expected = 1.0 + 0.3 * (-12.0 * 0.1 * (1.0 + 1e-6f64)).exp();
+        assert!((end.positions[1].x - expected).abs() < 1e-3, "{} {expected}", end.positions[1].x);
+    }
+
+    /// There is nothing to integrate where all is prescribed.
+    #[test]
+    fn prescribed_particles_are_where_they_are_told_to_be() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        let motion = Motion::Velocity(Vector3::new(0.5, 0.0, 0.0));
+        builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+        let (system, start) = builder.build().unwrap();
+        let end = dop853(&system, &start, 3.0, 1e-9, Instant::now() + Duration::from_secs(600)).unwrap();
+        assert_eq!((end.time, end.positions[0].x), (3.0, 1.5));
+    }
+
     /// After 150 s of 1000 s, and after 50 s: less than a tenth of the time says nothing. The pace of the way so far may be half of what it should be.
     #[test]
     fn runs_that_would_take_too_long_are_hopeless() {

@@ -160,3 +160,55 @@ impl Ladder {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+    use std::time::Instant;
+
+    /// A particle on a spring of 1 N/m, 1 kg, drawn out by 0.3 m.
+    fn oscillator() -> (System, State) {
+        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.3, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        builder.hold(0);
+        builder.build().unwrap()
+    }
+
+    /// From the second run on the error of the step's square is taken off: `x(dt/2) + (x(dt/2) − x(dt))/3`.
+    #[test]
+    fn ladders_extrapolate_by_a_third_of_the_difference() {
+        let (system, start) = oscillator();
+        let far = Deadline::from(Instant::now() + Duration::from_secs(7200));
+        let mut ladder = Ladder::new(Method::W2);
+        let (mut states, mut errors) = (Vec::<f64>::new(), Vec::new());
+        for dt in [0.2, 0.1, 0.05] {
+            ladder.climb(&system, &start, [dt, 2.0], far).unwrap();
+            assert!(ladder.open);
+            states.push(ladder.last.as_ref().unwrap().positions[1].x);
+            let extrapolated = ladder.extrapolated.as_ref().map(|state| state.positions[1].x);
+            if let [.., coarse, fine] = states[..] {
+                assert_eq!(extrapolated, Some(fine + (fine - coarse) / 3.0));
+                errors.push((extrapolated.unwrap() - 1.0 - 0.3 * 2.0f64.cos()).abs());
+            }
+        }
+        assert!(ladder.two().is_some() && errors[1] < errors[0] / 4.0 && errors[1] < 1e-6, "{errors:?}");
+    }
+
+    /// Fourteen steps of dt, doubled from run to run while there is time, and the best of what they give: better than the first two
+    /// extrapolations tell, and never nearer than half a unit of rounding for each step.
+    #[test]
+    fn extrapolation_goes_on_to_the_best_estimate() {
+        let (system, start) = oscillator();
+        let deadline = Instant::now() + Duration::from_millis(300);
+        let reference = Reference::by_extrapolation(&system, &start, [0.5, 7.0], deadline).unwrap().unwrap();
+        let steps: f64 = reference.method.split(' ').find_map(|word| word.parse().ok()).unwrap();
+        assert!((steps / 14.0).log2().fract() == 0.0 && steps >= 14.0 * 16.0, "{}", reference.method);
+        let error = (reference.state.positions[1].x - 1.0 - 0.3 * 7.0f64.cos()).abs();
+        assert!(error < 1e-5 && reference.error_estimate < 1e-5, "{error:e} {reference:?}");
+        assert!(reference.error_estimate >= 0.5 * f64::EPSILON * steps, "{reference:?}");
+    }
+}

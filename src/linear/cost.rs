@@ -189,3 +189,16 @@ impl CostModel {
         terms.iter().map(|(count, each)| *count as f64 * each).sum()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cycle takes so long for a coordinate and so long for a spring: 25.3 · 3000 + 8.8 · 5000 = 119 900 ns, in force evaluations of 1000 ns.
+    #[test]
+    fn a_cycle_costs_by_coordinates_and_springs() {
+        let costs = CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0 };
+        let cycle = costs.iteration(PreconditionerKind::Multigrid) - costs.iteration(PreconditionerKind::None);
+        assert!((cycle - 119.9).abs() < 1e-9, "{cycle}");
+    }
+}

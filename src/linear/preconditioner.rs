@@ -123,3 +123,61 @@ fn refused(a: &SystemOperator, dof: Dof) -> SolveFailure {
         SolveFailure::NonFinite
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::force::Extensions;
+    use crate::operator::Combination;
+    use crate::spring::{Spring, Stiffness};
+    use crate::system::SystemBuilder;
+
+    /// The identity, by another name.
+    #[derive(Debug)]
+    struct Mine;
+
+    impl Precondition for Mine {
+        fn name(&self) -> &'static str {
+            "mine"
+        }
+
+        fn update(&mut self, _: &SystemOperator, _: &mut Work) -> Result<(), SolveFailure> {
+            Ok(())
+        }
+
+        fn apply(&mut self, r: &[f64], z: &mut [f64]) {
+            z.copy_from_slice(r);
+        }
+    }
+
+    #[test]
+    fn every_preconditioner_has_its_name() {
+        let (system, _) = SystemBuilder::new().build().unwrap();
+        assert_eq!(Preconditioner::Own(Box::new(Mine)).name(), "mine");
+        for kind in PreconditionerKind::ALL {
+            assert_eq!(Preconditioner::new(kind, &system).unwrap().name(), kind.name());
+        }
+    }
+
+    /// Indefinite is what is finite alone: both the masses' part and every spring's.
+    #[test]
+    fn matrices_that_are_not_finite_are_not_called_indefinite() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let dof = Dof { particle: 1, axis: 0 };
+        let indefinite = SolveFailure::Indefinite(Evidence::DiagonalBlock(dof));
+        for (mass, stiffness, expected) in [
+            (1.0, -1.0, indefinite),
+            (f64::INFINITY, -1.0, SolveFailure::NonFinite),
+            (1.0, f64::INFINITY, SolveFailure::NonFinite),
+        ] {
+            let combination = Combination { mass, damping: 0.0, stiffness };
+            let a = SystemOperator::new(&system, &extensions, Stiffness::Full, combination);
+            assert_eq!(format!("{:?}", refused(&a, dof)), format!("{expected:?}"), "{mass} {stiffness}");
+        }
+    }
+}

@@ -156,3 +156,57 @@ impl<'s> MatrixAndSolver<'s> {
         self.solver.set_tolerance(tolerance);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::force::Extensions;
+    use crate::linear::CholeskySolver;
+    use crate::operator::Combination;
+    use crate::spring::{Spring, Stiffness};
+    use crate::system::SystemBuilder;
+    use std::sync::{Arc, Mutex};
+
+    /// Notes where it is told the particles are.
+    struct Placed(Arc<Mutex<Vec<Vector3<f64>>>>);
+
+    impl LinearSolver for Placed {
+        fn name(&self) -> &'static str {
+            "placed"
+        }
+
+        fn place(&mut self, positions: &[Vector3<f64>]) {
+            *self.0.lock().unwrap() = positions.to_vec();
+        }
+
+        fn take(&mut self, _: &SystemOperator, _: &mut Work) -> Result<Definiteness, SolveFailure> {
+            Err(SolveFailure::NonFinite)
+        }
+
+        fn solve(&mut self, _: Held<'_>, _: &[f64], _: &mut [f64], _: &mut Work) -> Result<Solution, SolveFailure> {
+            Err(SolveFailure::NonFinite)
+        }
+    }
+
+    /// A factorization has a report, which other solvers do not; those may want to know where the particles are.
+    #[test]
+    fn the_solver_is_told_and_asked_through_its_owner() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let matrix = || SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
+        let work = &mut Work::default();
+        let cholesky = CholeskySolver::new(&system, faer::Par::Seq, work).unwrap();
+        let size = cholesky.size();
+        let owner = MatrixAndSolver::new(matrix(), Box::new(cholesky));
+        assert_eq!(owner.factor().map(|report| report.size), Some(size));
+        let places = Arc::default();
+        let mut owner = MatrixAndSolver::new(matrix(), Box::new(Placed(Arc::clone(&places))));
+        owner.place(&state.positions);
+        assert_eq!(*places.lock().unwrap(), state.positions);
+        assert!(owner.factor().is_none() && owner.prepare(|_| (), work).is_err() && owner.prepared().is_none());
+    }
+}

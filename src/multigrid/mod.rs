@@ -118,6 +118,10 @@ const LARGEST_DENSE: usize = 400;
 const SPRING: u64 = 500;
 const PARTICLE: u64 = 3000;
 
+fn bytes_at_most(springs: u64, particles: u64) -> u64 {
+    SPRING * springs + PARTICLE * particles
+}
+
 /// Size of one level.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LevelSize {
@@ -205,7 +209,7 @@ impl Multigrid {
     /// More matrix blocks than 32-bit indices can count.
     pub fn down_to(system: &System, largest_dense: usize) -> Result<Self> {
         let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
-        memory::ensure_with_dense_products(SPRING * springs + PARTICLE * particles, "multigrid")?;
+        memory::ensure_with_dense_products(bytes_at_most(springs, particles), "multigrid")?;
         Ok(Self(match system.dimension() {
             1 => Dimension::Line(Hierarchy::new(system, largest_dense)?),
             2 => Dimension::Plane(Hierarchy::new(system, largest_dense)?),

@@ -234,6 +234,8 @@ mod tests {
         assert_eq!(kept([[1.0, 1.0], [1.0, 1.0 + 1e-9]]), [true, false]);
         assert_eq!(kept([[1.0, 0.0], [0.0, 0.0]]), [true, false]);
         assert_eq!(kept([[0.0, 0.0], [0.0, 1.0]]), [false, true]);
+        // Also where a product with the root of 6 is rounded.
+        assert_eq!(factor(&[[6.0, 0.9], [0.9, 4.0]]).0[1][0], 0.0);
         let gram: Block<3, 3> = [[1.0, 0.5, 0.2], [0.5, 4.0, 0.7], [0.2, 0.7, 9.0]];
         let (r, inverse) = factor(&gram);
         assert!(r[1][0] == 0.0 && r[2][0] == 0.0 && r[0][1] != 0.0 && r[0][2] != 0.0);

@@ -50,3 +50,8 @@ fn the_coordinate_that_gives_way_is_named() {
 fn a_sum_beyond_the_largest_number_is_not_finite() {
     assert_eq!(failure(1.7e308, 1.0, &[], 0), Some(SetupFailure::NonFinite));
 }
+
+#[test]
+fn memory_is_asked_for_by_springs_and_particles() {
+    assert_eq!(super::bytes_at_most(30, 7), 30 * 500 + 7 * 3000);
+}

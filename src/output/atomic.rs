@@ -27,10 +27,7 @@ impl AtomicFile {
         if target.is_dir() {
             return Err(Error::io(target, io::ErrorKind::IsADirectory.into()));
         }
-        let folder = match target.parent() {
-            Some(parent) if parent != Path::new("") => parent,
-            _ => Path::new("."),
-        };
+        let folder = folder_of(&target);
         if folder.exists() && !folder.is_dir() {
             return Err(Error::io(folder, io::ErrorKind::NotADirectory.into()));
         }
@@ -127,6 +124,14 @@ impl Write for AtomicFile {
     }
 }
 
+/// The folder of a file: of a name alone, the one that the process is in.
+fn folder_of(target: &Path) -> &Path {
+    match target.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    }
+}
+
 /// The name of an unfinished file that can be gone on with.
 fn unfinished(target: &Path) -> PathBuf {
     let name = target.file_name().unwrap_or_default().to_string_lossy();
@@ -167,4 +172,17 @@ fn temporary() -> tempfile::Builder<'static, 'static> {
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
     builder
+}
+
+#[cfg(test)]
+mod tests {
+    use super::folder_of;
+    use std::path::Path;
+
+    #[test]
+    fn a_name_alone_is_in_the_folder_of_the_process() {
+        for (file, folder) in [("a.txt", "."), ("b/a.txt", "b"), ("/a.txt", "/"), ("/b/c/a.txt", "/b/c"), ("", ".")] {
+            assert_eq!(folder_of(Path::new(file)), Path::new(folder), "{file}");
+        }
+    }
 }

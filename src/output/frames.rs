@@ -173,6 +173,19 @@ mod tests {
         std::fs::read_to_string(folder.join("frames.pvd")).unwrap().matches("<DataSet ").count()
     }
 
+    /// The first eight frames, and then those with which an eighth has come, and one: 8 + 1 + 1 = 10, 10 + 1 + 1 = 12, …
+    #[test]
+    fn the_list_is_written_when_it_has_grown_by_an_eighth() {
+        let (folder, (system, state)) = (tempfile::tempdir().unwrap(), particle());
+        let mut frames = Frames::create(folder.path(), every(1)).unwrap();
+        let mut lists = BTreeSet::new();
+        for step in 0..24 {
+            frames.record(&system, &state, step).unwrap();
+            lists.insert(listed(folder.path()));
+        }
+        assert_eq!(Vec::from_iter(lists), [1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 19, 22]);
+    }
+
     /// At every moment at most an eighth of the frames is not in the list, which is not written for every frame.
     #[test]
     fn the_list_follows_the_frames() {

@@ -46,6 +46,15 @@ impl TileVerdict {
         Self::Stretched,
     ];
 
+    /// Of a step that failed in this way.
+    pub(super) fn of_failure(status: Status) -> Self {
+        match status {
+            Status::Indefinite => Self::Indefinite,
+            Status::NotConverged => Self::NotConverged,
+            _ => Self::NonFinite,
+        }
+    }
+
     /// In words.
     pub fn name(self) -> &'static str {
         match self {
@@ -109,18 +118,14 @@ pub(super) fn experiment(
     let growth = if stretch >= 1.0 { LINEAR_GROWTH } else { NONLINEAR_GROWTH };
     let excess = |state: &State| Energy::of(&system, state).total() - minimum;
     let initial = excess(&state);
-    // Rounding of the energy itself is no growth.
-    let allowed = growth * initial + 1e-14 * (initial + minimum);
+    // A ten-thousandth of the energy at rest at least: its rounding does not count.
+    let allowed = growth * initial;
     // The exact motion stays where its energy can lift it: both springs shorter than this.
     let reach = 1.0 + (2.0 * (initial + minimum) / STIFFNESS).sqrt();
     for _ in 0..STEPS {
         let before = state.positions[0];
         if let Err(failure) = stepper.step(&mut state, z) {
-            return Ok(match failure.status() {
-                Status::Indefinite => TileVerdict::Indefinite,
-                Status::NotConverged => TileVerdict::NotConverged,
-                _ => TileVerdict::NonFinite,
-            });
+            return Ok(TileVerdict::of_failure(failure.status()));
         }
         let energy = excess(&state);
         let verdict = if !energy.is_finite() {
@@ -139,4 +144,29 @@ pub(super) fn experiment(
         return Ok(verdict);
     }
     Ok(TileVerdict::Stable)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A thousandth of the rest length aside, half along the springs and half across; walls at the stretch on both sides.
+    #[test]
+    fn the_particle_starts_a_little_aside() {
+        let (system, state) = model(1.5, 0.25).unwrap();
+        let places: Vec<[f64; 3]> = state.positions.iter().map(|x| [x.x, x.y, x.z]).collect();
+        assert_eq!(places, [[0.0005, 0.0005, 0.0], [-1.5, 0.0, 0.0], [1.5, 0.0, 0.0]]);
+        assert_eq!((system.dofs().len(), system.springs()[0].damping), (2, 0.25));
+    }
+
+    #[test]
+    fn failures_have_their_verdicts() {
+        for (status, verdict) in [
+            (Status::Indefinite, TileVerdict::Indefinite),
+            (Status::NotConverged, TileVerdict::NotConverged),
+            (Status::NonFinite, TileVerdict::NonFinite),
+        ] {
+            assert_eq!(TileVerdict::of_failure(status), verdict);
+        }
+    }
 }

@@ -211,6 +211,7 @@ impl Tile {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::{AtomicBool, Ordering};
 
     #[test]
     fn a_small_map_agrees_with_theory() {
@@ -246,6 +247,20 @@ mod tests {
         assert!(braked.clone().all(|tile| tile.stiffness != "axial" || tile.method != "linear-backward-euler"));
     }
 
+    /// Two thirds as many rows as columns, and one, so that the stretch 1 has one. What is complete stays when someone interrupts it: here
+    /// the first tile, of the first method with its first option.
+    #[test]
+    fn an_interrupted_map_has_the_tiles_that_are_complete() {
+        static STOP: AtomicBool = AtomicBool::new(false);
+        let mut progress = |_, _: &str| STOP.store(true, Ordering::Relaxed);
+        let map = StabilityMap::until(12, &mut progress, Interrupt::on(&STOP)).unwrap();
+        let [tile] = &map.tiles[..] else { panic!("{} tiles", map.tiles.len()) };
+        assert_eq!((tile.method, tile.stiffness, tile.axis), ("linear-backward-euler", "full", Varied::Stretch));
+        assert_eq!((tile.columns.len(), tile.rows.len()), (12, 9));
+        assert!((tile.rows[4] - 1.0).abs() < 1e-14);
+        assert_eq!(map.agreement(), (tile.predicted, 0));
+    }
+
     #[test]
     fn steps_have_equal_ratios() {
         let close = |found: &[f64], expected: &[f64]| {
@@ -272,6 +287,12 @@ mod tests {
             predicted: 7,
             contradictions: vec![(2.0, 0.5), (1.0, 0.5)],
         };
+        assert_eq!(tile.file_name(), "stability-w2-full-stretch");
+        // Of the limits those are drawn that lie between the first column and the last, ends included.
+        let limit = |formula, z| Limit { formula, z };
+        let limited = vec![vec![limit("a", 0.9), limit("b", 1.0), limit("c", 1.5), limit("d", 2.0), limit("e", 2.1)]];
+        let curves = Tile { limits: limited, ..tile.clone() }.figure().curves;
+        assert_eq!(curves.iter().map(|curve| curve.name.as_str()).collect::<Vec<_>>(), ["b", "c", "d"]);
         let map = StabilityMap { tiles: vec![tile.clone(), Tile { predicted: 4, contradictions: Vec::new(), ..tile }] };
         assert_eq!(map.agreement(), (11, 2));
         let checks = map.checks();

@@ -25,7 +25,7 @@ use super::{STIFFNESS_OF_ONE, TileVerdict};
 use crate::accuracy::Configuration;
 use crate::error::Result;
 use crate::force::Energy;
-use crate::integrate::{Method, Status, StiffnessPolicy};
+use crate::integrate::{Method, StiffnessPolicy};
 use crate::spring::{Spring, Stiffness};
 use crate::system::{State, System, SystemBuilder};
 
@@ -76,11 +76,7 @@ pub(super) fn experiment(configuration: &Configuration, z: f64, angle: f64) -> R
     for _ in 0..(1.0 / angle).ceil() as usize {
         let from = arm(&state);
         if let Err(failure) = stepper.step(&mut state, z) {
-            return Ok(match failure.status() {
-                Status::Indefinite => TileVerdict::Indefinite,
-                Status::NotConverged => TileVerdict::NotConverged,
-                _ => TileVerdict::NonFinite,
-            });
+            return Ok(TileVerdict::of_failure(failure.status()));
         }
         let energy = Energy::of(&system, &state).total();
         if !energy.is_finite() {
@@ -145,6 +141,13 @@ pub(super) fn prediction(method: Method, policy: StiffnessPolicy, z: f64, angle:
 mod tests {
     use super::*;
     use crate::integrate::ImplicitOptions;
+
+    #[test]
+    fn the_particle_circles_in_the_plane() {
+        let (system, state) = model(0.02, 4.0).unwrap();
+        assert_eq!((system.dimension(), system.dofs().len()), (2, 2));
+        assert_eq!((state.velocities[1].x, state.velocities[1].y), (0.0, 0.005));
+    }
 
     #[test]
     fn the_limit_is_where_runs_are_braked() {

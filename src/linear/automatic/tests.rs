@@ -133,3 +133,10 @@ fn places_are_passed_on_to_multigrid() {
     });
     assert!(iterations[1] < iterations[0], "{iterations:?}");
 }
+
+/// A factor may take half of what the process may hold.
+#[test]
+fn a_factor_fits_half_of_the_memory() {
+    let half = memory::limit().map_or(u64::MAX, |limit| limit / 2);
+    assert!(fits(0) && fits(half) && (half == u64::MAX || !fits(half + 1)));
+}

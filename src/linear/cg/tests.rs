@@ -92,3 +92,14 @@ fn the_size_of_the_right_hand_side_does_not_matter() {
         assert_eq!(run(2f64.powi(exponent)), plain, "2^{exponent}");
     }
 }
+
+/// A = diag(1, −2), b = (1, 1): the first direction is b itself, and bᵀ A b = −1 proves that A is indefinite.
+#[test]
+fn the_direction_of_negative_curvature_is_kept() {
+    let a = Products(2, |w: &[f64], y: &mut [f64]| y.copy_from_slice(&[w[0], -2.0 * w[1]]));
+    let mut method = ConjugateGradient::new(2, 1e-10);
+    let report = method.solve(&a, &mut Preconditioner::Identity, &[1.0, 1.0], &mut [0.0; 2]);
+    assert!(matches!(report.outcome, CgOutcome::NegativeCurvature { .. }), "{:?}", report.outcome);
+    let p = method.direction();
+    assert!(p.len() == 2 && p[0] == p[1] && p[0] > 0.0, "{p:?}");
+}

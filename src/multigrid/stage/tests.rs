@@ -130,6 +130,19 @@ fn reference<const N: usize, const M: usize>(
     let of_aggregates = DMatrix::from_fn(order, M, |r, c| if has_aggregate(r) { motions[(r, c)] } else { 0.0 });
     assert_near(&(&t * &coarse_motions), &of_aggregates, 1e-4, "rigid motions");
 
+    // A node below stands for nodes of this level: the first of its own, and so on down.
+    assert_eq!(stage.member(0, 3), 3);
+    for aggregate in 0..count {
+        let first = level.prolongator.tentative_column(aggregate).map(|(node, _)| node).next().unwrap();
+        assert_eq!((level.prolongator.member(aggregate), stage.member(1, aggregate)), (first, first));
+    }
+    if let Stage::Coarsen(next) = &level.next {
+        for aggregate in 0..next.prolongator.columns() {
+            let first = next.prolongator.tentative_column(aggregate).map(|(node, _)| node).next().unwrap();
+            assert_eq!(stage.member(2, aggregate), level.prolongator.member(first));
+        }
+    }
+
     // P = (I − ω D⁻¹A) T.
     let p = columns(order / N, count, |aggregate| level.prolongator.column(aggregate));
     assert_near(&p, &((&identity - 2.0 / 3.0 * &inverse_diagonal * &scaled) * &t), SINGLE, "P");

@@ -38,3 +38,14 @@ pub fn string(size: usize) -> Result<Scene> {
         ..Scene::default()
     })
 }
+
+#[cfg(test)]
+mod tests {
+    /// The held ends are at rest to the last bit, and the middle is the fastest.
+    #[test]
+    fn the_ends_are_at_rest() {
+        let velocities = super::string(5).unwrap().particles.velocities.unwrap();
+        let speeds: Vec<f64> = velocities.iter().map(|row| row.as_slice()[1]).collect();
+        assert_eq!([speeds[0], speeds[3], speeds[6]], [0.0, 0.5, 0.0]);
+    }
+}

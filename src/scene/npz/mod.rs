@@ -29,3 +29,6 @@ pub(crate) use write::NpzWriter;
 
 /// The array that holds everything small.
 const TEXT: &str = "scene";
+
+#[cfg(test)]
+mod tests;
