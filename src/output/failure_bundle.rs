@@ -59,3 +59,39 @@ impl FailedStep<'_> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::{Spring, Stiffness};
+    use crate::system::SystemBuilder;
+
+    /// 1 kg on a spring of 100 N, pressed to half its length, and a step of 1 s: along the spring A is 1 + 100, across it 1 − 100, and
+    /// nothing couples the two. The spring pushes with 50 N. The scene repeats one step, of the length that the run had.
+    #[test]
+    fn a_bundle_has_the_step_that_failed() {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([0.5, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.0 });
+        builder.hold(0);
+        let (system, state) = builder.build().unwrap();
+        let inspection = Inspection::at(&system, &state, 1.0, Stiffness::Full, faer::Par::Seq).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let step =
+            FailedStep { scene: "s", system: &system, state: &state, steps: 3, dt: 0.25, inspection: &inspection };
+        step.write(folder.path()).unwrap();
+        let text = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+        assert!(BUNDLE.iter().all(|name| !text(name).is_empty()));
+        let time = Scene::load(folder.path().join("scene.toml")).unwrap().time;
+        assert_eq!((time.dt, time.duration), (Some(0.25), Some(0.25)));
+        let numbers = |name: &str| -> Vec<f64> {
+            let text = text(name);
+            let lines = text.lines().filter(|line| !line.starts_with('%'));
+            lines.flat_map(str::split_whitespace).map(|word| word.parse().unwrap()).collect()
+        };
+        // Order and number of entries, then row, column and value of each.
+        assert_eq!(numbers("A.mtx"), [2.0, 2.0, 2.0, 1.0, 1.0, 101.0, 2.0, 2.0, -99.0]);
+        assert_eq!(numbers("b.mtx"), [2.0, 1.0, 50.0, 0.0]);
+    }
+}
