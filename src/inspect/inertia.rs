@@ -196,8 +196,8 @@ impl InertiaCounter {
         undecided(1.5 * shift)
     }
 
-    /// How many eigenvalues are negative beyond doubt: as many as [`count`](Self::count) finds below its band, for half of its work. Zero
-    /// where no factorization can be trusted.
+    /// How many eigenvalues are negative beyond doubt: as many as [`count`](Self::count) finds below its band, for half of its work; or below
+    /// the wider band that the last matrix needed. Zero where no factorization can be trusted.
     pub fn count_negative(&mut self, a: &SymmetricMatrix, work: &mut Work) -> usize {
         let n = a.order();
         let c = equilibrated(a);
