@@ -23,6 +23,8 @@ mod entries;
 mod equilibrium;
 mod extrapolation;
 mod family;
+#[cfg(test)]
+mod fixtures;
 mod force_error;
 mod formula_steps;
 mod hard_states;

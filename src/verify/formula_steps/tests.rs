@@ -4,6 +4,7 @@ use super::*;
 use crate::integrate::{Method, StiffnessPolicy};
 use crate::spring::Spring;
 use crate::system::{Axes, Constraint, SystemBuilder};
+use crate::verify::fixtures;
 
 /// Steps of half a second around t = 1 s; times within 5e-10 s are the same. A corner at the beginning of the step or within it parts
 /// it from the one before, and so does one within the one before; not if both have one.
@@ -41,13 +42,7 @@ fn is(value: f64, expected: f64) {
 /// ```
 #[test]
 fn the_equations_of_a_step_by_hand() {
-    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-    builder.gravity(-2.0, 0.0, 0.0);
-    for (x, mass) in [(1.0, 2.0), (4.0, 1.0), (9.0, 5.0)] {
-        builder.particle([x, 0.0, 0.0], mass);
-    }
-    builder.spring(0, 1, Spring { stiffness: 4.0, rest_length: 2.0, damping: 0.5 });
-    builder.spring(1, 2, Spring { stiffness: 12.0, rest_length: 4.0, damping: 1.0 });
+    let mut builder = fixtures::line();
     builder.hold(2);
     let (system, state) = builder.build().unwrap();
     let subject = Subject { name: "line".into(), system, state, dt: 0.5 };

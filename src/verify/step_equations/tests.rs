@@ -3,6 +3,7 @@
 use super::*;
 use crate::spring::Spring;
 use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+use crate::verify::fixtures;
 
 const DT: f64 = 0.5;
 
@@ -13,13 +14,7 @@ const DT: f64 = 0.5;
 /// k/l0 = 2 and 3        f_el = 2, 1, −3        f_d = −1.5, 7.5, −6        m gravity = −4, −2, −10
 /// ```
 fn line(motion: Motion) -> Subject {
-    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-    builder.gravity(-2.0, 0.0, 0.0);
-    for (x, mass) in [(1.0, 2.0), (4.0, 1.0), (9.0, 5.0)] {
-        builder.particle([x, 0.0, 0.0], mass);
-    }
-    builder.spring(0, 1, Spring { stiffness: 4.0, rest_length: 2.0, damping: 0.5 });
-    builder.spring(1, 2, Spring { stiffness: 12.0, rest_length: 4.0, damping: 1.0 });
+    let mut builder = fixtures::line();
     builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[0]), motion });
     let (system, _) = builder.build().unwrap();
     Subject { name: "line".into(), system, state: state(0.0, [1.0, 4.0, 9.0], [1.0, -2.0, 4.0]), dt: DT }

@@ -3,17 +3,11 @@
 use super::*;
 use crate::spring::Spring;
 use crate::system::SystemBuilder;
+use crate::verify::fixtures;
 
 /// Springs of k = 4 N, l0 = 2 m and of k = 12 N, l0 = 4 m between particles of 2, 1 and 5 kg at 1, 4 and 9 m.
 fn line() -> (System, State) {
-    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-    builder.gravity(-2.0, 0.0, 0.0);
-    for (x, mass) in [(1.0, 2.0), (4.0, 1.0), (9.0, 5.0)] {
-        builder.particle([x, 0.0, 0.0], mass);
-    }
-    builder.spring(0, 1, Spring { stiffness: 4.0, rest_length: 2.0, damping: 0.5 });
-    builder.spring(1, 2, Spring { stiffness: 12.0, rest_length: 4.0, damping: 1.0 });
-    builder.build().unwrap()
+    fixtures::line().build().unwrap()
 }
 
 /// The pulls are 10, 37 and 27 N, so that moves of 1/2 and 1 m are work of 5 + 37 J; forces of 2 and 3 N reach over 5 and 13 m, at
