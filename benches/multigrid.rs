@@ -7,19 +7,28 @@
 //! `… -- motion THREADS DT STEPS SCENE…`, for example `motion 1 0.01 60 cloth:100 rough:100 verification/scenes/bunny.toml`: iterations to
 //! 1e-10 and set-ups of each step of linear backward Euler. `cloth` and `lattice` swing down from rest, `rough` is the cloth of the
 //! solves: stiff, and crumpled by 3 % of its spacing.
+//!
+//! `… -- export FOLDER DT STEPS SCENE` makes the same steps with one thread and writes the systems that they solve into the folder, for other
+//! libraries, and what they took: `pattern.bin` has the order and the number of entries (64 bits), where rows begin and the columns of
+//! both triangles (32 bits), `dofs.bin` particle and axis of every row, and for every step k `values-k.bin`, `b-k.bin` and
+//! `positions-k.bin`; `steps.json` iterations, set-ups and milliseconds of every step. `benches/compare/gamg.py` reads it.
 
 #[path = "scenes.rs"]
 mod scenes;
 
+use bytemuck::cast_slice;
 use cpu_time::ThreadTime;
 use sprung::force::Extensions;
-use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
+use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, StepMatrices, TimeStepper};
 use sprung::linear::{CgSolver, Precondition, PreconditionerKind, Prepare, SolveFailure, SolverChoice, SolverOptions};
 use sprung::multigrid::{Multigrid, Part};
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::scene::builtin;
 use sprung::work::Work;
 use sprung::{Scene, State, Stiffness, System};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
@@ -34,13 +43,17 @@ const PARTICLES: usize = 300_000;
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     let mut words = arguments.iter().map(String::as_str).peekable();
+    if let ["export", folder, dt, steps, scene] = words.clone().collect::<Vec<_>>()[..] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        return pool.install(|| motion(scene, dt.parse().unwrap(), steps.parse().unwrap(), Some(Path::new(folder))));
+    }
     let is_motion = words.next_if(|word| matches!(*word, "solve" | "motion")) == Some("motion");
     let threads = words.next().map_or(1, |threads| threads.parse().unwrap());
     let rest: Vec<&str> = words.collect();
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
         if is_motion {
             let [dt, steps, scenes @ ..] = &rest[..] else { panic!("DT STEPS SCENE…") };
-            scenes.iter().for_each(|scene| motion(scene, dt.parse().unwrap(), steps.parse().unwrap()));
+            scenes.iter().for_each(|scene| motion(scene, dt.parse().unwrap(), steps.parse().unwrap(), None));
         } else if rest.len() < 4 {
             SCENES.iter().for_each(|scene| solve(scene.split_once(' ').unwrap(), 1.0, "tension"));
         } else {
@@ -229,7 +242,7 @@ fn solve((kind, size): (&str, &str), stiffer: f64, option: &str) {
     }
 }
 
-fn motion(name: &str, dt: f64, steps: usize) {
+fn motion(name: &str, dt: f64, steps: usize, folder: Option<&Path>) {
     let (system, mut state) = match name.split_once(':') {
         Some(("cloth", size)) => builtin::cloth(size.parse().unwrap()).unwrap().build().unwrap(),
         Some(("lattice", size)) => builtin::lattice(size.parse().unwrap()).unwrap().build().unwrap(),
@@ -241,13 +254,22 @@ fn motion(name: &str, dt: f64, steps: usize) {
     let options = ImplicitOptions { stiffness: Stiffness::Tension.into(), linear };
     let mut stepper = LinearBackwardEuler::new(&system, &state, &options).unwrap();
     let mut before = Work::default();
-    let (mut iterations, mut setups) = (Vec::new(), Vec::new());
-    for _ in 0..steps {
+    let (mut iterations, mut setups, mut times) = (Vec::new(), Vec::new(), Vec::new());
+    for step in 0..steps {
+        if let Some(folder) = folder {
+            export(&system, &state, dt, step, folder).unwrap();
+        }
+        let mut clock = Clock::now();
         stepper.step(&mut state, dt).unwrap();
+        times.push(clock.lap());
         let work = stepper.statistics().work;
         iterations.push(work.cg_iterations - before.cg_iterations);
         setups.push(work.multigrid_setups - before.multigrid_setups);
         before = work;
+    }
+    if let Some(folder) = folder {
+        let ours = serde_json::json!({ "iterations": iterations, "setups": setups, "ms": times });
+        std::fs::write(folder.join("steps.json"), ours.to_string()).unwrap();
     }
     println!(
         "{name}, dt {dt}: {} iterations, {} set-ups; most {}; by steps {iterations:?}; set-ups {setups:?}",
@@ -255,4 +277,24 @@ fn motion(name: &str, dt: f64, steps: usize) {
         before.multigrid_setups,
         iterations.iter().max().unwrap(),
     );
+}
+
+/// Writes the system of a step; that of the first with its pattern.
+fn export(system: &System, state: &State, dt: f64, step: usize, folder: &Path) -> std::io::Result<()> {
+    let matrices = StepMatrices::assemble(system, state, Stiffness::Tension, dt).unwrap();
+    let a = matrices.a.whole_columns().unwrap();
+    let write = |name: String, arrays: &[&[u8]]| {
+        let mut file = BufWriter::new(File::create(folder.join(name))?);
+        arrays.iter().try_for_each(|array| file.write_all(array)).and_then(|()| file.flush())
+    };
+    if step == 0 {
+        let sizes = [matrices.b.len() as u64, a.rows.len() as u64];
+        write("pattern.bin".into(), &[cast_slice(&sizes), cast_slice(&a.starts), cast_slice(&a.rows)])?;
+        let dofs: Vec<u32> = system.dofs().iter().flat_map(|dof| [dof.particle as u32, dof.axis as u32]).collect();
+        write("dofs.bin".into(), &[cast_slice(&dofs)])?;
+    }
+    let positions: Vec<f64> = state.positions.iter().flat_map(|x| [x.x, x.y, x.z]).collect();
+    write(format!("values-{step}.bin"), &[cast_slice(&a.values)])?;
+    write(format!("b-{step}.bin"), &[cast_slice(&matrices.b)])?;
+    write(format!("positions-{step}.bin"), &[cast_slice(&positions)])
 }

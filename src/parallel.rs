@@ -4,6 +4,8 @@
 //! There are as many pieces for every thread, all of one size but for one item: no thread has more to do than another. Halving until
 //! pieces are small enough would give three threads four pieces, and one of them twice the work.
 
+use std::ops::Range;
+
 /// Items that are not worth a second thread: some microseconds of work.
 const LEAST: usize = 1024;
 
@@ -17,7 +19,10 @@ pub(crate) fn parts(items: usize, least: usize) -> usize {
 
 fn parts_for(items: usize, least: usize, threads: usize) -> usize {
     let most = (items / least.max(1)).max(1);
-    if most < 2 * threads { most.min(threads) } else { threads * (most / threads).min(TURNS) }
+    match most / threads {
+        0 => most,
+        turns => threads * turns.min(TURNS),
+    }
 }
 
 /// Calls `work` with every piece of `items` and the position of its first item, without allocating.
@@ -55,6 +60,27 @@ fn cut<T: Send, E: Send>(
     left.and(right)
 }
 
+/// Calls `work` with so many parts of a range and with what `values` holds for each of them. `middle` says where a range that is to
+/// become so many parts is cut in two, the first of half as many, and how many of its values lie before that.
+pub(crate) fn for_parts<T: Send>(
+    range: Range<usize>,
+    parts: usize,
+    values: &mut [T],
+    middle: &(impl Fn(&Range<usize>, usize) -> (usize, usize) + Sync),
+    work: &(impl Fn(Range<usize>, &mut [T]) + Sync),
+) {
+    if parts <= 1 {
+        return work(range, values);
+    }
+    let (at, before) = middle(&range, parts);
+    let (left, right) = values.split_at_mut(before);
+    let Range { start, end } = range;
+    rayon::join(
+        || for_parts(start..at, parts / 2, left, middle, work),
+        || for_parts(at..end, parts - parts / 2, right, middle, work),
+    );
+}
+
 /// What some of several parts have of the whole.
 pub(crate) fn share(whole: usize, some: usize, parts: usize) -> usize {
     (whole as u128 * some as u128 / parts.max(1) as u128) as usize
@@ -79,6 +105,51 @@ mod tests {
                 });
             });
             assert!(items.iter().enumerate().all(|(index, &item)| item == index), "{threads}");
+        }
+    }
+
+    /// As many for every thread, and no more than four.
+    #[test]
+    fn threads_have_as_many_pieces_each() {
+        for (items, threads, expected) in [
+            (0, 1, 1),
+            (9, 4, 1),
+            (39, 4, 3),
+            (40, 4, 4),
+            (79, 4, 4),
+            (80, 4, 8),
+            (1000, 4, 16),
+            (29, 1, 2),
+            (1000, 1, 4),
+        ] {
+            assert_eq!(parts_for(items, 10, threads), expected, "{items} {threads}");
+        }
+        assert_eq!(parts_for(3, 0, 1), 3);
+    }
+
+    /// Two values for every item, and parts that are as long as can be.
+    #[test]
+    fn ranges_are_cut_with_their_values() {
+        for parts in 1..=7 {
+            let mut values: Vec<usize> = (0..200).collect();
+            let seen = Mutex::new(Vec::new());
+            let middle = |range: &Range<usize>, parts: usize| {
+                let items = share(range.len(), parts / 2, parts);
+                (range.start + items, 2 * items)
+            };
+            for_parts(50..150, parts, &mut values, &middle, &|range, values| {
+                let of_range: Vec<usize> = (2 * (range.start - 50)..2 * (range.end - 50)).collect();
+                assert_eq!(values, of_range);
+                seen.lock().unwrap().push((range.start, range.end));
+            });
+            let mut seen = seen.into_inner().unwrap();
+            seen.sort_unstable();
+            assert_eq!(seen.len(), parts);
+            assert!(seen.windows(2).all(|pair| pair[0].1 == pair[1].0) && seen[0].0 == 50 && seen[parts - 1].1 == 150);
+            assert!(
+                seen.iter().all(|(start, end)| (100 / parts..=100 / parts + 1).contains(&(end - start))),
+                "{seen:?}"
+            );
         }
     }
 

@@ -316,6 +316,24 @@ mod tests {
         }
     }
 
+    /// As the motion needs where nothing is said, else as is said; solvers that are named are compared to all digits.
+    #[test]
+    fn tolerances_follow_the_motion_where_nothing_is_said() {
+        let (system, state) = swing();
+        let cg = Some(SolverChoice::Cg);
+        for (tolerance, solver, expected) in [
+            (None, None, Tolerance::OfMotion),
+            (None, Some(SolverChoice::Auto), Tolerance::OfMotion),
+            (None, cg, Tolerance::default()),
+            (Some(1e-3), None, Tolerance::Fixed(1e-3)),
+            (Some(1e-3), cg, Tolerance::Fixed(1e-3)),
+        ] {
+            let wishes = Wishes { tolerance, solver, ..Wishes::default() };
+            let linear = wishes.plan(&system, &state, 0.01, None).unwrap().configuration.options.linear;
+            assert_eq!(linear.tolerance, expected, "{tolerance:?} {solver:?}");
+        }
+    }
+
     /// A particle on a spring, held at the other end, swinging about its rest length with a period of 2π/√10 s.
     fn swing() -> (System, State) {
         let mut builder = SystemBuilder::new();

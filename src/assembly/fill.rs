@@ -9,7 +9,7 @@ use super::pattern::BlockPattern;
 use super::spring_pattern::{Incidence, SpringPattern};
 use crate::operator::lanes::{Lanes, Portable};
 use crate::operator::{SystemOperator, prefetch};
-use crate::parallel::{parts, share};
+use crate::parallel::{for_parts, parts, share};
 use crate::spring::SpringBlock;
 use nalgebra::Matrix3;
 use std::ops::Range;
@@ -59,23 +59,19 @@ pub(super) struct Filling<'a> {
 impl Filling<'_> {
     /// Overwrites all values of the matrix.
     pub fn fill_all(&self, values: &mut [f64]) {
-        self.fill_range(0..self.operator.system().particles(), parts(values.len(), LEAST), values);
+        let pattern = self.springs.pattern();
+        let cut = |particles: &Range<usize>, parts| {
+            let middle = middle(pattern, particles, parts);
+            (middle, pattern.values_before(middle) - pattern.values_before(particles.start))
+        };
+        let particles = 0..self.operator.system().particles();
+        for_parts(particles, parts(values.len(), LEAST), values, &cut, &|particles, values| {
+            self.fill(particles, values)
+        });
     }
 
-    /// Overwrites the columns of some particles, which are what `values` holds, in so many parts.
-    fn fill_range(&self, particles: Range<usize>, parts: usize, values: &mut [f64]) {
-        let pattern = self.springs.pattern();
-        let before = |particle| pattern.values_before(particle) - pattern.values_before(particles.start);
-        if parts > 1 {
-            let middle = middle(pattern, &particles, parts);
-            let (left, right) = values.split_at_mut(before(middle));
-            let Range { start, end } = particles;
-            rayon::join(
-                || self.fill_range(start..middle, parts / 2, left),
-                || self.fill_range(middle..end, parts - parts / 2, right),
-            );
-            return;
-        }
+    /// Overwrites the columns of some particles, which are what `values` holds.
+    fn fill(&self, particles: Range<usize>, values: &mut [f64]) {
         #[cfg(target_arch = "x86_64")]
         if let Some(lanes) = pulp::x86::V3::try_new() {
             return lanes.vectorize(Stretch { lanes, filling: *self, particles, values });
@@ -135,13 +131,12 @@ impl Filling<'_> {
     /// The columns of any particle.
     fn fill_any(&self, particle: usize, own: &mut [f64]) {
         let system = self.operator.system();
-        let free = system.dofs().free_axes(particle);
+        let (pattern, free) = (self.springs.pattern(), system.dofs().free_axes(particle));
         let columns = free.count();
         let mass = self.operator.mass_factor() * system.masses()[particle];
         own.fill(0.0);
         let mut diagonal = Matrix3::from_diagonal_element(0.0 + mass);
-        let below = own.len().saturating_sub(columns * (columns + 1) / 2) / columns.max(1);
-        let start = |column: usize| (0..column).map(|c| columns - c + below).sum::<usize>();
+        let start = |column: usize| pattern.column(particle, column).start - pattern.values_before(particle);
         for &Incidence { spring, place } in self.springs.incidences(particle) {
             let block = self.operator.blocks()[spring as usize].matrix();
             diagonal += block;
@@ -164,7 +159,7 @@ impl Filling<'_> {
 }
 
 /// Where some particles are cut, so that each of so many parts gets as many values.
-fn middle(pattern: &BlockPattern, particles: &Range<usize>, parts: usize) -> usize {
+pub(super) fn middle(pattern: &BlockPattern, particles: &Range<usize>, parts: usize) -> usize {
     let values = pattern.values_before(particles.end) - pattern.values_before(particles.start);
     pattern.particle_with(particles.clone(), share(values, parts / 2, parts))
 }

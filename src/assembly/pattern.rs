@@ -112,17 +112,11 @@ impl BlockPattern {
 
     /// The first of some particles before which, from the first of them on, there are so many values.
     pub(super) fn particle_with(&self, particles: Range<usize>, values: usize) -> usize {
-        let pointers = self.symbolic.col_ptr();
         let wanted = self.values_before(particles.start) + values;
-        self.particle_with_row(particles, |row| pointers[row] as usize >= wanted)
-    }
-
-    /// The first of some particles whose first row is such, and all rows behind it; one past them where there is none.
-    pub(super) fn particle_with_row(&self, particles: Range<usize>, is_such: impl Fn(usize) -> bool) -> usize {
         let (mut low, mut high) = (particles.start, particles.end);
         while low < high {
             let middle = low + (high - low) / 2;
-            if is_such(self.dofs.first_row(middle)) { high = middle } else { low = middle + 1 }
+            if self.values_before(middle) >= wanted { high = middle } else { low = middle + 1 }
         }
         low
     }

@@ -195,6 +195,7 @@ mod tests {
         let pattern = SpringPattern::of_stiffness(&system).unwrap();
         let springs = |incidences: &[Incidence]| incidences.iter().map(|at| at.spring).collect::<Vec<_>>();
         assert_eq!(springs(pattern.incidences(3)), [2, 3]);
+        assert!(pattern.springs_at(3).eq([2, 3]));
         for particle in 0..6 {
             let ahead = springs(pattern.incidences_ahead(particle, 4));
             let of_later = if particle < 4 { springs(pattern.incidences(particle + 2)) } else { vec![] };

@@ -5,10 +5,11 @@
 //! others are stored transposed, in the columns of the particles below: block (p, q), q < p, starts at one distance behind the diagonal
 //! part in each of q's columns, see [`BlockPattern`]. So values are read block by block and written in order, and nothing is searched.
 
+use super::fill::middle;
 use super::{BlockPattern, SymmetricMatrix};
 use crate::error::{Error, Result};
 use crate::memory;
-use crate::parallel::{parts, share};
+use crate::parallel::{for_parts, parts};
 use std::ops::Range;
 
 /// Both triangles by compressed columns, rows ascending in each. All numbers are below 2³¹, so that they serve as signed ones too.
@@ -85,26 +86,19 @@ impl WholePattern {
 
     /// Writes the values of a matrix on the pattern to memory of the caller's, one for each entry; in parallel.
     pub fn fill(&self, matrix: &SymmetricMatrix, values: &mut [f64]) {
-        self.fill_particles(matrix, 0..self.first.len() - 1, parts(values.len(), LEAST), values);
+        let start = |particle: usize| self.starts[matrix.dofs().first_row(particle)] as usize;
+        let cut = |particles: &Range<usize>, parts| {
+            let middle = middle(matrix.pattern(), particles, parts);
+            (middle, start(middle) - start(particles.start))
+        };
+        let particles = 0..self.first.len() - 1;
+        let fill = |particles, values: &mut [f64]| self.fill_particles(matrix, particles, values);
+        for_parts(particles, parts(values.len(), LEAST), values, &cut, &fill);
     }
 
     /// The columns of some particles, whose values begin at the first one.
-    fn fill_particles(&self, matrix: &SymmetricMatrix, particles: Range<usize>, parts: usize, values: &mut [f64]) {
+    fn fill_particles(&self, matrix: &SymmetricMatrix, particles: Range<usize>, values: &mut [f64]) {
         let dofs = matrix.dofs();
-        if parts > 1 {
-            let wanted = share(values.len(), parts / 2, parts);
-            let middle = matrix.pattern().particle_with_row(particles.clone(), |row| {
-                (self.starts[row] - self.starts[dofs.first_row(particles.start)]) as usize >= wanted
-            });
-            let start = |particle: usize| self.starts[dofs.first_row(particle)] as usize;
-            let (low, high) = values.split_at_mut(start(middle) - start(particles.start));
-            let fill = |particles, parts, values: &mut [f64]| self.fill_particles(matrix, particles, parts, values);
-            rayon::join(
-                || fill(particles.start..middle, parts / 2, low),
-                || fill(middle..particles.end, parts - parts / 2, high),
-            );
-            return;
-        }
         let (pattern, stored) = (matrix.pattern(), matrix.values());
         let mut rest = values;
         for particle in particles {

@@ -148,7 +148,7 @@ mod tests {
     use super::set_total_force;
     use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
     use crate::scene::builtin::{Kind, builtin};
-    use crate::spring::Spring;
+    use crate::spring::{Spring, SpringLaw, Tension};
     use crate::system::SystemBuilder;
     use nalgebra::Vector3;
 
@@ -201,19 +201,62 @@ mod tests {
         assert_eq!(force, [Vector3::new(3.0, 0.0, 0.0), Vector3::new(-3.0, 0.0, 0.0)]);
     }
 
+    /// One spring, and two of which either would make up for the other if they were counted by halves.
     #[test]
     fn coincident_ends_are_named() {
         let mut builder = SystemBuilder::new();
-        for x in [0.0, 1.0, 3.0] {
+        for x in [0.0, 1.0, 3.0, 4.0] {
             builder.particle([x, 0.0, 0.0], 1.0);
         }
-        for pair in [[0, 1], [1, 2]] {
+        for pair in [[0, 1], [1, 2], [2, 3]] {
             builder.spring(pair[0], pair[1], Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
         }
         let (system, mut state) = builder.build().unwrap();
-        state.positions[2] = state.positions[1];
+        for particle in [2, 3] {
+            state.positions[particle] = state.positions[1];
+            for system in [system.clone(), system.clone().with_spring_law(Square)] {
+                let mut force = [Vector3::zeros(); 4];
+                let failure = set_total_force(&system, &state.moment(), &mut force).unwrap_err();
+                assert_eq!((failure.spring, failure.pair), (1, [1, 2]));
+            }
+        }
+    }
+
+    /// Pulls with l² N.
+    #[derive(Debug)]
+    struct Square;
+
+    impl SpringLaw for Square {
+        fn tension(&self, _: usize, _: &Spring, length: f64) -> Tension {
+            Tension { force: length * length, slope: 2.0 * length }
+        }
+
+        fn energy(&self, _: usize, _: &Spring, length: f64) -> f64 {
+            length.powi(3) / 3.0
+        }
+    }
+
+    /// A damped spring of 2 m whose ends part with 4 m/s, 4 + 2·4 = 12 N, and one of 3 m without damping, 9 N, whatever its other end
+    /// does; forces from outside are there before.
+    #[test]
+    fn laws_of_the_caller_pull_at_both_ends() {
+        let mut builder = SystemBuilder::new();
+        for y in [0.0, 2.0, 5.0] {
+            builder.particle([0.0, y, 0.0], 1.0);
+        }
+        for (i, damping) in [(0, 2.0), (1, 0.0)] {
+            builder.spring(i, i + 1, Spring { stiffness: 7.0, rest_length: 1.0, damping });
+        }
+        builder.gravity(1.0, 0.0, 0.0);
+        let (system, mut state) = builder.build().unwrap();
+        let system = system.with_spring_law(Square);
+        for (velocity, y) in state.velocities.iter_mut().zip([-1.0, 3.0, f64::INFINITY]) {
+            velocity.y = y;
+        }
         let mut force = [Vector3::zeros(); 3];
-        let failure = set_total_force(&system, &state.moment(), &mut force).unwrap_err();
-        assert_eq!((failure.spring, failure.pair), (1, [1, 2]));
+        set_total_force(&system, &state.moment(), &mut force).unwrap();
+        for (force, y) in force.iter().zip([12.0, -3.0, -9.0]) {
+            assert!((force - Vector3::new(1.0, y, 0.0)).amax() < 1e-12, "{force}");
+        }
     }
 }
