@@ -111,11 +111,11 @@ impl Softening {
                 }
                 let mass = mass_factor * system.masses()[particle];
                 let dropped = self.relieve(particle, system.dofs().free_axes(particle), mass, extensions);
+                // There is none where nothing is dropped.
                 let at = self.ascending.len() - dropped;
                 let decision = self.ascending.get(at).map_or_else(Vector3::zeros, |&spring| {
                     Vector3::new(self.taken[spring as usize], number(spring as usize), 1.0)
                 });
-                let decision = if dropped > 0 { decision } else { Vector3::zeros() };
                 has_changed |= decision != first[particle];
                 first[particle] = decision;
             }
@@ -182,11 +182,12 @@ fn is_positive(matrix: &Matrix3<f64>, free: Axes) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::Softening;
+    use super::{Softening, is_positive};
     use crate::force::Extensions;
     use crate::operator::Combination;
     use crate::spring::{Spring, Stiffness};
     use crate::system::{Axes, Constraint, Motion, System, SystemBuilder};
+    use nalgebra::Matrix3;
 
     /// Particle 0 in the middle, joined to one particle on each of the first axes; a spring of length 1 takes c = k(1 − 1/2).
     fn star(stiffnesses: &[f64], held: &[usize]) -> (System, Extensions) {
@@ -235,6 +236,14 @@ mod tests {
         assert_eq!(dropped(&star, 14.01), [true, false, false]);
         assert_eq!(dropped(&star, 13.99), [true, true, false]);
         assert_eq!(dropped(&star, 5.99), [true, true, true]);
+    }
+
+    /// Along x alone 1, along x and y −1 and 3.
+    #[test]
+    fn couplings_with_axes_that_are_not_free_do_not_count() {
+        let matrix = Matrix3::new(1.0, 2.0, 0.0, 2.0, 1.0, 0.0, 0.0, 0.0, -1.0);
+        assert!(is_positive(&matrix, Axes::of(&[0])) && is_positive(&matrix, Axes::of(&[1])));
+        assert!(!is_positive(&matrix, Axes::of(&[0, 1])) && !is_positive(&matrix, Axes::of(&[2])));
     }
 
     /// Two springs along x take 10 each across, which a particle that can move along x alone does not feel, nor one of a

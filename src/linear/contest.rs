@@ -226,6 +226,27 @@ mod tests {
         assert_eq!(moves(&mut contest, Kind::None, 30, 100), None);
     }
 
+    /// Where multigrid saves nothing, a trial without a preconditioner may cost all that multigrid costs, and blocks in between.
+    #[test]
+    fn what_is_not_known_to_be_safe_promises_more() {
+        let costs = costs();
+        let mut contest = contest();
+        contest.record(Kind::None, 30, 10.0);
+        contest.record(Kind::BlockJacobi, 60, 10.0);
+        contest.changed_to(Kind::Multigrid);
+        let of = |kind: Kind, iterations: u64| costs.preparation(kind) + iterations as f64 * costs.iteration(kind);
+        // A little more than what would be called even.
+        let without = of(Kind::None, 30);
+        let iterations = (1..).find(|&k| SURE * of(Kind::Multigrid, k) > 1.1 * without).unwrap();
+        let with = of(Kind::Multigrid, iterations);
+        let trial = costs.preparation(Kind::BlockJacobi) + with;
+        // What was set up for the trial does not count.
+        contest.set_up(1.0);
+        let expected = (trial / (SURE * with - without)).floor() as usize;
+        assert!(expected > 1, "{expected}");
+        assert_eq!(moves(&mut contest, Kind::Multigrid, iterations, 100), Some((expected, Kind::None)));
+    }
+
     /// Masses of 1 and 100 kg make blocks promise a tenth of the iterations that they promise where masses are alike: they are tried sooner.
     #[test]
     fn masses_that_differ_ask_for_blocks() {

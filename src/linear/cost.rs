@@ -201,4 +201,13 @@ mod tests {
         let cycle = costs.iteration(PreconditionerKind::Multigrid) - costs.iteration(PreconditionerKind::None);
         assert!((cycle - 119.9).abs() < 1e-9, "{cycle}");
     }
+
+    /// Beside its iterations a solve takes so many products and so long for every coordinate.
+    #[test]
+    fn residuals_cost_products_and_coordinates() {
+        let costs = CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0 };
+        let [products, nanoseconds] = RESIDUALS;
+        let expected = products * costs.product() + 3.0 * nanoseconds;
+        assert!((costs.iterative_solve() - expected).abs() < 1e-9 && expected > 3.0, "{expected}");
+    }
 }

@@ -260,6 +260,33 @@ mod tests {
         assert_eq!((multigrid.renewals, multigrid.next_renewals), (128, 256));
     }
 
+    /// A solve that asks for new coarse levels says that they age fast only if they were used, and once at most.
+    #[test]
+    fn new_coarse_levels_do_not_age() {
+        let (system, state) = cloth(3).unwrap().build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
+        for (coarse, solves, renewals) in
+            [(used(6.0, 0.0), 1, 64), (used(6.0, 0.0), 2, 0), (Coarse::New, 0, 0), (Coarse::Missing, 1, 0)]
+        {
+            let mut multigrid = ReusedMultigrid { solves, ..aged(coarse) };
+            multigrid.rebuild(&a, &mut Work::default()).unwrap();
+            assert_eq!(multigrid.renewals, renewals, "{coarse:?} {solves}");
+        }
+    }
+
+    /// Sixty iterations are expected of new ones, and seventy-six are no more than a quarter and one beyond; of six a ninth is, but three are
+    /// no loss that new ones would pay for.
+    #[test]
+    fn ageing_takes_slow_solves_that_lose_much() {
+        for (iterations, digits, renewals) in [(70, 10.0, 0), (76, 10.0, 0), (77, 10.0, 64), (9, 1.0, 0), (11, 1.0, 64)]
+        {
+            let mut multigrid = ReusedMultigrid { solves: 1, ..aged(used(6.0, 0.0)) };
+            multigrid.record(iterations, digits);
+            assert_eq!(multigrid.renewals, renewals, "{iterations} for {digits}");
+        }
+    }
+
     /// The places of the particles reach the multigrid inside: it does what one does that was told them directly.
     #[test]
     fn places_are_passed_on() {

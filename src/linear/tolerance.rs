@@ -51,3 +51,22 @@ impl Default for Tolerance {
         Self::Fixed(Self::STRICT)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Tolerance;
+    use crate::linear::SolverOptions;
+
+    /// Neither all of b nor nothing of it may be left; where the motion decides there is nothing to refuse.
+    #[test]
+    fn tolerances_lie_between_nothing_and_all() {
+        for (tolerance, is_fine) in
+            [(0.0, false), (1.0, false), (-1e-3, false), (f64::NAN, false), (2.0, false), (1e-300, true), (0.999, true)]
+        {
+            assert_eq!(Tolerance::Fixed(tolerance).check().is_ok(), is_fine, "{tolerance}");
+            let options = SolverOptions::default().with_tolerance(tolerance).ok().map(|options| options.tolerance);
+            assert_eq!(options, is_fine.then_some(Tolerance::Fixed(tolerance)), "{tolerance}");
+        }
+        assert!(Tolerance::OfMotion.check().is_ok());
+    }
+}

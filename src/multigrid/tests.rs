@@ -55,3 +55,37 @@ fn a_sum_beyond_the_largest_number_is_not_finite() {
 fn memory_is_asked_for_by_springs_and_particles() {
     assert_eq!(super::bytes_at_most(30, 7), 30 * 500 + 7 * 3000);
 }
+
+/// A strip along x of 600 particles whose short springs are in tension and whose springs to the second neighbour push: sideways
+/// the energy of a wave of s = 2 − 2 cos θ is `−c s + s²`, so that only waves with s < c are unstable, and no node shorter than they are
+/// sees it. The longer they are, the deeper the level that is refused.
+#[test]
+fn long_waves_are_refused_on_the_level_that_sees_them() {
+    let level = |c: f64| {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        (0..600).for_each(|x| {
+            builder.particle([f64::from(x), 0.0, 0.0], 1e-9);
+        });
+        let stiff = 100.0;
+        // Sideways a spring is worth k (1/l0 − 1/l).
+        let mut join = |i: usize, reach: usize, worth: f64| {
+            let rest_length = 1.0 / (1.0 / reach as f64 + worth / stiff);
+            builder.spring(i, i + reach, Spring { stiffness: stiff, rest_length, damping: 0.0 });
+        };
+        (0..599).for_each(|i| join(i, 1, 4.0 - c));
+        (0..598).for_each(|i| join(i, 2, -1.0));
+        for p in [0, 1, 598, 599] {
+            builder.hold(p);
+        }
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0));
+        let mut multigrid = Multigrid::down_to(&system, 12).unwrap();
+        multigrid.place(&state.positions);
+        match multigrid.refill(&a).and_then(|()| multigrid.rebuild(&a)) {
+            Err(SetupFailure::CoarseLevel { level, .. }) => level,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!([2.5, 1.2, 0.5].map(level), [1, 2, 3]);
+}

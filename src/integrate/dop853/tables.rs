@@ -26,7 +26,7 @@ pub(super) const fn chain(row: &Row, matrix: &[Row; STAGES]) -> Row {
             product[j] += row[k] * matrix[k][j];
             k += 1;
         }
-        if product[j] < ROUNDING && product[j] > -ROUNDING {
+        if product[j].abs() < ROUNDING {
             product[j] = 0.0;
         }
         j += 1;
@@ -35,13 +35,9 @@ pub(super) const fn chain(row: &Row, matrix: &[Row; STAGES]) -> Row {
 }
 
 /// The sum of all coefficients.
-pub(super) const fn sum(row: &Row) -> f64 {
-    let (mut sum, mut j) = (0.0, 0);
-    while j < STAGES {
-        sum += row[j];
-        j += 1;
-    }
-    if sum < ROUNDING && sum > -ROUNDING { 0.0 } else { sum }
+pub(super) fn sum(row: &Row) -> f64 {
+    let sum: f64 = row.iter().sum();
+    if sum.abs() < ROUNDING { 0.0 } else { sum }
 }
 
 /// The weights of the stages in the interpolant at the share s of a step: `y(s) = y + h Σ w_j k_j`.

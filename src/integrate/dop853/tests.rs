@@ -105,6 +105,20 @@ fn squares_have_the_zeros_of_the_matrix() {
     assert_eq!((entries(&SQUARE), entries(&A)), (SQUARE_ENTRIES, 82));
 }
 
+/// Sums and products that are zero but for rounding are zero; what is large enough to be a coefficient's stays.
+#[test]
+fn rounding_of_zeros_is_taken_off() {
+    for (value, expected) in [(0.3, 0.3), (-0.3, -0.3), (1e-12, 1e-12), (-1e-12, -1e-12), (9e-13, 0.0), (-9e-13, 0.0)] {
+        let mut row = [0.0; STAGES];
+        row[3] = value;
+        let mut matrix = [[0.0; STAGES]; STAGES];
+        matrix[3][5] = 1.0;
+        let mut product = [0.0; STAGES];
+        product[5] = expected;
+        assert_eq!((sum(&row), chain(&row, &matrix)), (expected, product), "{value}");
+    }
+}
+
 /// A damped particle of 2 kg on a spring of 50 N/m along the first axis, under gravity, with its known motion.
 fn oscillator() -> (System, State, impl Fn(f64) -> [f64; 2]) {
     let mut builder = SystemBuilder::new();

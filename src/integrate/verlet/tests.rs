@@ -1,8 +1,9 @@
 use super::Verlet;
+use crate::error::DegenerateSpring;
 use crate::integrate::pieces::drawn_with_jerks;
-use crate::integrate::{Monitor, MonitorOptions, StepFailure, TimeStepper};
+use crate::integrate::{Monitor, MonitorOptions, StepFailure, TimeStepper, Watch};
 use crate::spring::{Spring, SpringLaw, Tension};
-use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
+use crate::system::{Axes, Constraint, Moment, Motion, State, System, SystemBuilder};
 use nalgebra::Vector3;
 
 /// A particle on a spring along the first axis, of this frequency and damping ratio, away from rest by 0.1 m.
@@ -140,6 +141,36 @@ fn steps_are_the_same_when_they_are_seen() {
         }
         assert_eq!(seen, alone);
     }
+}
+
+/// Counts what it sees.
+struct Count(u32);
+
+impl Watch for Count {
+    fn takes_forces(&self, _: &System) -> bool {
+        false
+    }
+
+    fn set_force(&mut self, _: &Moment<'_>, _: f64, _: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
+        unreachable!("it cannot compute forces")
+    }
+
+    fn see(&mut self, _: &Moment<'_>, dt: f64) {
+        assert_eq!(dt, 0.5);
+        self.0 += 1;
+    }
+}
+
+/// However many pieces a step is cut into, who watches sees its end alone, with the length of the whole.
+#[test]
+fn a_step_is_seen_once() {
+    let (system, mut state) = drawn_with_jerks();
+    let (mut stepper, mut count) = (Verlet::new(&system, &state).unwrap(), Count(0));
+    for steps in 1..=2 {
+        stepper.step_seen(&mut state, 0.5, &mut count).unwrap();
+        assert_eq!(count.0, steps);
+    }
+    assert!(stepper.statistics().work.force_evaluations > 4);
 }
 
 /// What is led is seen at the speed of its path, not at one that its spring would give it.

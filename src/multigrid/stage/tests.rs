@@ -183,8 +183,11 @@ fn rigid_motions<const D: usize, const M: usize>(
     })
 }
 
-fn check<const D: usize, const M: usize>(counts: [usize; 3], largest_dense: usize, expected_levels: usize) {
-    let (system, state) = grid(counts);
+fn check<const D: usize, const M: usize>(
+    (system, state): (System, State),
+    largest_dense: usize,
+    expected_levels: usize,
+) {
     assert_eq!(system.dimension(), D);
     let extensions = Extensions::at(&system, &state.positions).unwrap();
     let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.1));
@@ -243,15 +246,32 @@ fn check<const D: usize, const M: usize>(counts: [usize; 3], largest_dense: usiz
 
 #[test]
 fn a_cycle_on_a_line_is_its_formula() {
-    check::<1, 1>([120, 1, 1], 3, 5);
+    check::<1, 1>(grid([120, 1, 1]), 3, 5);
 }
 
 #[test]
 fn a_cycle_in_the_plane_is_its_formula() {
-    check::<2, 3>([9, 7, 1], 10, 3);
+    check::<2, 3>(grid([9, 7, 1]), 10, 3);
 }
 
 #[test]
 fn a_cycle_in_space_is_its_formula() {
-    check::<3, 6>([4, 4, 3], 30, 3);
+    check::<3, 6>(grid([4, 4, 3]), 30, 3);
+}
+
+/// A particle that soft springs join to twelve places of a line has more aggregates around it than are added up at once.
+#[test]
+fn a_cycle_around_a_hub_is_its_formula() {
+    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+    for x in 0..120 {
+        builder.particle([f64::from(x), 0.0, 0.0], 1.0 + 0.1 * f64::from(x % 3));
+    }
+    for i in 1..120 {
+        builder.spring(i - 1, i, Spring { stiffness: 1000.0 + i as f64, rest_length: 0.7, damping: 0.0 });
+    }
+    let hub = builder.particle([-50.0, 0.0, 0.0], 2.0);
+    for i in (5..120).step_by(10) {
+        builder.spring(i, hub, Spring { stiffness: 1.0 + 0.1 * i as f64, rest_length: 0.7, damping: 0.0 });
+    }
+    check::<1, 1>(builder.build().unwrap(), 3, 5);
 }

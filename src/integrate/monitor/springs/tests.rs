@@ -1,5 +1,6 @@
-use super::{BLOCK, Springs};
+use super::{BLOCK, Springs, Sums};
 use crate::spring::{Spring, SpringLaw, Tension};
+use crate::system::parts::in_parts;
 use crate::system::{State, System, SystemBuilder};
 use nalgebra::Vector3;
 
@@ -89,4 +90,36 @@ fn laws_are_asked_for_every_spring() {
     // L = ½ m.
     let near = |a: f64, b: f64| (a - b).abs() < 1e-9 * b;
     assert!(near(sums.elastic, 0.125 * all) && near(sums.lifted, 0.125 * all), "{sums:?} {all}");
+}
+
+/// A damped ring of 101 springs that all differ, every third particle of another part: each part goes over springs that the other one counts,
+/// and what all count together is what the whole does.
+#[test]
+fn parts_count_every_spring_once() {
+    let mut ring = SystemBuilder::new();
+    let count = 101;
+    for p in 0..count {
+        let angle = p as f64 * std::f64::consts::TAU / count as f64;
+        ring.particle([9.0 * angle.cos(), 9.0 * angle.sin(), 0.1 * (p % 4) as f64], 1.0 + 0.1 * (p % 7) as f64);
+    }
+    for p in 0..count {
+        ring.spring(p, (p + 1) % count, Spring { stiffness: 10.0 + p as f64, rest_length: 0.5, damping: 0.2 });
+    }
+    let sums = |system: &System, start: &State| {
+        let mut state = start.clone();
+        for (x, v) in state.positions.iter_mut().zip(&mut state.velocities) {
+            *v = Vector3::new(0.3 * x.y, 0.1 * x.x * x.x, x.z);
+            *x += *v * 0.01;
+        }
+        Springs::new(system, start, std::iter::empty()).enter(&state, 0.01)
+    };
+    let (system, start) = ring.clone().build().unwrap();
+    let whole = sums(&system, &start);
+    let numbers =
+        |sums: Sums| [sums.elastic, sums.dissipated, sums.certain, sums.lifted, sums.lifted_twice, sums.reach];
+    for part in in_parts(&ring, 2, |p| usize::from(p % 3 == 0), |cut| sums(&cut.system, &cut.state)) {
+        for (found, expected) in numbers(part).into_iter().zip(numbers(whole)) {
+            assert!(expected > 0.0 && (found - expected).abs() <= 1e-12 * expected, "{part:?} {whole:?}");
+        }
+    }
 }
