@@ -114,7 +114,8 @@ fn main() -> Result<(), Box<dyn Error>> {
          counted in force evaluations of the scene: that of the run handed out, and of everything done to find and confirm it\n\
          (`effort.run` and `effort.total` of `summary.json`). The cheapest run is that of a sweep over all methods with their stiffness options\n\
          and solvers, three steps to a power of two and three tolerances to a decade, and is cheapest with hindsight: also one that\n\
-         is good enough by chance counts. Times are those of the search, with what recording asks of it, and of that run alone: of one thread, the shortest of {REPEATS}.\n\n\
+         is good enough by chance counts. *Right for sure* is a run from which on all finer ones of the same way to run are good enough too, as far as\n\
+         they cost no more than the answer; also that is hindsight. Times are those of the search, with what recording asks of it, and of that run alone: of one thread, the shortest of {REPEATS}.\n\n\
          ## {} random scenes\n\n{}\nDearest first:\n\n{HEADER}{dearest}\n{ready}",
         arguments.first,
         arguments.count,

@@ -59,6 +59,8 @@ pub struct Row {
     /// What the cheapest is, and its cost.
     pub cheapest: String,
     pub least: f64,
+    /// The cost of the cheapest from which on all finer runs of its ladder are good enough too.
+    pub least_for_sure: f64,
     /// The time of the answer over that of the cheapest run.
     pub slower: f64,
 }
@@ -111,10 +113,12 @@ impl Motion<'_> {
     }
 
     /// Improves on the cheapest run of every accuracy, `best`, which begins with the runs that are answers: nothing that costs more
-    /// than all of them is of use.
-    fn sweep(&self, best: &mut BTreeMap<usize, Single>) -> Result<(), Box<dyn Error>> {
+    /// than all of them is of use. `sure` gets the cost of the cheapest of which finer runs are good enough too.
+    fn sweep(&self, best: &mut BTreeMap<usize, Single>, sure: &mut BTreeMap<usize, f64>) -> Result<(), Box<dyn Error>> {
         let asks = self.asks();
         for (configuration, adaptive) in ways() {
+            // Costs and errors, infinite where a run does not come to its end.
+            let mut ladder: Vec<(f64, f64)> = Vec::new();
             for j in 0.. {
                 let most = best.values().map(|single| single.cost).fold(0.0, f64::max);
                 let pace = if adaptive {
@@ -138,8 +142,11 @@ impl Motion<'_> {
                 };
                 let run = trial(self.system, self.start, &configuration, pace, self.duration, &go_on)?;
                 let cost = self.costs.cost(&run.statistics.work, run.factor);
-                if run.status == Status::Completed {
-                    let error = self.error(&run.state);
+                let error = if run.status == Status::Completed { self.error(&run.state) } else { f64::INFINITY };
+                if cost <= most {
+                    ladder.push((cost, error));
+                }
+                if error.is_finite() {
                     for (ask, _) in asks.iter().enumerate().filter(|(_, accuracy)| error <= **accuracy) {
                         if best.get(&ask).is_none_or(|single| cost < single.cost) {
                             best.insert(ask, Single { configuration, pace, cost });
@@ -148,6 +155,12 @@ impl Motion<'_> {
                 }
                 if cost > most {
                     break;
+                }
+            }
+            for (ask, accuracy) in asks.iter().enumerate() {
+                let cheapest = ladder.iter().rev().take_while(|(_, error)| error <= accuracy).last();
+                if let (Some((cost, _)), Some(least)) = (cheapest, sure.get_mut(&ask)) {
+                    *least = least.min(*cost);
                 }
             }
         }
@@ -171,7 +184,8 @@ impl Motion<'_> {
             best.insert(ask, Single { configuration: found.configuration, pace: found.pace, cost });
             answers.push((ask, accuracy, found, error));
         }
-        self.sweep(&mut best)?;
+        let mut sure = best.iter().map(|(ask, single)| (*ask, single.cost)).collect();
+        self.sweep(&mut best, &mut sure)?;
         let mut rows = Vec::new();
         for (ask, accuracy, found, error) in answers {
             let Some(Single { configuration, pace, cost }) = best.get(&ask).cloned() else { continue };
@@ -194,6 +208,7 @@ impl Motion<'_> {
                 total: found.total_cost,
                 cheapest: format!("{}{pace}", configuration.method.name()),
                 least: cost,
+                least_for_sure: sure.get(&ask).copied().unwrap_or(cost),
                 slower,
             });
         }
