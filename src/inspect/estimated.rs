@@ -126,3 +126,6 @@ impl Inspection {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
