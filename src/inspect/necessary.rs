@@ -24,7 +24,7 @@ pub(super) type Column = Vec<(usize, f64)>;
 const ROWS: usize = 36;
 
 /// 1, and what is above rounding for matrices of so few rows.
-pub(super) const NECESSARY: f64 = 1.0 + 1e-9;
+pub(super) const NECESSARY: f64 = 1.000000001;
 
 /// Finds out which springs are necessary.
 pub(super) struct Necessity<'a, 's> {

@@ -296,7 +296,12 @@ mod tests {
         let held = chain(3, 1.25);
         let pictures = |inspection: &Inspection| Pictures::of(&held.0, &held.1, inspection).unwrap();
         let whole = inspected(&held, 0.1);
-        assert!(pictures(&whole).patterns.is_some() && pictures(&whole).curve.is_some());
+        assert!(pictures(&whole).patterns.is_some());
+        // From 1 for short steps to −1, where it ends; the others stay where they began.
+        let curve = pictures(&whole).curve.unwrap();
+        let ends = |series: &Series| [series.points[0].1, series.points[series.points.len() - 1].1];
+        let [[begin, end], [same, _], _] = [0, 1, 2].map(|k| ends(&curve.series[k]));
+        assert!((begin - 1.0).abs() < 0.01 && end == -1.0 && (same - 1.0).abs() < 0.01, "{begin} {end} {same}");
         let interrupted = whole.without_curve();
         assert!(pictures(&interrupted).patterns.is_none() && pictures(&interrupted).curve.is_none());
     }

@@ -67,7 +67,7 @@ pub const MOST_BRAKED: f64 = 0.1;
 pub const MOST_STRETCHED: f64 = 0.01;
 
 /// Springs that a symmetry makes equal differ by rounding: the first of them is named.
-const TIE: f64 = 1.0 + 1e-6;
+const TIE: f64 = 1.000001;
 
 impl Turn {
     /// The part of its turning that the spring loses while it turns by one radian.

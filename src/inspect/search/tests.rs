@@ -1,6 +1,6 @@
 //! Diagonal matrices, whose eigenvalues, factors and solutions are exact, with estimates as good or bad as a test wants them.
 
-use super::{ACCURACY, Digits, End, Known, LARGE, STEPS, Search, Side, Target, upper_end};
+use super::{ACCURACY, Digits, End, Known, LARGE, STEPS, Search, Side, Target, longest, upper_end};
 use crate::assembly::SymmetricMatrix;
 use crate::inspect::eigenpair::Eigenpair;
 use crate::linear::Ldlt;
@@ -252,4 +252,9 @@ fn eigenvalues_are_told_by_the_shift_that_found_them() {
         assert!(more > 0);
         assert_eq!(work(1), [factorizations, solves + more], "{digits:?}");
     }
+}
+
+#[test]
+fn every_wanted_pair_adds_a_step() {
+    assert_eq!((longest(20, 1), longest(5, 12)), (21, 17));
 }
