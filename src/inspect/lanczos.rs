@@ -233,6 +233,9 @@ mod tests {
             let beta = 1e-5;
             let expected = beta / (6.0 * 2f64.sqrt());
             assert!((last(&[6.0, 6.0, 1.0], &[1.0, beta, 0.5]) / expected - 1.0).abs() < 1e-6);
+            // (1, 2)/√5 with the eigenvalue 6.
+            let expected = beta * 0.8f64.sqrt() / 5.0;
+            assert!((last(&[2.0, 5.0, 1.0], &[2.0, beta, 0.5]) / expected - 1.0).abs() < 1e-6);
         }
     }
 

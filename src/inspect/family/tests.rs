@@ -3,9 +3,11 @@
 use super::Family;
 use crate::assembly::SpringPattern;
 use crate::force::Extensions;
+use crate::inspect::CriticalSteps;
 use crate::inspect::Property::{Definite, Stable};
 use crate::inspect::fixtures::{Pin, pin, pinned};
 use crate::inspect::tests::chain;
+use crate::integrate::StepMatrices;
 use crate::linear::Ldlt;
 use crate::spring::{Spring, Stiffness};
 use crate::system::{State, System, SystemBuilder};
@@ -101,22 +103,46 @@ fn a_search_may_begin_with_what_is_known() {
     assert!(quotient(&[]) < 1.0 - 1e-9);
 }
 
+/// From a direction, with P a little above the limit factored: how far it is told to be, the root, as a part of the limit, and the solves.
+fn softened(held: &(System, State), start: Option<Vec<f64>>, enough: f64) -> (f64, f64, u64) {
+    let mut steps = CriticalSteps::new(&held.0, &held.1, Par::Seq).unwrap();
+    let limit = steps.largest_step(Definite, FULL).dt().unwrap();
+    let a = StepMatrices::assemble(&held.0, &held.1, FULL, 0.96 * limit).unwrap().a;
+    let mut factorization = analysed(&held.0);
+    factorization.factor(&a).unwrap();
+    let mut family = family(held);
+    family.set(Definite, FULL, 0.0);
+    let mut u = start.unwrap_or_else(|| family.softest_direction(&[]));
+    let mut work = Work::default();
+    let told = family.soften(Definite, FULL, &mut factorization, &mut u, enough, &mut work);
+    (told, limit * family.curvature(Definite, FULL, &u).root().unwrap(), work.solves)
+}
+
 /// Sixty eigenvalues, a hundredth apart: how many solves bring the root to the limit.
 #[test]
 fn a_few_solves_bring_the_root_to_the_limit() {
     let pins: Vec<Pin> = (0..60).map(|p| pin(1.0, 4.0 - 0.04 * p as f64)).collect();
-    let held = pinned(&pins);
-    let mut steps = super::super::CriticalSteps::new(&held.0, &held.1, Par::Seq).unwrap();
-    let limit = steps.largest_step(Definite, FULL).dt().unwrap();
-    assert!((limit - 0.5).abs() < 1e-14);
-    let mut factorization = analysed(&held.0);
-    let a = crate::integrate::StepMatrices::assemble(&held.0, &held.1, FULL, 0.48).unwrap().a;
-    factorization.factor(&a).unwrap();
-    let mut family = family(&held);
-    let mut u = vec![1.0; 60];
-    let mut work = Work::default();
-    let told = family.soften(Definite, FULL, &mut factorization, &mut u, 1e-13, &mut work);
-    let s = family.curvature(Definite, FULL, &u).root().unwrap();
-    assert!(told <= 1e-13 && (s - 2.0).abs() < 1e-12, "{told:e} {s}");
-    assert_eq!(work.solves, 36);
+    let (told, root, solves) = softened(&pinned(&pins), Some(vec![1.0; 60]), 1e-13);
+    assert!(told <= 1e-13 && (root - 1.0).abs() < 1e-12, "{told:e} {root}");
+    assert_eq!(solves, 36);
+}
+
+/// A crooked chain whose springs are ten million times as stiff along as across: the rounding of what is along hides how near the root is, but it
+/// rises no more.
+#[test]
+fn a_root_that_rises_no_more_is_there() {
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    let mut at = [0.0, 0.0];
+    for p in 0..42 {
+        builder.particle([at[0], at[1], 0.0], 1.0 + (p % 3) as f64);
+        let angle = 0.05 * ((3 * p) % 7) as f64;
+        at = [at[0] + f64::cos(angle), at[1] + f64::sin(angle)];
+    }
+    for p in 0..41 {
+        builder.spring(p, p + 1, Spring { stiffness: 1e8, rest_length: 1.0 + 1e-7, damping: 0.0 });
+    }
+    builder.hold(0);
+    builder.hold(41);
+    let (told, root, solves) = softened(&builder.build().unwrap(), None, 1e-10);
+    assert!(told == 1e-10 && (root - 1.0).abs() < 1e-8 && solves < 30, "{told:e} {root} {solves}");
 }

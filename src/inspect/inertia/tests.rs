@@ -166,6 +166,10 @@ fn bands_are_as_wide_as_errors_demand() {
         let mut of_negative = Work::default();
         let negative = counter(&a).count_negative(&a, &mut of_negative);
         assert!(negative >= found.negative && negative <= found.negative + found.zero);
+        let mut alone = counter(&a);
+        alone.count_negative(&a, &mut Work::default());
+        let error = fresh.factor(&c, shift * scale, scale, shift, InertiaMethod::Sparse, &mut Work::default()).error;
+        assert_eq!(alone.shift == shift, error <= shift / 2.0, "{k}");
         if first.error <= shift / 2.0 {
             continue;
         }
@@ -233,21 +237,23 @@ fn a_count_ends_undecided() {
     assert_eq!((hopeless.count_negative(&a, &mut work), work), (0, Work::default()));
 }
 
-/// A single pivot before a pair, and one after it.
+/// Single pivots and pairs in any order: as many negative ones as eigenvalues, and a factorization that is one.
 #[test]
-fn dense_pivots_are_counted_one_by_one() {
-    let apart = |row, column| match (row, column) {
-        (0, 0) => 9.0,
-        (1, 1) | (2, 2) => 0.0,
-        (2, 1) => 3.0,
-        (3, 3) => -5.0,
-        (4, 4) => 2.0,
-        (5, 5) => -1.0,
-        _ => 0.0,
-    };
-    let (signs, error) = dense_signs(&six(apart));
-    assert_eq!(signs, PivotSigns { negative: 3, zero: 0, positive: 3 });
-    assert!(error < 1e-14, "{error}");
+fn dense_pivots_of_both_orders_are_counted() {
+    for k in 0..60 {
+        let a = six(|row, column| {
+            let entry = noise(row + 7 * k, column + 7 * k);
+            if row == column { 0.3 * entry } else { entry }
+        });
+        let mut whole = nalgebra::DMatrix::zeros(6, 6);
+        for (row, column, value) in a.iter() {
+            (whole[(row, column)], whole[(column, row)]) = (value, value);
+        }
+        let negative = whole.symmetric_eigenvalues().iter().filter(|value| **value < 0.0).count();
+        let (signs, error) = dense_signs(&a);
+        assert_eq!(signs, PivotSigns { negative, zero: 0, positive: 6 - negative }, "{k}");
+        assert!(error < 1e-13, "{k}: {error}");
+    }
 }
 
 /// 2 kg at a step that gives the masses exactly a billionth of ‖A‖: that might not be told from zero.
