@@ -70,7 +70,7 @@ fn how_far_the_limit_is_can_be_told() {
 /// eigenvector ends there.
 #[test]
 fn a_search_may_begin_with_what_is_known() {
-    let (free, mass) = (120, |p: usize| if p % 2 == 0 { 4.0 } else { 1.0 });
+    let (free, mass) = (120, |p: usize| if p.is_multiple_of(2) { 4.0 } else { 1.0 });
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
     for p in 0..free + 2 {
         builder.particle([p as f64, 0.0, 0.0], mass(p));

@@ -84,7 +84,7 @@ fn a_long_solution_may_be_wrong_by_its_rounding() {
 /// Three hundred eigenvalues from 1 on, a hundredth apart, every other one negative.
 #[test]
 fn the_nearest_of_many_is_found_to_many_digits() {
-    let value = |k: usize| (1.0 + 0.01 * k as f64) * if k % 2 == 0 { 1.0 } else { -1.0 };
+    let value = |k: usize| (1.0 + 0.01 * k as f64) * if k.is_multiple_of(2) { 1.0 } else { -1.0 };
     let a = banded(100, 0, |row, column| if row == column { value(row) } else { 0.0 });
     let (found, _) = nearest(&a, 4.0);
     assert!((found - 1.0).abs() < 1e-8, "{found}");
