@@ -107,3 +107,22 @@ impl<'s> DefinitenessWatch<'s> {
         Ok(Some(loss))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::DefinitenessWatch;
+    use crate::inspect::fixtures::{pin, pinned};
+    use crate::spring::Stiffness;
+    use faer::Par;
+
+    /// m/dt² is what the spring takes, exactly: A is not definite any more, and has no negative pivot yet.
+    #[test]
+    fn a_pivot_of_zero_is_a_loss_but_not_negative() {
+        for (mass, negative) in [(11.0, None), (10.0, Some(0)), (9.0, Some(1))] {
+            let (system, state) = pinned(&[pin(mass, 10.0)]);
+            let mut watch = DefinitenessWatch::new(&system, &state, Stiffness::Full, 1.0, Par::Seq).unwrap();
+            let loss = watch.look(7, &state).unwrap();
+            assert_eq!(loss.map(|loss| loss.negative), negative, "{mass}");
+        }
+    }
+}

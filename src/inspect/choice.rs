@@ -46,11 +46,9 @@ pub(super) fn choose(h: &DMatrix<f64>, owners: &[usize], count: usize, most: f64
         // A start that no eigenvector is likely to be orthogonal to.
         let mut x = DVector::from_fn(kept.len(), |k, _| 1.0 + 0.1 * (k as f64).sin());
         for _ in 0..POWER_STEPS {
+            // Not zero: H has an eigenvalue of one or more.
             x = &matrix * x;
-            let length = norm(x.as_slice());
-            if length > 0.0 {
-                x /= length;
-            }
+            x /= norm(x.as_slice());
         }
         let mut weights = vec![0.0; count];
         for (&column, x) in kept.iter().zip(x.iter()) {
@@ -102,6 +100,22 @@ mod tests {
         // 27/6, 8/6 and 1/6 multiplications for the three looks on the way there.
         assert_eq!(choose(&h, &owners, 3, 5.0), (vec![0, 1, 2], Minimality::Enough));
         assert_eq!(choose(&h, &owners, 3, 6.5), (vec![0, 1], Minimality::Enough));
+        // Two more of 8/6 each, and none of the other way round.
+        assert_eq!(choose(&h, &owners, 3, 9.0), (vec![0, 1], Minimality::Irredundant));
+        // One look at six columns takes 36: nothing may be left then.
+        let none = DMatrix::zeros(6, 6);
+        let owners = [0, 1, 2, 3, 4, 5];
+        assert_eq!(choose(&none, &owners, 6, 36.0), ((0..6).collect(), Minimality::Enough));
+        assert_eq!(choose(&none, &owners, 6, 36.5), (Vec::new(), Minimality::Irredundant));
+    }
+
+    /// Terms so strong that their powers overflow: the strongest goes first. Of equal ones it is the one with most columns, then the last.
+    #[test]
+    fn the_worst_goes_first() {
+        let strong = DMatrix::from_partial_diagonal(2, 2, &[1e12, 1e11]);
+        assert_eq!(choose(&strong, &[0, 1], 2, f64::INFINITY), (vec![0, 1], Minimality::Irredundant));
+        let equal = DMatrix::from_diagonal_element(4, 4, 2.0);
+        assert_eq!(choose(&equal, &[0, 2, 1, 0], 3, f64::INFINITY).0, [0, 1, 2]);
     }
 
     /// Four owners of one column each, of which the worst eigenvectors pick three where two are enough.

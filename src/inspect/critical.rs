@@ -194,7 +194,7 @@ impl<'s> CriticalSteps<'s> {
         // Above this P(s) is definite for certain.
         let mut accepted = self.family.surely_definite(requirement).min(known.definite_from.unwrap_or(f64::INFINITY));
         let mut u = known.direction.unwrap_or_default();
-        let mut bound = Bound { s: 0.0, rounding: 4.0 * f64::EPSILON };
+        let mut bound = Bound::nothing();
         if u.is_empty()
             || !self.raise(requirement, option, &mut bound, &u)
             || !self.is_near(requirement, option, bound, &u)
@@ -210,15 +210,9 @@ impl<'s> CriticalSteps<'s> {
             self.raise(requirement, option, &mut bound, &u);
         }
         bound.s = bound.s.min(accepted);
-        while bound.s == 0.0 {
-            let trial = accepted / LEAP;
-            if trial == 0.0 {
-                return LargestStep::Every;
-            }
-            match self.is_definite(requirement, option, trial) {
-                true => accepted = trial,
-                false => bound.s = trial,
-            }
+        if bound.s == 0.0 {
+            let Some(refused) = self.leap_down(requirement, option, &mut accepted) else { return LargestStep::Every };
+            bound.s = refused;
         }
         // How far P(s) is from singular along u, which is what the bound may be short of s*; nothing is known of a bound that is a trial.
         self.family.set(requirement, option, bound.s);
@@ -256,6 +250,20 @@ impl<'s> CriticalSteps<'s> {
             }
         }
         LargestStep::UpTo { dt: 1.0 / accepted, refused: 1.0 / bound.s }
+    }
+
+    /// Goes down from an accepted s until P(s) is refused, which is returned; `None` where it never is.
+    fn leap_down(&mut self, requirement: Property, option: Stiffness, accepted: &mut f64) -> Option<f64> {
+        loop {
+            let trial = *accepted / LEAP;
+            if trial == 0.0 {
+                return None;
+            }
+            if !self.is_definite(requirement, option, trial) {
+                return Some(trial);
+            }
+            *accepted = trial;
+        }
     }
 
     /// Raises the bound by solves with the P(s) that was accepted and is factored. How far the bound may still be from s*, relatively.
@@ -324,8 +332,18 @@ impl<'s> CriticalSteps<'s> {
 }
 
 /// A lower bound for s*, and how finely the oracle can tell near it, relatively.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct Bound {
     s: f64,
     rounding: f64,
 }
+
+impl Bound {
+    /// Nothing is known, and the oracle has the rounding of four operations at least.
+    fn nothing() -> Self {
+        Self { s: 0.0, rounding: 4.0 * f64::EPSILON }
+    }
+}
+
+#[cfg(test)]
+mod tests;

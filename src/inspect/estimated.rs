@@ -16,8 +16,8 @@ use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 
-/// Bytes for every row: vectors of the search for eigenvalues with their products, and what else is as long.
-const ROW: u64 = 50 * 8;
+/// Bytes for every row, fifty numbers: vectors of the search for eigenvalues with their products, and what else is as long.
+const ROW: u64 = 400;
 
 impl Inspection {
     /// By products and multigrid alone; what they cannot tell is left out, for a reason.
@@ -126,3 +126,6 @@ impl Inspection {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -282,3 +282,6 @@ impl<'s> Family<'s> {
         free.map(|(_, (taken, mass))| taken / mass).fold(0.0, f64::max)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -110,6 +110,7 @@ fn unit(mut u: Vec<f64>) -> Option<Vec<f64>> {
 mod tests {
     use super::*;
     use crate::integrate::StepMatrices;
+    use crate::linear::fixtures::banded;
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
     use faer::Par;
@@ -160,8 +161,70 @@ mod tests {
             let first = first_answer(&system, &extensions, full, &a, &counted, &mut factorization, &mut work).unwrap();
             assert_eq!((first.definite, work.factorizations), (definite, factorizations), "{inertia}");
             assert!(work.solves <= INVERSE_STEPS as u64 && counted.products.get() <= 2 * PRODUCTS, "{work:?}");
+            // What a factorization refuses is bettered by all of them.
+            assert!(definite || work.solves == 3 * factorizations, "{work:?}");
             let proven = if definite { factorizations == 1 } else { first.direction.eigenvalue < 0.0 };
             assert!(proven && first.is_proven);
+        }
+    }
+
+    /// The answer for a diagonal matrix of three rows, its factorizations and solves.
+    fn answered(diagonal: [f64; 3]) -> (Option<FirstAnswer>, [u64; 2]) {
+        let mut builder = SystemBuilder::new();
+        let ends = [0.0, 1.0].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+        builder.spring(ends[0], ends[1], Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        builder.hold(ends[1]);
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let a = banded(1, 0, |row, column| if row == column { diagonal[row] } else { 0.0 });
+        let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
+        let mut work = Work::default();
+        let full = Stiffness::Full;
+        let first = first_answer(&system, &extensions, full, &a, &a, &mut factorization, &mut work);
+        (first, [work.factorizations, work.solves])
+    }
+
+    /// From 10⁻¹³ of ‖A‖ below zero on products are believed, whatever the size of A; what is nearer to zero a factorization decides, and
+    /// one solve says that its direction is the eigenvector.
+    #[test]
+    fn products_are_believed_beyond_their_rounding() {
+        for size in [2f64.powi(-20), 1.0, 2f64.powi(20)] {
+            let answer = |lowest: f64| {
+                let (first, work) = answered([size * lowest, 0.25 * size, size]);
+                let first = first.unwrap();
+                assert!(first.is_proven && (first.direction.eigenvalue / (size * lowest) - 1.0).abs() < 1e-2);
+                (first.definite, work)
+            };
+            assert_eq!(answer(-2e-13), (false, [0, 0]), "{size}");
+            assert_eq!(answer(-0.5e-13), (false, [1, 1]), "{size}");
+            // Of a definite one a second may lower the quotient by its rounding.
+            assert!(matches!(answer(0.5e-13), (true, [1, 1 | 2])), "{size}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_answered_of_no_matrix() {
+        for diagonal in [[f64::INFINITY, 1.0, 1.0], [f64::NEG_INFINITY, 1.0, 1.0]] {
+            assert_eq!(answered(diagonal), (None, [0, 0]));
+        }
+        let mut builder = SystemBuilder::new();
+        let held = builder.particle([0.0; 3], 1.0);
+        builder.hold(held);
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let a = banded(0, 0, |_, _| 0.0);
+        let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
+        let mut work = Work::default();
+        let full = Stiffness::Full;
+        assert_eq!(first_answer(&system, &extensions, full, &a, &a, &mut factorization, &mut work), None);
+        assert_eq!(work, Work::default());
+    }
+
+    #[test]
+    fn a_vector_without_a_length_has_no_direction() {
+        assert_eq!(unit(vec![3.0, 4.0]), Some(vec![0.6, 0.8]));
+        for vector in [vec![], vec![0.0; 3], vec![f64::INFINITY, 1.0], vec![f64::NAN]] {
+            assert_eq!(unit(vector), None);
         }
     }
 }

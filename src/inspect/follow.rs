@@ -70,6 +70,11 @@ const GAIN: f64 = 0.1;
 /// Rounding of the energies themselves is no gain: sums over springs, each of a difference of lengths.
 const ROUNDING: f64 = 1e-10;
 
+/// How far sums of these energies may be wrong, in J.
+fn rounding(now: Energy, initial: Energy) -> f64 {
+    ROUNDING * (now.kinetic + now.elastic + now.gravitational.abs() + initial.gravitational.abs())
+}
+
 /// Looks at the states of a run, for one option and one step length.
 pub struct Follower<'s> {
     system: &'s System,
@@ -136,9 +141,7 @@ impl<'s> Follower<'s> {
     /// What energy has been gained, where it is worth a word.
     fn gain(&self, state: &State) -> Option<Gain> {
         let Figures { gained, exchanged, .. } = self.monitor.figures(state);
-        let Energy { kinetic, elastic, gravitational } = self.monitor.energy();
-        let rounding =
-            ROUNDING * (kinetic + elastic + gravitational.abs() + self.monitor.initial().gravitational.abs());
+        let rounding = rounding(self.monitor.energy(), self.monitor.initial());
         // A NaN is a gain too: it did not come from a passive scene.
         let kept = gained <= GAIN * exchanged || gained <= rounding;
         (!kept).then_some(Gain { gained, exchanged })
@@ -184,5 +187,20 @@ impl<'s> StabilityWatch<'s> {
         self.family.set(Property::Stable, self.option, 1.0 / self.dt);
         self.matrix.refill(self.family.operator());
         Ok(self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Energy, rounding};
+
+    /// 10⁻¹⁰ of all of them, whatever their signs.
+    #[test]
+    fn rounding_is_that_of_the_sum_of_sizes() {
+        let energy = |kinetic, elastic, gravitational| Energy { kinetic, elastic, gravitational };
+        let found = rounding(energy(1.0, 20.0, -300.0), energy(7.0, 9.0, -4000.0));
+        assert!((found / 4321e-10 - 1.0).abs() < 1e-12, "{found}");
+        let found = rounding(energy(1.0, 20.0, 300.0), energy(7.0, 9.0, 4000.0));
+        assert!((found / 4321e-10 - 1.0).abs() < 1e-12, "{found}");
     }
 }

@@ -190,8 +190,7 @@ impl InertiaCounter {
                 let zero = n.saturating_sub(positive + negative);
                 return Inertia { negative, zero, positive, band: 1.5 * shift, factorization_error: error, method };
             }
-            // Where a pivot vanished the error is not finite: another shift has other pivots.
-            shift = if error.is_finite() { 4.0 * error } else { 2.0 * shift };
+            shift = wider(shift, error);
         }
         undecided(1.5 * shift)
     }
@@ -214,7 +213,7 @@ impl InertiaCounter {
                 (self.method, self.shift) = (method, shift);
                 return count.signs.negative;
             }
-            shift = if count.error.is_finite() { 4.0 * count.error } else { 2.0 * shift };
+            shift = wider(shift, count.error);
         }
         0
     }
@@ -282,6 +281,12 @@ impl InertiaCounter {
 /// `√n u`: how rounding errors of a factorization grow, relative to ‖C‖.
 fn unit(n: usize) -> f64 {
     (n as f64).sqrt() * f64::EPSILON / 2.0
+}
+
+/// What is tried after a band for which a factorization was not good enough. Where a pivot vanished its error is not finite: another shift has
+/// other pivots.
+fn wider(shift: f64, error: f64) -> f64 {
+    if error.is_finite() { 4.0 * error } else { 2.0 * shift }
 }
 
 /// Where no spring's block has a negative eigenvalue, `λ_min(A) ≥ min mᵢ·mass` without any factorization: A, assembled from an operator with

@@ -193,3 +193,49 @@ pub(super) fn place(option: Stiffness) -> usize {
         Stiffness::Axial => 2,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inspect::Eigenpair;
+    use crate::inspect::tests::chain;
+    use faer::Par;
+
+    /// The number of equal ones among the lowest eigenvalues that were found, of so many negative, zero and positive ones; in words.
+    #[test]
+    fn multiplicities_are_those_of_what_was_found() {
+        let (system, state) = chain(1, 1.25);
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let fold = |lowest: &[f64], [negative, zero, positive]: [usize; 3]| {
+            let mut found = Inspection::unknown(&system, &extensions, 0.1, Stiffness::Tension);
+            let pair = |&value: &f64| Eigenpair { value, vector: Vec::new(), residual: 0.0 };
+            found.spectrum.lowest = lowest.iter().map(pair).collect();
+            let inertia = &mut found.options[place(Stiffness::Tension)].inertia;
+            (inertia.negative, inertia.zero, inertia.positive) = (negative, zero, positive);
+            found.fold()
+        };
+        assert_eq!(fold(&[], [0, 0, 2]), None);
+        assert_eq!(fold(&[1.0], [0, 0, 2]), None);
+        assert_eq!(fold(&[1.0, 2.0], [0, 0, 2]), None);
+        for signs in [[1, 1, 0], [0, 1, 1], [1, 0, 1], [2, 0, 0], [1, 0, 0]] {
+            assert_eq!(fold(&[1.0, 1.0], signs).as_deref(), Some("2-fold"), "{signs:?}");
+        }
+        for signs in [[1, 1, 1], [3, 0, 0], [0, 3, 0], [0, 0, 3], [2, 0, 1]] {
+            assert_eq!(fold(&[1.0, 1.0], signs).as_deref(), Some("at least 2-fold"), "{signs:?}");
+        }
+        // A thousandth of it is no difference; beyond the equal ones one was found that is not.
+        assert_eq!(fold(&[-1.0, -0.9995, -0.9], [3, 0, 9]).as_deref(), Some("2-fold"));
+    }
+
+    /// The curve is left out once, as what was interrupted; an inspection is equal to its copy, whatever analysis it keeps.
+    #[test]
+    fn the_curve_can_be_left_out() {
+        let (system, state) = chain(2, 1.25);
+        let inspected = || Inspection::at(&system, &state, 0.3, Stiffness::Full, Par::Seq).unwrap();
+        let whole = inspected();
+        assert!(whole.left_out.is_empty() && whole == inspected());
+        let without = whole.clone().without_curve();
+        assert_eq!(without.left_out, [LeftOut { part: Part::Curve, why: Why::Interrupted }]);
+        assert!(without != whole && without.clone().without_curve() == without);
+    }
+}

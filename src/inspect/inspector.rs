@@ -32,6 +32,11 @@ const DIRECTIONS: usize = 24;
 /// Of a [`LARGE`] matrix both are fewer: every pair takes time.
 const FEWER: usize = 6;
 
+/// How many of the lowest eigenpairs are looked for under the option that is examined, of so many negative ones.
+fn examined_pairs(rows: usize, negative: usize) -> usize {
+    if rows >= LARGE { FEWER } else { EIGENPAIRS.max(negative.min(DIRECTIONS)) }
+}
+
 impl Inspection {
     /// Inspects A at a state for a step of length dt, in s, under an option for which the directions are examined; whole, whatever
     /// it costs.
@@ -186,11 +191,10 @@ impl<'s> Inspector<'s> {
             Part::FirstAnswer => {
                 let option = self.found.option;
                 let (operator, a) = self.matrix_of_step(option);
-                let before = self.work.factorizations;
                 let Self { system, extensions, factorization, work, found, .. } = self;
                 found.first = first_answer(system, extensions, option, &a, &operator, factorization, work);
-                let is_factored = self.work.factorizations > before;
-                self.factored = self.found.first.as_ref().filter(|first| first.definite && is_factored).map(|_| option);
+                // What is definite is so by a factorization.
+                self.factored = self.found.first.as_ref().filter(|first| first.definite).map(|_| option);
             }
             Part::Signs(option) => {
                 let (operator, a) = self.matrix_of_step(option);
@@ -283,8 +287,7 @@ impl<'s> Inspector<'s> {
         let inertia = self.found.options[place(option)].inertia;
         let is_examined = option == self.found.option;
         let (wanted, digits) = match is_examined {
-            true if a.dofs().len() >= LARGE => (FEWER, Digits::All),
-            true => (EIGENPAIRS.max(inertia.negative.min(DIRECTIONS)), Digits::All),
+            true => (examined_pairs(a.dofs().len(), inertia.negative), Digits::All),
             false => (1, Digits::Certified),
         };
         // Dropping terms that are negative only adds: A under `Tension` is the largest of the three.
@@ -325,3 +328,6 @@ impl<'s> Inspector<'s> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -193,3 +193,41 @@ impl Krylov {
         self.size = kept;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Krylov;
+
+    /// Sizes of a space as random vectors are added, four at a time.
+    fn sizes(n: usize, wanted: usize, refreshes: usize) -> Vec<usize> {
+        let mut apply = |x: &[f64], y: &mut [f64]| {
+            for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
+                y.iter_mut().zip(x).enumerate().for_each(|(k, (y, x))| *y = k as f64 * x);
+            }
+        };
+        let mut space = Krylov::new(n, wanted, &mut apply);
+        let next = |_| {
+            space.refresh(&mut apply);
+            space.size
+        };
+        (0..refreshes).map(next).collect()
+    }
+
+    /// A full space keeps its best vectors, four more than are wanted, where it has as many; one that has room for no second block keeps all.
+    #[test]
+    fn a_full_space_makes_room() {
+        // 2·2 + 12·4 = 52 columns, which thirteen blocks fill.
+        assert_eq!(sizes(200, 2, 13), [8, 12, 16, 20, 24, 28, 32, 36, 40, 44, 48, 52, 10]);
+        // 2·1 + 12·4 = 50: twelve blocks, and no room for another.
+        assert_eq!(sizes(200, 1, 13), [8, 12, 16, 20, 24, 28, 32, 36, 40, 44, 48, 9, 13]);
+        assert_eq!(sizes(6, 1, 2), [6, 6]);
+    }
+
+    #[test]
+    fn nothing_is_no_direction() {
+        let mut apply = |x: &[f64], y: &mut [f64]| y.copy_from_slice(x);
+        let mut space = Krylov::from_vectors(20, 1, &[vec![0.0; 20]], &mut apply);
+        assert_eq!(space.size, 4);
+        assert!((space.iterate(1e-9, 10, &mut apply)[0].value - 1.0).abs() < 1e-12);
+    }
+}

@@ -229,6 +229,13 @@ mod tests {
             let beta = 5.5e-7;
             let angle = 0.5 * f64::atan(2.0 * beta / 5.0);
             assert!((last(&[6.0, 1.0], &[beta, 0.5]) / angle.sin() - 1.0).abs() < 1e-6);
+            // Of (1, 1)/√2 with the eigenvalue 7 a third row takes part in the ratio of β to the distance, 6.
+            let beta = 1e-5;
+            let expected = beta / (6.0 * 2f64.sqrt());
+            assert!((last(&[6.0, 6.0, 1.0], &[1.0, beta, 0.5]) / expected - 1.0).abs() < 1e-6);
+            // (1, 2)/√5 with the eigenvalue 6.
+            let expected = beta * 0.8f64.sqrt() / 5.0;
+            assert!((last(&[2.0, 5.0, 1.0], &[2.0, beta, 0.5]) / expected - 1.0).abs() < 1e-6);
         }
     }
 

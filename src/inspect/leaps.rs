@@ -79,7 +79,7 @@ fn narrowed(mut low: Trial, mut high: Trial, mut excess: impl FnMut(f64) -> f64)
 
 #[cfg(test)]
 mod tests {
-    use super::{Found, Trial, WIDTH, search};
+    use super::{Found, LEAP, Trial, WIDTH, narrowed, search};
 
     /// Powers, as turning gives them, kinks where another spring becomes the worst, jumps, and values that are no numbers.
     #[test]
@@ -111,5 +111,36 @@ mod tests {
         assert_eq!(search(Trial { at: 0.0, excess: -1.0 }, |_| -1.0), Found::Nowhere);
         assert_eq!(search(Trial { at: 0.0, excess: f64::NEG_INFINITY }, |_| f64::NEG_INFINITY), Found::Nowhere);
         assert_eq!(search(Trial { at: 0.0, excess: 1.0 }, |_| 2.0), Found::Nowhere);
+    }
+
+    /// A step of exactly the limit is not too long: the search goes up from it, and stops going down at it.
+    #[test]
+    fn the_limit_itself_is_kept() {
+        let Found::Between([low, _]) = search(Trial { at: 0.0, excess: 0.0 }, |at| at) else { panic!("no limit") };
+        assert_eq!(low, 0.0);
+        let shortest = LEAP.ln();
+        let Found::Between([low, _]) = search(Trial { at: 0.0, excess: shortest }, |at| at + shortest) else {
+            panic!("no limit")
+        };
+        assert_eq!(low, -shortest);
+        let ends = [Trial { at: 0.0, excess: -1.0 }, Trial { at: 1.0, excess: 1.0 }];
+        assert_eq!(narrowed(ends[0], ends[1], |at| at - 0.5)[0], 0.5);
+    }
+
+    /// A bracket that is narrow enough is looked at no more, and no trial repeats an end, wherever the line between both is zero.
+    #[test]
+    fn every_trial_is_inside_the_bracket() {
+        let width = WIDTH.ln_1p();
+        let [low, high] = [Trial { at: 0.0, excess: -1.0 }, Trial { at: width, excess: 1.0 }];
+        assert_eq!(narrowed(low, high, |_| panic!("a trial")), [0.0, width]);
+        for (below, above) in [(-1e20, 1e-5), (-1e-5, 1e20)] {
+            let mut ends = [0.0, 1.0];
+            narrowed(Trial { at: 0.0, excess: below }, Trial { at: 1.0, excess: above }, |at| {
+                assert!(ends[0] < at && at < ends[1], "{at} in {ends:?}");
+                let excess = if at > 0.7 { above } else { below };
+                ends[usize::from(excess > 0.0)] = at;
+                excess
+            });
+        }
     }
 }

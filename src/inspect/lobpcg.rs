@@ -57,7 +57,7 @@ impl Space {
     fn ritz(&self) -> Option<(Vec<f64>, DMatrix<f64>)> {
         let size = self.vectors.len();
         let entry = |row: usize, column: usize| dot(&self.vectors[row.min(column)], &self.products[row.max(column)]);
-        let eigen = SymmetricEigen::try_new(DMatrix::from_fn(size, size, entry), f64::EPSILON, 1000 * size.max(1))?;
+        let eigen = SymmetricEigen::try_new(DMatrix::from_fn(size, size, entry), f64::EPSILON, 10_000)?;
         let mut order: Vec<usize> = (0..size).collect();
         order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
         let values = order.iter().map(|&k| eigen.eigenvalues[k]).collect();
@@ -101,11 +101,8 @@ pub(super) fn lowest(
         if !lengths.iter().all(|length| length.is_finite()) {
             return pairs;
         }
-        // What the last step added to X.
-        let steps: Vec<Vec<f64>> = match step {
-            0 => Vec::new(),
-            _ => (0..wanted).map(|k| combined(&space.vectors, &y, k, kept)).collect(),
-        };
+        // What the last step added to X: nothing before the first.
+        let steps: Vec<Vec<f64>> = (0..wanted).map(|k| combined(&space.vectors, &y, k, kept)).collect();
         pairs = Pairs { values: values[..wanted].to_vec(), vectors: x, residuals: lengths };
         if step == longest || wanted == 0 || is_enough(&pairs) {
             break;
@@ -125,7 +122,7 @@ pub(super) fn lowest(
 
 #[cfg(test)]
 mod tests {
-    use super::lowest;
+    use super::{Space, lowest};
     use crate::inspect::random::gaussian;
     use rand::SeedableRng;
     use rand::rngs::Xoshiro256PlusPlus;
@@ -158,5 +155,35 @@ mod tests {
             approx::assert_relative_eq!(*found, expected, max_relative = 1e-10);
         }
         assert!(steps < 40, "{steps} steps");
+    }
+
+    /// So many steps, and as many looks before them.
+    #[test]
+    fn a_search_that_is_never_enough_ends() {
+        let mut apply = |x: &[f64], y: &mut [f64]| {
+            y.iter_mut().zip(x).enumerate().for_each(|(k, (y, x))| *y = (k * k) as f64 * x);
+        };
+        let (mut looks, mut residuals) = (0, 0);
+        let mut precondition = |r: &[f64], z: &mut [f64]| {
+            residuals += 1;
+            z.copy_from_slice(r);
+        };
+        lowest(vec![vec![1.0; 30]], &mut apply, &mut precondition, 2, &mut |_| {
+            looks += 1;
+            false
+        });
+        assert_eq!((looks, residuals), (2, 2));
+    }
+
+    #[test]
+    fn nothing_is_no_direction() {
+        let mut space = Space { vectors: Vec::new(), products: Vec::new() };
+        let mut apply = |x: &[f64], y: &mut [f64]| y.copy_from_slice(x);
+        for vector in [[0.0; 3], [f64::INFINITY; 3], [f64::NAN; 3]] {
+            space.add(vector.to_vec(), &mut apply);
+            assert!(space.vectors.is_empty());
+        }
+        space.add(vec![3.0, 0.0, 4.0], &mut apply);
+        assert_eq!(space.vectors, [[0.6, 0.0, 0.8]]);
     }
 }

@@ -57,4 +57,6 @@ pub use spectrum::{Spectrum, spectrum};
 pub use turning::{MOST_BRAKED, MOST_STRETCHED, Turn, Turning};
 
 #[cfg(test)]
+mod fixtures;
+#[cfg(test)]
 mod tests;

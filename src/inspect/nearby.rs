@@ -86,10 +86,7 @@ impl<'s> Nearby<'s> {
 
     /// y, the best of the space.
     fn best(&self, s: f64, b: &[f64]) -> Option<DVector<f64>> {
-        match self.space.len() {
-            0 => Some(DVector::zeros(0)),
-            _ => Cholesky::new(self.space.matrix(s)).map(|factored| factored.solve(&self.space.parts(b))),
-        }
+        Cholesky::new(self.space.matrix(s)).map(|factored| factored.solve(&self.space.parts(b)))
     }
 
     /// Adds what is new of a vector; whether anything is.
@@ -101,5 +98,37 @@ impl<'s> Nearby<'s> {
             (Term::Damping, None) => product.fill(0.0),
             (Term::Constant, _) => stiffness.apply(v, product),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Nearby;
+    use crate::force::Extensions;
+    use crate::inspect::fixtures::{pin, pinned};
+    use crate::linear::dot;
+    use crate::operator::{Combination, SystemOperator};
+    use crate::spring::Stiffness;
+
+    /// (s² m + c) x = b by hand: exactly, with what solves exactly, and not at all where squares overflow.
+    #[test]
+    fn steps_are_solved_for_unless_they_overflow() {
+        let (system, state) = pinned(&[pin(2.0, -1.0), pin(1.0, -12.0)]);
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let p = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.5));
+        let mut nearby = Nearby::new(&system, &extensions, Stiffness::Tension);
+        let mut uses = 0;
+        let mut precondition = |r: &mut [f64]| {
+            uses += 1;
+            r[0] /= 9.0;
+            r[1] /= 16.0;
+        };
+        let mut x = [27.0, 32.0];
+        assert!(nearby.solve(2.0, &p, &mut precondition, &mut x));
+        assert!((x[0] - 3.0).abs() < 1e-12 && (x[1] - 2.0).abs() < 1e-12 && dot(&x, &x) < 14.0, "{x:?}");
+        assert_eq!(uses, 1);
+        let mut fresh = Nearby::new(&system, &extensions, Stiffness::Tension);
+        let mut unused = |_: &mut [f64]| panic!("a direction that is of no use");
+        assert!(!fresh.solve(2.0, &p, &mut unused, &mut [1e200, 0.0]));
     }
 }

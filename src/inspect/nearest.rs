@@ -7,7 +7,7 @@
 
 use super::krylov::Krylov;
 use super::random::gaussian;
-use super::search::{CERTIFIED_TOLERANCE, LARGE, STEPS, Search, TOLERANCE};
+use super::search::{CERTIFIED_TOLERANCE, LARGE, Search, TOLERANCE};
 use crate::assembly::SymmetricMatrix;
 use crate::linear::{Ldlt, norm};
 use crate::operator::LinearOperator;
@@ -24,6 +24,9 @@ const STABLE: f64 = 1e-13;
 /// pivot of that size costs half of the digits. And how often its solves are refined.
 const BESIDE: f64 = 1e-8;
 const REFINEMENTS: usize = 3;
+
+/// Steps of the search at most: four times as many as at an end of the spectrum, for no shift can be moved nearer here.
+const LONGEST: usize = 80;
 
 impl Search<'_> {
     /// The smallest |λ|; zero where nothing can be factored. `size` is ‖A‖, nearly.
@@ -44,7 +47,7 @@ impl Search<'_> {
         };
         // The root of the value: half of the digits that are found are enough for those that are told.
         let tolerance = if n < LARGE { TOLERANCE } else { CERTIFIED_TOLERANCE };
-        let pairs = Krylov::new(n, 1, &mut solve).iterate(tolerance, 4 * STEPS, &mut solve);
+        let pairs = Krylov::new(n, 1, &mut solve).iterate(tolerance, LONGEST, &mut solve);
         pairs.first().map_or(f64::NAN, |pair| pair.value.abs().sqrt().recip())
     }
 

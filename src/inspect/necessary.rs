@@ -24,7 +24,7 @@ pub(super) type Column = Vec<(usize, f64)>;
 const ROWS: usize = 36;
 
 /// 1, and what is above rounding for matrices of so few rows.
-pub(super) const NECESSARY: f64 = 1.0 + 1e-9;
+pub(super) const NECESSARY: f64 = 1.000000001;
 
 /// Finds out which springs are necessary.
 pub(super) struct Necessity<'a, 's> {
@@ -131,7 +131,61 @@ pub(super) fn fewest(negative: usize, ranks: impl IntoIterator<Item = usize>) ->
 
 #[cfg(test)]
 mod tests {
-    use super::fewest;
+    use super::{Necessity, fewest};
+    use crate::assembly::SpringPattern;
+    use crate::force::Extensions;
+    use crate::operator::{Combination, SystemOperator};
+    use crate::spring::{Spring, Stiffness};
+    use crate::system::SystemBuilder;
+    use nalgebra::{DMatrix, DVector};
+
+    /// A particle in the middle of fourteen, with springs to all, which have one to a wall each: twelve particles have 36 rows, so those
+    /// that are looked at are the two ends of a spring and ten others.
+    #[test]
+    fn as_many_neighbours_are_looked_at_as_there_are_rows_for() {
+        let at = |k: usize, radius: f64| {
+            let (height, angle) = (-0.9 + 0.13 * k as f64, 2.4 * k as f64);
+            let around = radius * (1.0 - height * height).sqrt();
+            [around * angle.cos(), around * angle.sin(), radius * height]
+        };
+        let mut builder = SystemBuilder::new();
+        let middle = builder.particle([0.0; 3], 1.0);
+        let stretched = |stiffness| Spring { stiffness, rest_length: 0.5, damping: 0.0 };
+        for k in 0..14 {
+            let end = builder.particle(at(k, 1.0), 1.5 + 0.1 * k as f64);
+            builder.spring(middle, end, stretched(3.0 + k as f64));
+        }
+        for k in 0..14 {
+            let wall = builder.particle(at(k, 2.0), 1.0);
+            builder.hold(wall);
+            builder.spring(1 + k, wall, stretched(1.0));
+        }
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let operator = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(1.0));
+        let pattern = SpringPattern::of_stiffness(&system).unwrap();
+        let column = vec![(0, 0.3), (1, -0.2), (2, 0.1), (3, -0.3), (4, 0.2), (5, -0.1)];
+        let found = Necessity::new(&operator, &pattern).need([0, 1], std::slice::from_ref(&column));
+        // Entries of A by the blocks of its springs, of the middle and eleven others.
+        let mut a = DMatrix::zeros(36, 36);
+        for (p, mass) in system.masses().iter().enumerate().take(12) {
+            (3 * p..3 * p + 3).for_each(|row| a[(row, row)] += mass);
+        }
+        for ((_, ends, _), block) in system.active().zip(operator.blocks()) {
+            for (sign, p, q) in
+                [(1.0, ends[0], ends[0]), (1.0, ends[1], ends[1]), (-1.0, ends[0], ends[1]), (-1.0, ends[1], ends[0])]
+            {
+                if p.max(q) < 12 {
+                    let mut part = a.view_mut((3 * p, 3 * q), (3, 3));
+                    part += block.matrix() * sign;
+                }
+            }
+        }
+        let mut n = DVector::zeros(36);
+        column.iter().for_each(|&(row, value)| n[row] = value);
+        let expected = n.dot(&a.cholesky().unwrap().solve(&n));
+        assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
+    }
 
     #[test]
     fn the_largest_ranks_lift_most() {

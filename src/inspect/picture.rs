@@ -5,6 +5,7 @@ use super::inertia::Inertia;
 use super::inspection::Inspection;
 use super::left_out::{Part, Why};
 use super::smallest::smallest_eigenvalue_with;
+use super::spectrum::LARGEST_DENSE;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::figure::{Axis, Drawing, Guide, Look, Plot, Series, Spy};
@@ -146,6 +147,11 @@ fn blame(inspection: &Inspection) -> String {
     format!("Spring {spring} ({i}–{j}) {does} most, with {share:.0} % of the negative curvature; {others}.")
 }
 
+/// At how many steps λ_min of a matrix of so many rows is computed.
+fn points_of_curve(rows: usize) -> usize {
+    CURVE_POINTS[usize::from(rows > LARGEST_DENSE)]
+}
+
 /// λ_min over dt, scaled so that it begins at 1 for small steps: `A dt² → M`.
 fn curve_of(
     system: &System,
@@ -158,7 +164,7 @@ fn curve_of(
     let middle = inspection.options[0].critical.dt().unwrap_or(inspection.dt);
     let low = limits().fold(middle, f64::min).min(inspection.dt) / 30.0;
     let high = limits().fold(middle, f64::max).max(inspection.dt) * 3.0;
-    let points = CURVE_POINTS[usize::from(system.dofs().len() > 240)];
+    let points = points_of_curve(system.dofs().len());
     let steps = (0..points).map(|k| low * (high / low).powf(k as f64 / (points - 1) as f64));
     let dofs = system.dofs();
     let free = system.masses().iter().enumerate().filter(|(p, _)| !dofs.rows(*p).is_empty());
@@ -255,5 +261,74 @@ fn short(value: f64) -> String {
             format!("{value:.decimals$}").replace('-', "−")
         }
         _ => format!("{value:.3e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inspect::fixtures::{pin, pinned};
+    use crate::inspect::tests::chain;
+    use crate::inspect::{Eigenpair, Spectrum};
+    use faer::Par;
+
+    fn inspected((system, state): &(System, State), dt: f64) -> Inspection {
+        Inspection::at(system, state, dt, Stiffness::Full, Par::Seq).unwrap()
+    }
+
+    /// An eigenvalue of exactly zero, and one a little below: only this one spoils A and is drawn as negative.
+    #[test]
+    fn zero_is_not_negative() {
+        for (mass, does, name) in [(10.0, "softens A", "positive"), (9.0, "spoils A", "negative")] {
+            let held = pinned(&[pin(mass, 10.0)]);
+            let found = inspected(&held, 1.0);
+            assert_eq!(found.directions[0].eigenvalue, mass - 10.0);
+            assert!(blame(&found).contains(does), "{}", blame(&found));
+            let plot = low_end(&found);
+            assert_eq!(plot.series.iter().map(|series| series.name.as_str()).collect::<Vec<_>>(), [name]);
+            assert_eq!(found.clusters.len(), usize::from(mass < 10.0));
+        }
+    }
+
+    /// Patterns are drawn at the end of a whole inspection: one that was interrupted has none.
+    #[test]
+    fn patterns_are_those_of_a_whole_inspection() {
+        let held = chain(3, 1.25);
+        let pictures = |inspection: &Inspection| Pictures::of(&held.0, &held.1, inspection).unwrap();
+        let whole = inspected(&held, 0.1);
+        assert!(pictures(&whole).patterns.is_some());
+        // From 1 for short steps to −1, where it ends; the others stay where they began.
+        let curve = pictures(&whole).curve.unwrap();
+        let ends = |series: &Series| [series.points[0].1, series.points[series.points.len() - 1].1];
+        let [[begin, end], [same, _], _] = [0, 1, 2].map(|k| ends(&curve.series[k]));
+        assert!((begin - 1.0).abs() < 0.01 && end == -1.0 && (same - 1.0).abs() < 0.01, "{begin} {end} {same}");
+        let interrupted = whole.without_curve();
+        assert!(pictures(&interrupted).patterns.is_none() && pictures(&interrupted).curve.is_none());
+    }
+
+    #[test]
+    fn curves_of_what_is_diagonalised_have_more_points() {
+        assert_eq!([1, 240, 241].map(points_of_curve), [49, 49, 17]);
+    }
+
+    /// A hundredth of the span, which is that of all values and has nothing to do with where they lie.
+    #[test]
+    fn curves_are_one_where_no_difference_can_be_seen() {
+        let line = |values: [f64; 2]| Series::line("", values.into_iter().map(|value| (0.0, value)).collect());
+        for from in [-100.0, 0.0, 90.0] {
+            let beside = |by: f64| one_curve(&[line([from, from + 10.0]), line([from, from + 10.0 - by])]);
+            assert!(beside(0.0) && beside(0.09) && !beside(0.11) && !beside(1.0), "{from}");
+        }
+        assert!(!one_curve(&[line([0.0, 1.0]), Series::line("", vec![(0.0, 0.0)])]));
+    }
+
+    /// Forty of the lowest eigenvalues are shown.
+    #[test]
+    fn the_low_end_is_no_longer_than_forty() {
+        let mut found = inspected(&chain(1, 1.25), 0.1);
+        let pair = |value| Eigenpair { value, vector: Vec::new(), residual: 0.0 };
+        found.spectrum = Spectrum { lowest: (0..50).map(|k| pair(f64::from(k) - 3.0)).collect(), ..found.spectrum };
+        let points: Vec<usize> = low_end(&found).series.iter().map(|series| series.points.len()).collect();
+        assert_eq!(points, [37, 3]);
     }
 }

@@ -23,7 +23,7 @@ const LAST_STEPS: usize = 5;
 
 /// How often the shift is moved nearer, and by how much.
 const MOVES: usize = 12;
-const NEARER: f64 = 1.0 / 16.0;
+const NEARER: f64 = 0.0625;
 
 /// How far outside the spectrum may reach beyond what was found, relative to ‖A‖.
 const ACCURACY: f64 = 5e-7;
@@ -138,6 +138,11 @@ struct Target {
     digits: Digits,
 }
 
+/// Steps of a search at most, for so many pairs.
+fn longest(steps: usize, wanted: usize) -> usize {
+    steps + wanted
+}
+
 /// ‖A‖, nearly.
 pub(super) fn size(ends: &[End; 2]) -> f64 {
     ends.iter().fold(0.0f64, |size, end| size.max(end.value.abs()))
@@ -223,7 +228,7 @@ impl<'a> Search<'a> {
         let Target { side, shift, accuracy, digits, .. } = *target;
         let size = size(ends);
         let mut distance = f64::INFINITY;
-        let (tolerance, steps) = (digits.tolerance(), STEPS + target.wanted);
+        let (tolerance, steps) = (digits.tolerance(), longest(STEPS, target.wanted));
         let mut pairs = self.search(target, Vec::new(), tolerance, steps);
         for _ in 0..MOVES {
             let Some(first) = pairs.first().map(|pair| pair.value) else { return pairs };
@@ -248,7 +253,7 @@ impl<'a> Search<'a> {
                     &Target { shift: outside(reach), ..*target },
                     pairs,
                     LAST_TOLERANCE,
-                    LAST_STEPS + target.wanted,
+                    longest(LAST_STEPS, target.wanted),
                 );
             }
             distance = (NEARER * distance.min((first - shift).abs())).max(2.0 * reach);

@@ -113,8 +113,7 @@ pub(super) fn smallest_set_with(
         let all: Vec<usize> = (0..extensions.as_slice().len()).filter(|&p| trial.taken(p) > 0.0).collect();
         return set(&all, Minimality::Enough, at_least);
     };
-    let affordable = (AFFORDABLE / (4.0 * trial.factorization.size().entries as f64)) as usize;
-    if enough.len() > affordable.clamp(ALWAYS, NEVER) {
+    if !is_affordable(enough.len(), trial.factorization.size().entries) {
         return set(&enough, Minimality::Enough, at_least);
     }
     let (chosen, minimality) = trial.irredundant(&enough, work);
@@ -123,6 +122,12 @@ pub(super) fn smallest_set_with(
         true => set(&chosen, minimality, at_least),
         false => set(&enough, Minimality::Enough, at_least),
     }
+}
+
+/// Whether it is affordable to find out which of so many springs can be spared, with a factor of so many entries.
+fn is_affordable(springs: usize, entries: usize) -> bool {
+    let affordable = (AFFORDABLE / (4.0 * entries as f64)) as usize;
+    springs <= affordable.clamp(ALWAYS, NEVER)
 }
 
 /// What a transverse term is like.

@@ -183,4 +183,20 @@ mod tests {
             }
         }
     }
+
+    /// Only where something curves downwards and something else resists as s grows is there a positive root.
+    #[test]
+    fn without_a_sign_change_there_is_no_root() {
+        let root = |mass, damping, constant| Curvature { mass, damping, constant }.root();
+        assert_eq!(root(1.0, 1.0, -6.0), Some(2.0));
+        assert_eq!([root(1.0, 1.0, 0.0), root(1.0, 0.0, 0.0), root(1.0, 1.0, 6.0)], [None; 3]);
+        assert!(Space::default().root().is_none());
+        // No inertia: it curves downwards for every s.
+        let mut space = Space::default();
+        let product = |term: Term, v: &[f64], y: &mut [f64]| {
+            let factor = if term == Term::Constant { -1.0 } else { 0.0 };
+            y.iter_mut().zip(v).for_each(|(y, v)| *y = factor * v);
+        };
+        assert!(space.add(&[1.0], product) && space.root().is_none());
+    }
 }

@@ -160,3 +160,75 @@ fn dense(a: &SymmetricMatrix, inertia: &Inertia, norm: f64) -> Option<Spectrum> 
     let (smallest_within, largest_within) = (within(lowest.first()?.value), within(largest));
     Some(Spectrum { lowest, largest, condition, smallest_within, largest_within })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::inspect::smallest_eigenvalue;
+    use crate::linear::fixtures::banded;
+
+    fn diagonal(n: usize, value: impl Fn(usize) -> f64) -> SymmetricMatrix {
+        banded(n / 3, 0, |row, column| if row == column { value(row) } else { 0.0 })
+    }
+
+    fn signs(negative: usize, zero: usize, positive: usize) -> Inertia {
+        Inertia { negative, zero, positive, ..Inertia::undecided(0, 0.0) }
+    }
+
+    #[test]
+    fn nothing_is_known_of_no_matrix() {
+        let mut work = Work::default();
+        for a in [diagonal(0, |_| 0.0), diagonal(3, |_| f64::INFINITY), diagonal(300, |_| f64::NAN)] {
+            let found = spectrum(&a, &signs(0, 0, a.dofs().len()), 1, Par::Seq, &mut work).unwrap();
+            assert!(found.lowest.is_empty() && found.largest.is_nan() && found.condition.is_nan());
+            assert!(smallest_eigenvalue(&a, Par::Seq, &mut work).unwrap().is_nan());
+        }
+        assert_eq!((work.factorizations, work.solves), (0, 0));
+    }
+
+    /// Zero is not negative.
+    #[test]
+    fn negative_pairs_are_below_zero() {
+        let pair = |value| Eigenpair { value, vector: Vec::new(), residual: 0.0 };
+        let found = Spectrum { lowest: [-2.0, -1.0, 0.0, 1.0].map(pair).into(), ..Spectrum::unknown() };
+        assert_eq!(found.negative().len(), 2);
+    }
+
+    /// Whatever is found, whether a matrix is diagonalised or searched: one that is singular to working precision has no condition number.
+    #[test]
+    fn a_zero_that_was_counted_makes_the_condition_infinite() {
+        let mut work = Work::default();
+        for n in [3, 300] {
+            let a = diagonal(n, |k| if k == 0 { 2.0 } else { 4.0 });
+            for (inertia, condition) in [(signs(0, 0, n), 2.0), (signs(0, 1, n - 1), f64::INFINITY)] {
+                let found = spectrum(&a, &inertia, 1, Par::Seq, &mut work).unwrap();
+                assert!((found.smallest() - 2.0).abs() < 1e-9 && (found.largest - 4.0).abs() < 1e-9);
+                assert!(found.condition == condition || (found.condition - condition).abs() < 1e-9);
+            }
+        }
+    }
+
+    /// A factor of A serves the low end, which is looked for first then. Otherwise the low end is last, so that its factor is left, if a bound
+    /// proves what it finds.
+    #[test]
+    fn what_is_factored_is_used_and_left() {
+        let a = diagonal(300, |k| if k == 0 { 2.0 } else { 4.0 });
+        let found = |is_factored: bool, digits: Digits, floor: f64| {
+            let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
+            if is_factored {
+                factorization.factor(&a).unwrap();
+            }
+            let mut work = Work::default();
+            let mut known = Known { is_factored, digits, within: [floor, f64::INFINITY], ..Known::nothing(&a) };
+            let spectrum = spectrum_with(&mut factorization, &a, &signs(0, 0, 300), 1, &mut known, &mut work);
+            assert!((spectrum.smallest() - 2.0).abs() < 1e-6 && (spectrum.largest - 4.0).abs() < 1e-6);
+            (work.factorizations, known.is_factored)
+        };
+        // At zero, below the low end, above the high end; what is known spares one or the other.
+        assert_eq!(found(false, Digits::Certified, 0.0), (3, false));
+        assert_eq!(found(true, Digits::Certified, 0.0), (2, false));
+        assert_eq!(found(false, Digits::Certified, 1.999999), (2, true));
+        assert_eq!(found(true, Digits::Certified, 1.999999), (1, false));
+        assert_eq!(found(true, Digits::All, 0.0), (2, false));
+    }
+}

@@ -67,7 +67,7 @@ pub const MOST_BRAKED: f64 = 0.1;
 pub const MOST_STRETCHED: f64 = 0.01;
 
 /// Springs that a symmetry makes equal differ by rounding: the first of them is named.
-const TIE: f64 = 1.0 + 1e-6;
+const TIE: f64 = 1.000001;
 
 impl Turn {
     /// The part of its turning that the spring loses while it turns by one radian.
@@ -235,7 +235,7 @@ impl<'s> Turning<'s> {
         add_elastic_force(system, &extensions, &mut force);
         let displacement = vec![Vector3::zeros(); system.particles()];
         let reduced = vec![0.0; system.dofs().len()];
-        let work = Work { force_evaluations: 1 + work.force_evaluations, ..work };
+        let work = Work { force_evaluations: work.force_evaluations + 1, ..work };
         let blocks = BlockJacobi::new(DiagonalPart::Blocks, system.dofs());
         Self {
             system,
@@ -360,3 +360,6 @@ impl<'s> Turning<'s> {
         (limit, worst)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -8,7 +8,8 @@ use crate::inspect::eigenpair::eigenpair;
 use crate::inspect::tests::{chain, eigenvalues, step_for};
 use crate::linear::norm;
 use crate::operator::SystemOperator;
-use crate::spring::Stiffness;
+use crate::spring::{Spring, Stiffness};
+use crate::system::SystemBuilder;
 use crate::work::Work;
 
 fn with<T>(
@@ -106,4 +107,43 @@ fn a_search_ends_where_the_start_is_good_enough() {
     assert!((stretched.largest - stretched.largest_within[0] - rounding).abs() < 0.5 * rounding);
     assert_eq!(stretched.condition, stretched.largest / stretched.smallest());
     assert!(pressed.condition.is_nan());
+}
+
+/// A residual of a thousandth of the value is good enough, and a value within a thousandth of a bound from below; either alone is.
+#[test]
+fn a_search_goes_on_where_the_start_is_not_good_enough() {
+    // −7 N/m with a residual of 0.0034 N/m.
+    let (pressed, once) = looks(1.25, &[(130, 1.0), (129, 0.2)]);
+    let residual = pressed.lowest[0].residual;
+    assert!(once == 1 && (1e-3..7e-3).contains(&residual), "{once} {residual}");
+    // 33.6 N/m, where nothing lies below 33.
+    let (stretched, often) = looks(0.5, &[(1, 1.0), (130, 0.05)]);
+    assert!(often > 1 && stretched.smallest() < 33.0 * (1.0 + ENOUGH), "{often}");
+}
+
+/// A particle that nothing holds, with an endless step: an eigenvalue of exactly zero proves nothing.
+#[test]
+fn zero_proves_nothing() {
+    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+    let places = [0.0, 5.0, 6.0].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+    builder.spring(places[1], places[2], Spring { stiffness: 3.0, rest_length: 0.5, damping: 0.0 });
+    builder.hold(places[2]);
+    let (system, state) = builder.build().unwrap();
+    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let mut estimator = Estimator::new(&system, &state, extensions, 1e200);
+    let a = estimator.operator(Stiffness::Full);
+    assert!(proven_floor(&a) == 0.0 && !proves_definite(&a));
+    let start = eigenpair(&a, vec![1.0, 0.0]);
+    let mut work = Work::default();
+    let found = estimator.spectrum(&a, Some(&start), &mut work);
+    assert_eq!((found.smallest(), found.condition.is_nan()), (0.0, true));
+    // The search goes on, for all that it is worth.
+    assert_eq!(work.multigrid_iterations, 40 * 3);
+    // Without any spring there is nothing above zero at all.
+    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+    builder.particle([0.0; 3], 1.0);
+    let (system, state) = builder.build().unwrap();
+    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let estimator = Estimator::new(&system, &state, extensions, 1e200);
+    assert!(!proves_definite(&estimator.operator(Stiffness::Full)));
 }

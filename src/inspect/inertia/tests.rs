@@ -134,3 +134,139 @@ fn blocks_prove_definiteness_where_there_are_rows() {
         assert!(found.is_none_or(|inertia| inertia.method == InertiaMethod::Springs && inertia.is_definite()));
     }
 }
+
+/// Pairs `[δ 1; 1 0]`, whose first pivot costs digits as long as nothing is pivoted, with one row of its own in each.
+fn small_pivots(particles: usize, delta: impl Fn(usize) -> f64) -> SymmetricMatrix {
+    banded(particles, 1, |row, column| match (row % 3, column % 3) {
+        _ if row / 3 != column / 3 => 0.01 * noise(row, column),
+        (0, 0) => delta(row / 3),
+        (0, 1) | (1, 0) => 1.0,
+        (2, 2) => 1.0,
+        _ => 0.0,
+    })
+}
+
+/// What is told was counted with errors of less than half of the shift. A factorization that is not as good is followed by none on the other side,
+/// but by both with a shift of four times its error.
+#[test]
+fn bands_are_as_wide_as_errors_demand() {
+    let mut widened = 0;
+    for k in 0..400 {
+        let a = small_pivots(4 + k % 5, |p| 10f64.powf(-0.25 - 0.005 * k as f64) * (1.0 + 0.1 * p as f64));
+        let n = a.order();
+        let mut work = Work::default();
+        let found = counter(&a).count(&a, &mut work);
+        assert!(found.factorization_error <= found.band / 3.0, "{k}: {found:?}");
+        let c = equilibrated(&a);
+        let scale = c.norm_inf(&mut vec![0.0; n]);
+        let shift = 32.0 * (n as f64).sqrt() * f64::EPSILON / 2.0;
+        let mut of_first = Work::default();
+        let mut fresh = counter(&a);
+        let first = fresh.factor(&c, -shift * scale, scale, shift, InertiaMethod::Sparse, &mut of_first);
+        let mut of_negative = Work::default();
+        let negative = counter(&a).count_negative(&a, &mut of_negative);
+        assert!(negative >= found.negative && negative <= found.negative + found.zero);
+        let mut alone = counter(&a);
+        alone.count_negative(&a, &mut Work::default());
+        let error = fresh.factor(&c, shift * scale, scale, shift, InertiaMethod::Sparse, &mut Work::default()).error;
+        assert_eq!(alone.shift == shift, error <= shift / 2.0, "{k}");
+        if first.error <= shift / 2.0 {
+            continue;
+        }
+        let wider = 4.0 * first.error;
+        let mut of_second = Work::default();
+        let mut second = |side: f64| fresh.factor(&c, side * scale, scale, wider, first.method, &mut of_second).error;
+        if [second(-wider), second(wider)].iter().any(|error| *error > wider / 2.0) {
+            continue;
+        }
+        widened += 1;
+        assert_eq!(found.band, 1.5 * wider);
+        assert_eq!(work.factorizations, of_first.factorizations + of_second.factorizations, "{k}");
+    }
+    assert!(widened > 10, "{widened}");
+}
+
+/// A better method is tried where the error is more than half of the band.
+#[test]
+fn a_better_method_is_tried_where_the_error_is_too_large() {
+    let a = small_pivots(6, |_| 1e-9);
+    let n = a.order();
+    let scale = a.norm_inf(&mut vec![0.0; n]);
+    let method = |tolerance: f64| {
+        let mut work = Work::default();
+        let found = counter(&a).factor(&a, 0.0, scale, tolerance, InertiaMethod::Sparse, &mut work);
+        (found.method, found.error)
+    };
+    let (sparse, error) = method(1.0);
+    assert!(sparse == InertiaMethod::Sparse && error > 1e-11, "{error}");
+    assert_eq!(method(2.5 * error).0, InertiaMethod::Sparse);
+    for part in [1.9, 1.1, 0.6] {
+        assert_eq!(method(part * error).0, InertiaMethod::Pivoted, "{part}");
+    }
+}
+
+/// `[1 + τ, 1; 1, 1 + τ]` less τ has a pivot of exactly zero: it is none that proves definiteness, so the other side is factored too.
+#[test]
+fn a_pivot_of_zero_is_not_positive() {
+    // √36 = 6; the rows of C add up to 2.
+    let tau = 2.0 * 32.0 * 6.0 * f64::EPSILON / 2.0;
+    let entry = |row: usize, column: usize| match (row, column) {
+        (0, 0) | (1, 1) => 1.0 + tau,
+        (0, 1) | (1, 0) => 1.0,
+        (2, 2) => -1.0,
+        _ if row == column => 1.0,
+        _ => 0.0,
+    };
+    let a = banded(12, 0, entry);
+    let mut dense = counter(&a);
+    dense.method = InertiaMethod::Dense;
+    let mut work = Work::default();
+    let found = dense.count(&a, &mut work);
+    assert_eq!((found.negative, found.zero, found.positive, work.factorizations), (1, 1, 34, 2));
+}
+
+/// Where no factorization is left that could be trusted the band is doubled four times after the first, and then nothing is decided.
+#[test]
+fn a_count_ends_undecided() {
+    let a = six(|row, column| (row == column) as u8 as f64);
+    let mut hopeless = counter(&a);
+    hopeless.method = InertiaMethod::None;
+    let first = 32.0 * 6f64.sqrt() * f64::EPSILON / 2.0;
+    let mut work = Work::default();
+    assert_eq!(hopeless.count(&a, &mut work), Inertia::undecided(6, 1.5 * 32.0 * first));
+    assert_eq!((hopeless.count_negative(&a, &mut work), work), (0, Work::default()));
+}
+
+/// A single pivot, larger than all else, and then pairs, or others: as many negative ones as eigenvalues, and a factorization that is one.
+#[test]
+fn dense_pivots_of_both_orders_are_counted() {
+    for k in 0..60 {
+        let a = six(|row, column| {
+            let entry = noise(row + 7 * k, column + 7 * k);
+            match (row, column) {
+                (0, 0) => 20.0,
+                _ if row == column => 0.3 * entry,
+                _ => entry,
+            }
+        });
+        let mut whole = nalgebra::DMatrix::zeros(6, 6);
+        for (row, column, value) in a.iter() {
+            (whole[(row, column)], whole[(column, row)]) = (value, value);
+        }
+        let negative = whole.symmetric_eigenvalues().iter().filter(|value| **value < 0.0).count();
+        let (signs, error) = dense_signs(&a);
+        assert_eq!(signs, PivotSigns { negative, zero: 0, positive: 6 - negative }, "{k}");
+        assert!(error < 1e-13, "{k}: {error}");
+    }
+}
+
+/// 2 kg at a step that gives the masses exactly a billionth of ‖A‖: that might not be told from zero.
+#[test]
+fn what_the_masses_give_must_be_visible() {
+    let (system, state) = chain(1, 0.5);
+    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
+    let one = banded(1, 0, |row, column| (row == column) as u8 as f64);
+    assert_eq!(definite_by_blocks(&operator, &one, 5e-10), None);
+    assert!(definite_by_blocks(&operator, &one, 5.1e-10).is_some());
+}

@@ -60,3 +60,32 @@ fn a_matrix_that_cannot_be_factored_may_be_singular() {
     let (found, work) = nearest(&pairs(1.0, &[[0.0, 2.0], [beside, 3.0], [-beside, 3.0]]), 4.0);
     assert_eq!((found, work), (0.0, [4, 0]));
 }
+
+/// A solve may be wrong by 10⁻⁷ of a right-hand side, which is 55 long here: a first pivot of 10⁻⁹ costs half of the digits, and that is enough.
+#[test]
+fn a_solve_to_half_of_the_digits_will_do() {
+    let mut blocks = vec![[0.5, 2.0]; 1000];
+    blocks[500][0] = 1e-9;
+    let (found, [factorizations, _]) = nearest(&pairs(1.0, &blocks), 5.0);
+    assert!((found - 1.5).abs() < 1e-6, "{found}");
+    assert_eq!(factorizations, 1);
+}
+
+/// A solution 10¹⁰ times as long as its right-hand side cannot be better than its own rounding, whatever the size of the matrix.
+#[test]
+fn a_long_solution_may_be_wrong_by_its_rounding() {
+    for scale in [2f64.powi(-20), 1.0, 2f64.powi(20)] {
+        let (found, [factorizations, _]) = nearest(&pairs(scale, &[[1.0 + 1e-10, 1.0]]), 5.0 * scale);
+        assert!((found / (1e-10 * scale) - 1.0).abs() < 1e-4, "{found}");
+        assert_eq!(factorizations, 1, "{scale}");
+    }
+}
+
+/// Three hundred eigenvalues from 1 on, a hundredth apart, every other one negative.
+#[test]
+fn the_nearest_of_many_is_found_to_many_digits() {
+    let value = |k: usize| (1.0 + 0.01 * k as f64) * if k.is_multiple_of(2) { 1.0 } else { -1.0 };
+    let a = banded(100, 0, |row, column| if row == column { value(row) } else { 0.0 });
+    let (found, _) = nearest(&a, 4.0);
+    assert!((found - 1.0).abs() < 1e-8, "{found}");
+}

@@ -1,6 +1,6 @@
 //! Diagonal matrices, whose eigenvalues, factors and solutions are exact, with estimates as good or bad as a test wants them.
 
-use super::{ACCURACY, Digits, End, Known, LARGE, Search, Side, Target, upper_end};
+use super::{ACCURACY, Digits, End, Known, LARGE, STEPS, Search, Side, Target, longest, upper_end};
 use crate::assembly::SymmetricMatrix;
 use crate::inspect::eigenpair::Eigenpair;
 use crate::linear::Ldlt;
@@ -191,4 +191,70 @@ fn large_matrices_have_twice_as_many_products() {
         upper_end(&counted);
         assert_eq!(counted.products.get(), products, "{order}");
     }
+}
+
+/// −2, 1 and otherwise 4.
+fn sixty() -> SymmetricMatrix {
+    diagonal(60, |k| [-2.0, 1.0].get(k).copied().unwrap_or(4.0))
+}
+
+/// A search below −3 that finds −2 has the negative eigenvalue that is due. One more is not there: it is looked for once more with each of
+/// those that are due.
+#[test]
+fn what_is_due_is_looked_for_again() {
+    let solves = |wanted: usize, due: usize, lowest: f64| {
+        let a = diagonal(60, |k| if k == 0 { lowest } else { 4.0 });
+        let (accuracy, digits) = ([ACCURACY, f64::INFINITY], Digits::Certified);
+        let target = Target { side: Side::Below, shift: -3.0, wanted, due, accuracy, digits };
+        let (pairs, _, [_, solves]) = searched(&a, ANYWHERE, |search| {
+            assert!(search.is_beyond(-3.0, Side::Below));
+            search.search(&target, Vec::new(), 1e-3, 20)
+        });
+        assert!((pairs[0].value - lowest).abs() < 1e-3);
+        solves
+    };
+    let once = solves(1, 0, -2.0);
+    assert_eq!(solves(1, 1, -2.0), once);
+    for lowest in [1.0, 2.0] {
+        let once = solves(1, 0, lowest);
+        let again = solves(1, 1, lowest);
+        assert!(again >= once + 4 && again < once + 20, "{once} {again}");
+    }
+}
+
+/// What is found with a shift that has been moved is told by that shift: no negative eigenvalue is missed, so none is looked for again.
+#[test]
+fn eigenvalues_are_told_by_the_shift_that_found_them() {
+    let a = sixty();
+    let ends = [end(-2.0, 0.0), end(4.0, 0.0)];
+    for digits in [Digits::Certified, Digits::All] {
+        let work = |due: usize| {
+            let accuracy = [ACCURACY, f64::INFINITY];
+            let target = Target { side: Side::Below, shift: 0.9, wanted: 1, due, accuracy, digits };
+            let (pairs, _, work) = searched(&a, ANYWHERE, |search| {
+                assert!(!search.is_beyond(0.9, Side::Below));
+                search.extreme(&ends, &target)
+            });
+            assert!((pairs[0].value + 2.0).abs() < 1e-9);
+            work
+        };
+        let first = |due: usize| {
+            let accuracy = [ACCURACY, f64::INFINITY];
+            let target = Target { side: Side::Below, shift: 0.9, wanted: 1, due, accuracy, digits };
+            let (_, _, [_, solves]) = searched(&a, ANYWHERE, |search| {
+                assert!(!search.is_beyond(0.9, Side::Below));
+                search.search(&target, Vec::new(), digits.tolerance(), STEPS + 1)
+            });
+            solves
+        };
+        // The first, from inside the spectrum, looks again, the others do not.
+        let ([factorizations, solves], more) = (work(0), first(1) - first(0));
+        assert!(more > 0);
+        assert_eq!(work(1), [factorizations, solves + more], "{digits:?}");
+    }
+}
+
+#[test]
+fn every_wanted_pair_adds_a_step() {
+    assert_eq!((longest(20, 1), longest(5, 12)), (21, 17));
 }

@@ -1,0 +1,207 @@
+//! Searches whose every trial is known by hand: particles that move along one axis each.
+
+use super::{Bound, CLOSER, CriticalSteps, Known, LargestStep};
+use crate::inspect::Property::{Definite, Stable};
+use crate::inspect::fixtures::{Pin, pin, pinned};
+use crate::inspect::tests::chain;
+use crate::spring::{Spring, Stiffness};
+use crate::system::{State, System, SystemBuilder};
+use crate::work::Work;
+use faer::Par;
+
+const FULL: Stiffness = Stiffness::Full;
+
+fn steps<'s>((system, state): &'s (System, State)) -> CriticalSteps<'s> {
+    CriticalSteps::new(system, state, Par::Seq).unwrap()
+}
+
+fn limit(step: LargestStep) -> [f64; 2] {
+    let LargestStep::UpTo { dt, refused } = step else { panic!("{step:?}") };
+    [dt, refused]
+}
+
+/// Along (3): 18 s² + 18 s − 108 vanishes at 2, where it rises by 90 for every unit of s; ‖P‖ is at most 8 + 2·12. Of the other requirement
+/// 72 s² + 36 s − 108 vanishes at 1.
+#[test]
+fn a_bound_is_the_root_along_a_direction() {
+    let held = pinned(&[Pin { mass: 2.0, taken: 12.0, damping: 2.0 }]);
+    let mut steps = steps(&held);
+    let nothing = || Bound { s: 0.0, rounding: 0.0 };
+    for (requirement, root) in [(Definite, 2.0), (Stable, 1.0)] {
+        let mut bound = nothing();
+        assert!(steps.raise(requirement, FULL, &mut bound, &[3.0]));
+        assert_eq!(bound.s, root);
+        let expected = 2.0 * f64::EPSILON * (2.0 + 9.0 * 32.0 / 180.0);
+        assert!((bound.rounding / expected - 1.0).abs() < 1e-12, "{}", bound.rounding / expected);
+        // No higher: the bound stays.
+        assert!(!steps.raise(requirement, FULL, &mut bound, &[-1.0]) && bound.s == root);
+        let mut higher = Bound { s: 2.5, rounding: 0.0 };
+        assert!(!steps.raise(requirement, FULL, &mut higher, &[3.0]) && higher.s == 2.5);
+    }
+    assert!(!steps.raise(Definite, Stiffness::Tension, &mut nothing(), &[3.0]));
+}
+
+/// One takes 12 N/m, one adds 5.
+#[test]
+fn a_direction_of_negative_curvature_is_found_by_a_factorization() {
+    let held = pinned(&[pin(2.0, 12.0), pin(1.0, -5.0)]);
+    for (is_known, factorizations) in [(true, 1), (false, 3)] {
+        let mut steps = steps(&held);
+        steps.work = Work::default();
+        let mut u = vec![0.0, 7.0];
+        assert!(steps.has_negative_curvature(FULL, Definite, is_known, &mut u));
+        assert!(u[0] != 0.0 && u[1] == 0.0, "{u:?}");
+        assert_eq!((steps.work.assemblies, steps.work.factorizations), (1, factorizations));
+    }
+    let mut steps = steps(&held);
+    for is_known in [true, false] {
+        assert!(!steps.has_negative_curvature(Stiffness::Axial, Definite, is_known, &mut [0.0, 7.0]));
+    }
+}
+
+/// Springs that are pressed by no more than the rounding of their lengths limit no step, however stiff they are.
+#[test]
+fn what_is_pressed_by_rounding_alone_limits_no_step() {
+    for stiffness in [1e-6, 1.0, 1e6] {
+        let pressed = |parts: f64| {
+            let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+            let ends = [0.0, 1.0].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+            let rest_length = 1.0 + parts * f64::EPSILON;
+            builder.spring(ends[0], ends[1], Spring { stiffness, rest_length, damping: 0.0 });
+            builder.hold(ends[1]);
+            let held = builder.build().unwrap();
+            steps(&held).largest_step(Definite, FULL)
+        };
+        assert_eq!(pressed(8.0), LargestStep::Every, "{stiffness}");
+        let [dt, _] = limit(pressed(64.0));
+        assert!((dt * dt * stiffness * 64.0 * f64::EPSILON - 1.0).abs() < 0.1, "{stiffness} {dt}");
+    }
+}
+
+/// What is known of A at the limit s = 2, the direction of its lowest eigenvalue, and an s that was proven.
+fn known(direction: &[f64], definite_from: Option<f64>) -> Known {
+    Known { curves_downwards: Some(true), direction: Some(direction.to_vec()), definite_from }
+}
+
+/// Nothing is factored where the limit is known already to as many digits as a factorization tells.
+#[test]
+fn a_bracket_that_is_narrow_enough_is_not_narrowed() {
+    let held = pinned(&[pin(5.0, 20.0)]);
+    let mut found = steps(&held);
+    let proven = 2.0 * (1.0 + 2.0 * f64::EPSILON);
+    assert_eq!(limit(found.definite_knowing(known(&[1.0], Some(proven)))), [1.0 / proven, 0.5]);
+    assert_eq!(found.work.factorizations, 0);
+    // A factor of 1 + 10⁻⁶ is wide: the limit itself is looked for.
+    let [dt, refused] = limit(found.definite_knowing(known(&[1.0], None)));
+    assert!(dt < 0.5 && refused == 0.5 && 0.5 - dt < 1e-15, "{dt} {refused}");
+    assert_eq!(found.work.factorizations, 1);
+}
+
+/// A stiff spring elsewhere hides what is finer than 4·10⁻⁷ from a factorization. Along (1, η) the root is short of 2 by 3/8 η² of it, which is
+/// less: the search ends there.
+#[test]
+fn a_search_ends_where_a_factorization_tells_no_more() {
+    let held = pinned(&[pin(5.0, 20.0), pin(5.0, 5.0), pin(1.0, -1e10)]);
+    let mut steps = steps(&held);
+    let eta: f64 = 5e-7;
+    let [dt, refused] = limit(steps.definite_knowing(known(&[1.0, eta, 0.0], None)));
+    let short = refused / 0.5 - 1.0;
+    assert!((short / (0.375 * eta * eta) - 1.0).abs() < 0.02, "{short:e}");
+    assert!((1e-7..4e-7).contains(&(1.0 - dt / 0.5)), "{dt}");
+    assert_eq!((steps.work.factorizations, steps.work.solves), (1, 0));
+}
+
+/// A direction that belongs to another eigenvalue, exactly: the factorization that refuses a step beyond its root finds the right one, and the
+/// next proves it.
+#[test]
+fn a_refusal_finds_the_direction_that_was_missed() {
+    let held = pinned(&[pin(5.0, 20.0), pin(5.0, 5.0)]);
+    let mut steps = steps(&held);
+    let [dt, refused] = limit(steps.definite_knowing(known(&[0.0, 1.0], None)));
+    assert!(refused == 0.5 && dt < 0.5 && 0.5 - dt < 1e-15, "{dt} {refused}");
+    assert_eq!(steps.work.factorizations, 2);
+}
+
+/// A particle in a corner, pressed by one spring and damped at an angle: its own limit is at s = 0.033 or so, thirty times below where all is
+/// definite for certain; that of another particle is at 0.9. A factorization at the upper end finds it.
+#[test]
+fn a_bound_that_says_little_is_bettered_from_above() {
+    let search = |damping: f64| {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        let mut joined = |at: [f64; 2], from: [f64; 2], spring: Spring| {
+            let [free, wall] = [at, from].map(|[x, y]| builder.particle([x, y, 0.0], 1.0));
+            builder.hold(wall);
+            builder.spring(free, wall, spring);
+            free
+        };
+        let first = joined([0.0, 0.0], [1.0, 0.0], Spring { stiffness: 2.0, rest_length: 2.0, damping: 0.0 });
+        joined([5.0, 0.0], [6.0, 0.0], Spring { stiffness: 1.62, rest_length: 2.0, damping: 0.0 });
+        let wall = builder.particle([1.0, 1.0, 0.0], 1.0);
+        builder.hold(wall);
+        builder.spring(first, wall, Spring { stiffness: 1e-30, rest_length: 2f64.sqrt(), damping });
+        let held = builder.build().unwrap();
+        let mut steps = steps(&held);
+        let [dt, refused] = limit(steps.largest_step(Definite, FULL));
+        assert!((dt * 0.9 - 1.0).abs() < 1e-12 && refused > dt && refused < dt * (1.0 + 1e-12), "{dt} {refused}");
+        steps.work.factorizations
+    };
+    // s² + s b/2 = 1: the upper end is 30.5 times that root, or 31.1 times.
+    assert_eq!(search(61.0), 2);
+    assert!(search(62.2) > 2);
+}
+
+/// From 1 down to 1/256, where 1 N/m is more than the masses give; where the springs add it is never refused.
+#[test]
+fn leaps_go_down_to_what_is_refused() {
+    for (taken, refused) in [(1e-2, Some(1.0 / 16.0)), (1e-3, Some(1.0 / 256.0)), (-1.0, None)] {
+        let held = pinned(&[pin(1.0, taken)]);
+        let mut steps = steps(&held);
+        let mut accepted = 1.0;
+        assert_eq!(steps.leap_down(Definite, FULL, &mut accepted), refused);
+        assert_eq!(accepted, refused.map_or(accepted, |refused| 16.0 * refused));
+        assert!(accepted > 0.0 && (refused.is_some() || accepted < 1e-320));
+    }
+    assert_eq!(Bound::nothing(), Bound { s: 0.0, rounding: 2f64.powi(-50) });
+}
+
+/// The direction is that of another eigenvalue of a chain, exactly: refusals make trials bolder until one lies beyond the limit.
+#[test]
+fn refusals_make_trials_bolder() {
+    let free = 30;
+    let held = chain(free, 1.25);
+    let mode = |j: usize| -> Vec<f64> {
+        let phase = |p: usize| (j * (p + 1)) as f64 * std::f64::consts::PI / (free + 1) as f64;
+        (0..free).flat_map(|p| [0.0, phase(p).sin()]).collect()
+    };
+    let exact = (2.0 / 40.0f64).sqrt() / (free as f64 * std::f64::consts::PI / (2 * free + 2) as f64).sin();
+    let mut steps = steps(&held);
+    let [dt, refused] = limit(steps.definite_knowing(known(&mode(free - 3), None)));
+    assert!((dt / exact - 1.0).abs() < 1e-12 && refused > dt && refused < dt * (1.0 + 1e-12), "{dt} {refused}");
+    assert!(steps.work.factorizations < 30, "{:?}", steps.work);
+}
+
+/// Solves better a direction as long as it is farther from the limit than a quarter of what a factorization can tell; how far it is told to be
+/// is never more than a thousandth of the bracket.
+#[test]
+fn directions_are_bettered_as_far_as_is_worth_it() {
+    let held = chain(40, 1.25);
+    let mut steps = steps(&held);
+    let critical = 1.0 / limit(steps.largest_step(Definite, FULL))[0];
+    let accepted = 1.02 * critical;
+    assert!(steps.is_definite(Definite, FULL, accepted));
+    // Across the chain to and fro.
+    let start: Vec<f64> = (0..80).map(|row| [0.0, 1.0, 0.0, -1.0][row % 4]).collect();
+    let CriticalSteps { family, factorization, work, .. } = &mut steps;
+    let before = work.solves;
+    let far = family.soften(Definite, FULL, factorization, &mut start.clone(), 1e9, work);
+    assert!(far > 1e-4 && work.solves == before, "{far}");
+    for (rounding, is_bettered) in [(5.0 * far, false), (2.0 * far, true)] {
+        let (before, mut bound) = (steps.work.solves, Bound { s: 0.0, rounding });
+        let told = steps.soften(Definite, FULL, &mut bound, &mut start.clone(), accepted);
+        assert_eq!(steps.work.solves > before, is_bettered);
+        if !is_bettered {
+            let expected = CLOSER * (accepted - bound.s) / bound.s;
+            assert!((told / expected - 1.0).abs() < 1e-9 && told < far, "{told} {expected}");
+        }
+    }
+}
