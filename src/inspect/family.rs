@@ -245,8 +245,8 @@ impl<'s> Family<'s> {
         0.5 * left.sqrt() / (operator.mass_factor() * kinetic.sqrt())
     }
 
-    /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a particle. Expects the operator
-    /// at s = 0, so that damping is left out.
+    /// A bound for ‖P(s)‖: the largest sum of `μ s² m_i` and twice the norms of the blocks at a particle that can move, whose rows P has.
+    /// Expects the operator at s = 0, so that damping is left out.
     pub fn norm_bound(&self, s: f64, requirement: Property) -> f64 {
         let mut sums: Vec<f64> = self.system.masses().iter().map(|m| requirement.mass() * s * s * m).collect();
         for ((_, [i, j], _), block) in self.system.active().zip(self.blocks()) {
@@ -254,7 +254,9 @@ impl<'s> Family<'s> {
             sums[i] += norm;
             sums[j] += norm;
         }
-        sums.into_iter().fold(0.0, f64::max)
+        let dofs = self.system.dofs();
+        let free = sums.into_iter().enumerate().filter(|(p, _)| !dofs.rows(*p).is_empty());
+        free.map(|(_, sum)| sum).fold(0.0, f64::max)
     }
 
     /// An s at which P is positive definite for certain; expects the operator at s = 0.

@@ -157,19 +157,18 @@ impl<'s> Rodas4<'s> {
     /// Computes `next`, h seconds after `base`. No kink may be in between. Stages are solved as exactly as the error of the step is worth.
     fn advance(&mut self, h: f64) -> Result<(), StepFailure> {
         if let Some((last, error)) = self.last {
-            // Local errors of the embedded formula go with the fourth power of the step.
-            self.linear.exactness.learn(error * (h / last).min(1.0).powi(4));
+            self.linear.exactness.learn(errors::of_step(h, last, error));
         }
         // A step that is not exact enough is worth another two; its error then hardly changes.
         for _ in 0..3 {
-            self.compute(h)?;
+            let mass_factor = self.compute(h)?;
             if !self.linear.exactness.follows() {
                 return Ok(());
             }
             let [x, v] = self.embedded();
             let error = errors::of_stages(self.linear.system, x, v, h);
             self.last = Some((h, error));
-            if self.linear.exactness.suffices(self.residual, Combination::step(GAMMA * h).mass, error) {
+            if self.linear.exactness.suffices(self.residual, mass_factor, error) {
                 break;
             }
             self.linear.exactness.learn(error);
@@ -177,12 +176,14 @@ impl<'s> Rodas4<'s> {
         Ok(())
     }
 
-    fn compute(&mut self, h: f64) -> Result<(), StepFailure> {
+    /// Computes `next`; returns what the matrix has of M.
+    fn compute(&mut self, h: f64) -> Result<f64, StepFailure> {
         self.residual = 0.0;
         let system = self.linear.system;
         system.prescribed().set_velocities(self.base.time + 0.5 * h, &mut self.base.velocities);
         self.linear.set_extensions(&self.base.positions)?;
-        self.linear.prepare_whole(Combination::step(GAMMA * h))?;
+        let combination = Combination::step(GAMMA * h);
+        self.linear.prepare_whole(combination)?;
         for stage in 0..STAGES {
             self.set_point(A.get(stage).unwrap_or(&B));
             self.set_right_hand_side(stage, h)?;
@@ -191,7 +192,7 @@ impl<'s> Rodas4<'s> {
         self.set_point(&B);
         std::mem::swap(&mut self.point, &mut self.next);
         self.next.time = self.base.time + h;
-        if self.next.is_finite() { Ok(()) } else { Err(StepFailure::NonFinite) }
+        if self.next.is_finite() { Ok(combination.mass) } else { Err(StepFailure::NonFinite) }
     }
 
     /// u_6, whose positions and velocities are the difference from the embedded formula.

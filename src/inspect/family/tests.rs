@@ -38,6 +38,15 @@ fn bounds_are_those_by_hand() {
     }
 }
 
+/// Walls of 1 kg weigh nothing in P(2) = diag(4·10⁻³ − 2): their rows are not in it. Its block has a norm of 2 N/m.
+#[test]
+fn what_is_held_has_no_norm() {
+    let held = pinned(&[pin(1e-3, 2.0)]);
+    let mut family = family(&held);
+    family.set(Definite, FULL, 0.0);
+    assert!((family.norm_bound(2.0, Definite) - 4.004).abs() < 1e-12);
+}
+
 /// P(3) is diag(24, 6) for 4 kg and 1 kg: of (1, 2) what is left is (12, 12), weighted, of a motion of 18 times (2, 2).
 #[test]
 fn residuals_are_those_by_hand() {

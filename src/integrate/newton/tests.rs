@@ -1,4 +1,4 @@
-use super::{NOISE, Newton, NewtonOptions, Point, dot, free_norm};
+use super::{NOISE, Newton, NewtonOptions, Point, dot, free_norm, has_no_way_on};
 use crate::integrate::filter::{Filter, Matrix};
 use crate::integrate::merit::Balance;
 use crate::integrate::{ImplicitOptions, NotSolved, StepFailure, StiffnessPolicy};
@@ -341,4 +341,21 @@ fn slopes_beyond_all_numbers_are_refused() {
     assert!(newton.residual(&state, 0.5).is_ok());
     newton.direction[1] = Vector3::repeat(1e308);
     assert_eq!(newton.residual(&state, 0.5), Err(StepFailure::NonFinite));
+}
+
+#[test]
+fn another_start_helps_where_there_is_no_way_on() {
+    let newton = |reason| StepFailure::Newton { iterations: 7, relative_residual: 0.1, reason };
+    let degenerate = crate::error::DegenerateSpring { spring: 0, pair: [0, 1] };
+    for (failure, helps) in [
+        (newton(NotSolved::LineSearch), true),
+        (newton(NotSolved::Ascent), true),
+        (newton(NotSolved::IterationLimit), false),
+        (StepFailure::NonFinite, true),
+        (StepFailure::DegenerateSpring(degenerate), true),
+        (StepFailure::Tolerance, false),
+        (StepFailure::Solve(SolveFailure::NonFinite), false),
+    ] {
+        assert_eq!(has_no_way_on(&failure), helps, "{failure:?}");
+    }
 }

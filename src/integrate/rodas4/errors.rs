@@ -16,6 +16,12 @@ pub(super) fn of_positions(system: &System, x: &[Vector3<f64>], v: &[Vector3<f64
     norm_of_all(system, x).min(TRUE_SHARE * h * norm_of_all(system, v))
 }
 
+/// What the error of a step may be expected to be after one of another length: that of the embedded formula goes with the fourth power. Longer
+/// steps are not trusted to follow that.
+pub(super) fn of_step(h: f64, last: f64, error: f64) -> f64 {
+    error * (h / last).min(1.0).powi(4)
+}
+
 /// The error that a stage may be compared with: that of the step by the same rule, in the norm of M, over what stages are magnified by,
 /// in m √kg.
 pub(super) fn of_stages(system: &System, x: &[Vector3<f64>], v: &[Vector3<f64>], h: f64) -> f64 {

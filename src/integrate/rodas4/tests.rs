@@ -1,7 +1,7 @@
 use super::Rodas4;
 use super::brake::{BRAKE, braked};
 use super::coefficients::{A, B, C, GAMMA, Row, STAGES};
-use super::errors::{of_positions, of_stages};
+use super::errors::{of_positions, of_stages, of_step};
 use crate::force::Extensions;
 use crate::integrate::oscillator::{Oscillator, Way};
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
@@ -209,6 +209,14 @@ fn steps_are_cut_five_times_at_most() {
 }
 
 /// The lesser of ‖u_6x‖ and 0.15 h ‖u_6v‖: of positions plain, of stages a tenth of it in the norm of M, over what is free.
+/// Of half the length a sixteenth.
+#[test]
+fn shorter_steps_are_expected_to_err_less() {
+    for (h, expected) in [(0.1, 3e-4 / 16.0), (0.2, 3e-4), (0.3, 3e-4)] {
+        assert!((of_step(h, 0.2, 3e-4) / expected - 1.0).abs() < 1e-14, "{h}");
+    }
+}
+
 #[test]
 fn errors_are_the_lesser_of_places_and_speeds() {
     let mut builder = SystemBuilder::new();
