@@ -102,14 +102,8 @@ impl<'s> Newton<'s> {
     pub fn solve(&mut self, state: &State, dt: f64) -> Result<(), StepFailure> {
         let coast = self.start(state, dt, 1.0);
         let solved = coast.and_then(|point| self.iterate(point, state, dt, self.linear.policy, false));
-        // Another start helps where there is no way on, not where matrices are refused or the way is too long.
-        let no_way = |failure: &StepFailure| match failure {
-            StepFailure::Newton { reason, .. } => *reason != NotSolved::IterationLimit,
-            StepFailure::NonFinite | StepFailure::DegenerateSpring(_) => true,
-            _ => false,
-        };
         match solved {
-            Err(failure) if no_way(&failure) => {
+            Err(failure) if has_no_way(&failure) => {
                 let stay = self.start(state, dt, 0.0)?;
                 self.iterate(stay, state, dt, self.linear.policy, false)
             }
@@ -380,6 +374,15 @@ fn free_norm(system: &System, v: &[Vector3<f64>]) -> f64 {
     let squares = own.map(|(p, v)| dofs.free_axes(p).iter().map(|axis| v[axis] * v[axis]).sum::<f64>());
     let [square] = system.total([squares.sum()]);
     square.sqrt()
+}
+
+/// Whether another start may help: where there is no way on, not where matrices are refused or the way is too long.
+fn has_no_way(failure: &StepFailure) -> bool {
+    match failure {
+        StepFailure::Newton { reason, .. } => *reason != NotSolved::IterationLimit,
+        StepFailure::NonFinite | StepFailure::DegenerateSpring(_) => true,
+        _ => false,
+    }
 }
 
 #[cfg(test)]
