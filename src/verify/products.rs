@@ -136,7 +136,8 @@ mod tests {
         assert_eq!(wrong(&line()), (0.0, vec![]));
         // Of a spring that is not there the coupling and both diagonal entries are missing.
         let mut parted = line();
-        (parted.pairs.pop(), parted.springs.pop());
+        parted.pairs.pop();
+        parted.springs.pop();
         let expected = vec![(Some(1), 1), (Some(1), 2), (Some(2), 2)];
         assert_eq!(wrong(&parted), (3.0, expected.clone()));
         // One of another stiffness changes the same.
