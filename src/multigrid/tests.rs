@@ -91,3 +91,18 @@ fn masses_are_brought_near_one() {
     let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0 / 32.0));
     assert_eq!(Finest::<1>::new(&system).unwrap().0.factor(&a), 1.0 / 2048.0);
 }
+
+/// Masses that count a little against the springs leave every particle's own entry positive; what the chain does as a whole is not, which
+/// the second of two levels shows.
+#[test]
+fn coarse_levels_that_give_way_are_named() {
+    let (system, state) = row(50);
+    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let combination = Combination { mass: -0.01, damping: 0.0, stiffness: -1.0 };
+    let a = SystemOperator::new(&system, &extensions, Stiffness::Full, combination);
+    let mut multigrid = Multigrid::down_to(&system, 25).unwrap();
+    multigrid.place(&state.positions);
+    multigrid.refill(&a).unwrap();
+    let refused = multigrid.rebuild(&a).unwrap_err();
+    assert!(matches!(refused, SetupFailure::CoarseLevel { level: 1, .. }), "{refused:?}");
+}

@@ -198,6 +198,6 @@ fn wrong_terms_are_named_where_all_of_a_block_is_there() {
     let (force, wrong) = (crate::verify::elastic_force(&system, &state), wrong_stiffness(&system, &state));
     let point = crate::verify::reduced::reduce(&system, &state.positions);
     let report = check_jacobian(force, wrong, &point, &options).unwrap();
-    assert_eq!((report.wrong, report.overall), (5, None));
+    assert_eq!((report.wrong, report.overall), (9, None));
     assert_faults_are_found(&report.worst);
 }

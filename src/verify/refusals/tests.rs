@@ -97,4 +97,10 @@ fn states_are_broken_for_the_solver_that_is_asked_for() {
         assert_eq!(stepper.linear_solver().map(|solver| solver.name()), Some(name));
     }
     assert_eq!(seen(&subject.system), Some(1));
+    let mut builder = SystemBuilder::new();
+    (0..3).for_each(|p| _ = builder.particle([f64::from(p), 0.0, 0.0], 1.0));
+    assert_eq!(seen(&builder.clone().build().unwrap().0), None);
+    builder.spring(1, 2, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+    builder.hold(1);
+    assert_eq!(seen(&builder.build().unwrap().0), Some(2));
 }
