@@ -207,6 +207,27 @@ mod tests {
         assert!(ensure_with_dense_products(u64::MAX, "much").is_err());
     }
 
+    /// In a process of its own, with two gibibytes of addresses: they are the limit, and where nearly all of them are asked for there is no
+    /// room for the workspaces.
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn an_address_space_may_be_limited() {
+        const TEST: &str = "memory::tests::an_address_space_may_be_limited";
+        const ALONE: &str = "SPRUNG_TEST_ALONE";
+        let limit = 2 << 30;
+        if std::env::var_os(ALONE).is_some() {
+            assert_eq!(address_space(), Some(limit));
+            assert!(ensure_with_dense_products(room() - SMALL_THINGS - (1 << 20), "nearly all").is_err());
+            assert!(ensure_with_dense_products(1 << 20, "little").is_ok());
+            return;
+        }
+        let command = format!("ulimit -v {} && exec \"$0\" --exact {TEST}", limit / 1024);
+        let program = std::env::current_exe().unwrap();
+        let output =
+            std::process::Command::new("sh").args(["-c", &command]).arg(program).env(ALONE, "").output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+    }
+
     #[test]
     fn what_fits_is_filled_and_what_does_not_is_an_error() {
         assert_eq!(filled(1.5, 3, "a list").unwrap(), [1.5; 3]);

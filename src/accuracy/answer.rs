@@ -61,3 +61,45 @@ pub fn answer<A: Audience>(
     let verdict = if search.goes_on() || verdict == Verdict::Confirmed { verdict } else { Verdict::Interrupted };
     Ok(search.answer(verdict))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrate::Method;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+    use std::cell::Cell;
+
+    /// Who asks for an end after the last run is told what that has shown if it is confirmed, and that the search was interrupted if not:
+    /// of 10⁻¹⁶ no run is sure.
+    #[test]
+    fn what_is_confirmed_stays_so_when_someone_asks_for_an_end() {
+        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.3, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        builder.hold(0);
+        let (system, start) = builder.build().unwrap();
+        let verdict = |accuracy: f64, looks: u32| {
+            let requirement = Requirement {
+                accuracy,
+                duration: 1.0,
+                interval: 0.5,
+                par: faer::Par::Seq,
+                method: Some(Method::Dop853),
+                stiffness: None,
+                solver: None,
+            };
+            let looked = Cell::new(0);
+            let go_on = || looked.replace(looked.get() + 1) < looks;
+            let answer = answer(&system, &start, &requirement, &mut (), &go_on).unwrap().unwrap();
+            (answer.verdict, looked.get())
+        };
+        let (confirmed, looks) = verdict(1e-4, u32::MAX);
+        assert_eq!(confirmed, Verdict::Confirmed);
+        assert_eq!(verdict(1e-4, looks - 1).0, Verdict::Confirmed);
+        let (unconfirmed, looks) = verdict(1e-16, u32::MAX);
+        assert!(matches!(unconfirmed, Verdict::Unconfirmed(_)), "{unconfirmed:?}");
+        assert_eq!(verdict(1e-16, looks - 1).0, Verdict::Interrupted);
+    }
+}

@@ -191,3 +191,39 @@ impl<A: Audience> Watch<'_, A> {
         if stops { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accuracy::price::of;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+
+    /// Twenty steps of a vibration: what appeared and vanished of its energy counts by its amplitude, for one step.
+    #[test]
+    fn runs_stray_by_what_appears_and_vanishes_in_a_step() {
+        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.3, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        builder.hold(0);
+        let (system, start) = &builder.build().unwrap();
+        let go_on = || true;
+        let grid = Grid::new(4.0, 0.5, 2);
+        let task = Task { system, start, duration: 4.0, costs: CostModel::of(system), grid, go_on: &go_on };
+        for (method, loses, gains) in [(Method::BackwardEuler, true, false), (Method::ForwardEuler, false, true)] {
+            let tried = attempt(&task, of(method), Pace::Step(0.2), f64::INFINITY, &mut (), &mut |_, _, _| {}).unwrap();
+            let mut state = start.clone();
+            let mut monitor = Monitor::new(system, &state, MonitorOptions::default()).unwrap();
+            let mut stepper = method.stepper(system, &state, &Default::default()).unwrap();
+            for step in 1..=20 {
+                stepper.step(&mut state, 0.2).unwrap();
+                monitor.enter(step, &state, 0.2, None).unwrap();
+            }
+            let figures = monitor.figures(&state);
+            assert_eq!((figures.lost_way > 0.1, figures.gained_way > 0.1), (loses, gains), "{}", method.name());
+            let expected = (figures.lost_way + figures.gained_way) / 20.0;
+            assert!((tried.strayed / expected - 1.0).abs() < 1e-9, "{}: {:e}", method.name(), tried.strayed);
+        }
+    }
+}

@@ -72,14 +72,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price, othe
         if let Some((before, course)) = coarse.take() {
             let difference = search.difference(&fine, &course);
             let apart = difference.envelope();
-            // Errors are about in proportion to the tolerance; more than half of that decay must be seen, and no more than all.
-            let least = history.iter().copied().reduce(f64::min);
-            let ratio = tolerance / before;
-            let (estimate, contracts) = match least {
-                None => (if jumps { JUMPED } else { UNPROVEN } * apart, true),
-                Some(least) if apart <= least * ratio.sqrt() => (apart.max(CHANCE * least * ratio) / PROVEN, true),
-                Some(_) => (history.iter().fold(apart, |a, b| a.max(*b)) * PROVEN, false),
-            };
+            let (estimate, contracts) = estimate(&history, apart, tolerance / before, jumps);
             search.estimate(estimate);
             if estimate <= accuracy {
                 return Ok(Verdict::Confirmed);
@@ -115,5 +108,38 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price, othe
         }
         coarse = Some((tolerance, fine));
         tolerance = next;
+    }
+}
+
+/// What two runs that are so far apart say of the finer one's error, and whether they have come nearer as they should: after earlier
+/// differences, the tolerance being that part of the one before.
+fn estimate(history: &[f64], apart: f64, ratio: f64, jumps: bool) -> (f64, bool) {
+    // Errors are about in proportion to the tolerance; more than half of that decay must be seen, and no more than all.
+    match history.iter().copied().reduce(f64::min) {
+        None => (if jumps { JUMPED } else { UNPROVEN } * apart, true),
+        Some(least) if apart <= least * ratio.sqrt() => (apart.max(CHANCE * least * ratio) / PROVEN, true),
+        Some(_) => (history.iter().fold(apart, |a, b| a.max(*b)) * PROVEN, false),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::estimate;
+
+    /// Of a first pair half counts, or three times as much where forces jump. From a tolerance to a sixteenth of it differences should fall to a
+    /// quarter at least; what has fallen by more than the tolerance counts for half of that. Otherwise the largest so far counts, and half again.
+    #[test]
+    fn differences_count_for_what_they_show() {
+        for (history, apart, jumps, expected) in [
+            (&[][..], 8.0, false, (4.0, true)),
+            (&[], 8.0, true, (24.0, true)),
+            (&[96.0, 48.0], 12.0, false, (8.0, true)),
+            (&[96.0, 48.0], 12.0, true, (8.0, true)),
+            (&[48.0, 96.0], 0.75, false, (1.0, true)),
+            (&[48.0, 96.0], 12.5, false, (144.0, false)),
+            (&[48.0, 96.0], 100.0, true, (150.0, false)),
+        ] {
+            assert_eq!(estimate(history, apart, 1.0 / 16.0, jumps), expected, "{history:?} {apart}");
+        }
     }
 }

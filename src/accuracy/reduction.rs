@@ -317,7 +317,7 @@ mod tests {
             reduce(&system, &state).reductions.contains(&Reduction::AtRest { particles: 1, coordinates: 1 })
         };
         for (part, rest_length, expected) in
-            [(0.0, 0.5, true), (0.7, 0.5, true), (1.5, 0.5, false), (0.0, 6.0, true), (0.7, 6.0, false)]
+            [(0.0, 0.5, true), (0.7, 0.5, true), (1.5, 0.5, false), (0.0, 6.0, true), (0.4, 6.0, false)]
         {
             assert_eq!(is_left_out(part, rest_length, Motion::Held), expected, "{part} {rest_length}");
         }

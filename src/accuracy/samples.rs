@@ -115,6 +115,33 @@ mod tests {
         assert_eq!(seen, [(1, 0.25), (2, 0.5), (3, 0.75), (4, 1.0)]);
     }
 
+    /// Every spacing of 2.5 s, in steps of 3 s on a curve that no cubic polynomial meets: between the ends of the step that it lies in.
+    #[test]
+    fn states_are_interpolated_within_the_step() {
+        let mut builder = crate::SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        let (system, start) = builder.build().unwrap();
+        let at = |time: f64| State {
+            time,
+            positions: vec![nalgebra::Vector3::new(time.powi(4), 0.0, 0.0)],
+            velocities: vec![nalgebra::Vector3::new(4.0 * time.powi(3), 0.0, 0.0)],
+        };
+        let mut between = Between::new(2.5, 3.0, &start);
+        let mut seen = Vec::new();
+        for step in 1..=5 {
+            let (before, after) = (at(3.0 * f64::from(step - 1)), at(3.0 * f64::from(step)));
+            let mut expected = start.clone();
+            let flow = between.see(&system, &after, 15.0, |_, state| {
+                hermite(&before, &after, state.time, &mut expected);
+                assert_eq!(state.positions, expected.positions, "{}", state.time);
+                seen.push(state.time);
+                ControlFlow::Continue(())
+            });
+            assert!(flow.is_continue());
+        }
+        assert_eq!(seen, [2.5, 5.0, 7.5, 10.0, 12.5, 15.0]);
+    }
+
     /// A time that lies a hundred-thousandth of the spacing before the end is one of its own; in steps of seconds too.
     #[test]
     fn samples_are_all_seen_whatever_the_unit() {

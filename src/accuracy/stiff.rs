@@ -63,7 +63,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
         };
         if let Some(coarse) = coarse.take() {
             let apart = search.difference(&fine, &coarse).envelope();
-            let estimate = if apart < 0.6 * last || last.is_infinite() { 0.5 * apart } else { 1.5 * apart };
+            let estimate = estimate(apart, last);
             last = last.min(apart);
             let step = 2.0 * duration / run.steps.max(1) as f64;
             let mut resolved = true;
@@ -78,7 +78,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
             if resolved && estimate <= accuracy {
                 return Ok(Some(Verdict::Confirmed));
             }
-            next = tolerance * (0.5 * accuracy / estimate).powf(1.2).clamp(0.02, 0.3);
+            next = tolerance * tighter(accuracy, estimate);
         }
         if run.cost * (tolerance / next).powf(GROWTH) > 1.2 * explicit {
             return Ok(None);
@@ -89,10 +89,42 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
     }
 }
 
+/// What is believed of the finer of two runs that are so far apart: half of that, as long as no earlier pair was hardly farther.
+fn estimate(apart: f64, last: f64) -> f64 {
+    if apart < 0.6 * last { 0.5 * apart } else { 1.5 * apart }
+}
+
+/// The next tolerance in the one before.
+fn tighter(accuracy: f64, estimate: f64) -> f64 {
+    (0.5 * accuracy / estimate).powf(1.2).clamp(0.02, 0.3)
+}
+
 /// How linear systems are solved: far more exactly than the accuracy needs.
 pub(super) fn linear_options<A: Audience>(search: &Search<'_, A>) -> SolverOptions {
     let requirement = search.requirement;
     let tolerance = Tolerance::Fixed((1e-3 * requirement.accuracy).clamp(1e-12, 1e-4));
     let defaults = SolverOptions::default();
     SolverOptions { solver: requirement.solver.unwrap_or(defaults.solver), par: requirement.par, tolerance, ..defaults }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{estimate, tighter};
+
+    #[test]
+    fn runs_that_come_nearer_are_believed() {
+        for (apart, last, expected) in
+            [(4.0, f64::INFINITY, 2.0), (1.0, 2.0, 0.5), (1.25, 2.0, 1.875), (0.6, 1.0, 0.9), (3.0, 2.0, 4.5)]
+        {
+            assert!((estimate(apart, last) / expected - 1.0).abs() < 1e-15, "{apart} after {last}");
+        }
+        assert_eq!(estimate(f64::INFINITY, f64::INFINITY), f64::INFINITY);
+    }
+
+    /// Half of the accuracy is aimed at. Of an estimate five times the accuracy that is a tenth, of much smaller and larger ones the ends.
+    #[test]
+    fn tolerances_follow_the_estimate() {
+        assert!((tighter(0.1, 0.5) - 0.1f64.powf(1.2)).abs() < 1e-15);
+        assert_eq!([tighter(0.1, 0.1), tighter(0.1, 10.0), tighter(1e-3, 1e-9)], [0.3, 0.02, 0.3]);
+    }
 }

@@ -3,6 +3,7 @@
 //! `tests/tried_*.txt` hold it, block by block, as it was when it was looked at. Numbers are held to two percent. `SPRUNG_RENEW=tried` with this
 //! test writes the list anew; the difference belongs into the change that makes it.
 
+mod handed_on;
 mod told;
 
 use super::course::Course;
@@ -183,6 +184,7 @@ fn steps_of_one_length() {
         ("on a line", Case::new(through(1), 2.0, 1e-3)),
         ("folding", Case::new(hanging(3, 200.0, 0.0, 0.9), 6.0, 1e-6)),
         ("breaking down", Case::new(hanging(3, 2e9, 0.0, 0.3), 5.0, 1e-3).with(priced(100.0, 40.0, 50.0))),
+        ("swinging to ten digits", swinging.with(digits(1e-10))),
         ("ended", swinging.with(|case| case.looks = 100)),
         ("dear", swinging.with(|case| case.spent = 3e7 - 400.0)),
         ("dearer", swinging.with(|case| case.spent = 3e7 - 20.0)),
@@ -212,6 +214,7 @@ fn runs_of_verlet() {
         ("folding cheaply", Case::new(hanging(3, 200.0, 0.0, 0.9), 6.0, 1e-3).with(priced(300.0, 3e4, 30.0))),
         ("on a line", Case::new(through(1), 2.0, 1e-3).with(priced(30.0, 3e3, 30.0))),
         ("near the anchor", Case::new(planet([1.0, 0.0], [0.0, 0.05], 0.02), 2.0, 1e-3).with(priced(30.0, 3e3, 30.0))),
+        ("swinging in many steps", swinging.with(digits(0.1)).with(priced(1e3, 3.0, 30.0))),
         ("blown up", Case::new(hanging(3, 2e3, 0.0, 0.3), 2.0, 1e-2).with(priced(30.0, 3e3, 100.0))),
         ("broken down", Case::new(hanging(3, 2e9, 0.0, 0.3), 2.0, 1e-2).with(priced(30.0, 3e3, 100.0))),
         ("ended", swinging.with(|case| case.looks = 60)),
@@ -262,6 +265,9 @@ fn implicit_runs() {
     }
     let barely = Case::new(led(3.0), 1.0, 1e-2).with(priced(350.0, 1e3, 1e3));
     all.push(("led afterwards, explicit answers being hardly dear enough".into(), barely.tried(&by_settled)));
+    // Definite for a twelfth of the time, and not for all of it.
+    let pressed = Case::new(planet([0.5, 0.0], [0.0, 0.0], 1.0), 2.4, 0.2).with(priced(1e5, 1e4, 30.0));
+    all.push(("pressed for a while".into(), pressed.tried(&by_settled)));
     for (name, case) in &cases[..16] {
         all.push((format!("{name}, explicit answers being dear"), case.with(priced(1e5, 1e5, 1e3)).tried(&by_settled)));
     }

@@ -71,6 +71,17 @@ fn share(coarse: f64, fine: f64) -> f64 {
     coarse.powi(-2) - fine.powi(-2)
 }
 
+/// With what an estimate is multiplied where steps have become so much shorter: `(h₁/h₂)² − 1`, in that of a way that is not long.
+fn distrust(gain: f64) -> f64 {
+    (gain / (FAR.powi(2) - 1.0)).max(1.0)
+}
+
+/// What the way to steps that are so much shorter will cost.
+fn cost(steps: f64, shorter: f64, follows: bool) -> f64 {
+    let [_, largest] = SHORTER;
+    steps * shorter * if shorter > largest { IN_TWO } else { 1.0 } * if follows { 1.0 } else { ASTRAY }
+}
+
 /// An answer, or what DOP853 may be compared with.
 pub(super) fn answer<A: Audience>(
     search: &mut Search<'_, A>,
@@ -113,7 +124,7 @@ pub(super) fn answer<A: Audience>(
             }
             let mut strays = 0.0;
             // A long way is not believed to its end, unless it leads where it should.
-            let mut distrust = (gain / (FAR.powi(2) - 1.0)).max(1.0);
+            let mut distrust = distrust(gain);
             let follows = expected.as_ref().is_none_or(|law| apart <= CONTRACTION * law.apart);
             let by_law = match &expected {
                 None => UNPROVEN * apart / believed,
@@ -132,9 +143,7 @@ pub(super) fn answer<A: Audience>(
             history.push(apart);
             extrapolated = Some(fine.course.extrapolated(&before.course, 1.0 / gain));
             let shorter = (by_law / (AIM * accuracy)).sqrt().max(least);
-            let cost =
-                steps * shorter * if shorter > largest { IN_TWO } else { 1.0 } * if follows { 1.0 } else { ASTRAY };
-            if cost > too_dear || !shorter.is_finite() {
+            if cost(steps, shorter, follows) > too_dear || !shorter.is_finite() {
                 return Ok(Err(Extrapolated(extrapolated)));
             }
             let shorter = if shorter > largest { shorter.sqrt().max(shorter / largest) } else { shorter };
@@ -154,4 +163,24 @@ pub(super) fn answer<A: Audience>(
         }
     }
     Ok(Err(Extrapolated(extrapolated)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{cost, distrust};
+
+    /// Ways to steps up to 2.5 times shorter, of a gain of 5.25, are not long.
+    #[test]
+    fn long_ways_are_not_believed_to_their_end() {
+        assert_eq!([0.5625, 5.25, 10.5, 15.75].map(distrust), [1.0, 1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn ways_cost_more_in_two_and_where_the_law_does_not_hold() {
+        for (shorter, follows, expected) in
+            [(2.0, true, 200.0), (4.0, true, 400.0), (5.0, true, 800.0), (2.0, false, 600.0), (5.0, false, 2400.0)]
+        {
+            assert_eq!(cost(100.0, shorter, follows), expected, "{shorter} {follows}");
+        }
+    }
 }

@@ -31,6 +31,16 @@ pub(super) const ABOVE_THE_FLOOR: f64 = 3.0;
 /// Rounding of the positions: no estimate is smaller.
 const ROUNDING: f64 = 1e-15;
 
+/// The part of a chart's time that the reference may take.
+pub(super) fn share(budget: Duration) -> Duration {
+    budget / 3
+}
+
+/// The part of that in which the library's integrator must get there.
+fn library(limit: Duration) -> Duration {
+    limit / 2
+}
+
 impl Reference {
     /// Computes the state `duration` seconds after `start` within about `limit`; dt is a step that methods may begin with.
     ///
@@ -54,8 +64,8 @@ impl Reference {
         limit: Duration,
         interrupt: Interrupt,
     ) -> Result<Option<Self>> {
-        let [half, whole] = [limit / 2, limit].map(|time| Deadline::after(time, interrupt));
-        match Self::by_library(system, start, duration, half) {
+        let [of_library, whole] = [library(limit), limit].map(|time| Deadline::after(time, interrupt));
+        match Self::by_library(system, start, duration, of_library) {
             Some(reference) => Ok(Some(reference)),
             None => Self::by_extrapolation(system, start, [dt, duration], whole),
         }
@@ -196,6 +206,29 @@ mod tests {
             }
         }
         assert!(ladder.two().is_some() && errors[1] < errors[0] / 4.0 && errors[1] < 1e-6, "{errors:?}");
+    }
+
+    /// After a run the next, which takes twice as long, must fit: with hardly more time than one takes a ladder ends, although that was not
+    /// interrupted.
+    #[test]
+    fn ladders_end_where_the_next_run_would_not_fit() {
+        let (system, start) = oscillator();
+        let climb = |deadline: Deadline| {
+            let mut ladder = Ladder::new(Method::W2);
+            let begin = Instant::now();
+            ladder.climb(&system, &start, [1e-3, 2.0], deadline).unwrap();
+            (ladder.open, begin.elapsed())
+        };
+        let far = Deadline::from(Instant::now() + Duration::from_secs(7200));
+        let quickest =
+            (0..4).map(|_| climb(far)).inspect(|(open, _)| assert!(open)).map(|(_, wall)| wall).min().unwrap();
+        assert!(!climb(Deadline::from(Instant::now() + 2 * quickest)).0);
+    }
+
+    #[test]
+    fn the_library_has_half_of_a_third_of_the_time() {
+        assert_eq!(share(Duration::from_secs(60)), Duration::from_secs(20));
+        assert_eq!(library(Duration::from_secs(20)), Duration::from_secs(10));
     }
 
     /// Fourteen steps of dt, doubled from run to run while there is time, and the best of what they give: better than the first two

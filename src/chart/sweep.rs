@@ -175,9 +175,7 @@ pub(super) fn sweep(
     let mut runs = Vec::new();
     while lanes.iter().any(|lane| lane.open) && deadline.allows(Duration::ZERO) {
         for lane in lanes.iter_mut().filter(|lane| lane.open) {
-            let left = deadline.left();
-            // Half the step, twice the work; a quarter of what is left must do for each.
-            if left.is_zero() || lane.last.is_some_and(|last| 8 * last > left) {
+            if !fits(lane.last, deadline.left()) {
                 lane.open = false;
                 continue;
             }
@@ -200,6 +198,11 @@ pub(super) fn sweep(
         }
     }
     Ok(runs)
+}
+
+/// Whether the run after one that took so long may be begun. Half the step, twice the work; a quarter of what is left must do for each.
+fn fits(last: Option<Duration>, left: Duration) -> bool {
+    !left.is_zero() && last.is_none_or(|last| 8 * last <= left)
 }
 
 /// The largest of dt, 2dt, 4dt, … that leaves a few steps; smaller than dt where even dt does not.
@@ -303,6 +306,21 @@ mod tests {
         let over = Deadline::from(Instant::now());
         assert_eq!(bench.measure(&configuration, pace, over).unwrap(), None);
         assert!(sweep(&bench, 0.01, Par::Seq, over, &mut |_, _: &str| {}).unwrap().is_empty());
+    }
+
+    #[test]
+    fn runs_may_take_a_quarter_of_the_time_that_is_left() {
+        let seconds = Duration::from_secs;
+        for (last, left, expected) in [
+            (None, seconds(1), true),
+            (None, seconds(0), false),
+            (Some(seconds(0)), seconds(0), false),
+            (Some(seconds(1)), seconds(8), true),
+            (Some(seconds(1)), seconds(9), true),
+            (Some(seconds(1)), seconds(7), false),
+        ] {
+            assert_eq!(fits(last, left), expected, "{last:?} {left:?}");
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@ use crate::accuracy::{Configuration, Pace};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions, Tolerance};
+use std::time::Duration;
 
 /// Runs of one method and step by conjugate gradients at tolerances from coarse to fine, the loosest first.
 pub(super) fn study(bench: &Bench<'_>, method: Method, dt: f64, deadline: Deadline) -> Result<Vec<Run>> {
@@ -24,4 +25,19 @@ pub(super) fn study(bench: &Bench<'_>, method: Method, dt: f64, deadline: Deadli
         }
     }
     Ok(runs)
+}
+
+/// The share of a budget that the study of one method may take.
+pub(super) fn share(budget: Duration) -> Duration {
+    budget / 20
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_study_has_a_twentieth_of_the_time() {
+        assert_eq!(share(Duration::from_secs(60)), Duration::from_secs(3));
+    }
 }

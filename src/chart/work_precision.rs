@@ -2,7 +2,7 @@
 
 use super::sizes::{self, SizeRun};
 use super::sweep::{Bench, Run, sweep};
-use super::{Deadline, Progress, Reference, tolerance};
+use super::{Deadline, Progress, Reference, reference, tolerance};
 use crate::error::Result;
 use crate::integrate::Method;
 use crate::interrupt::Interrupt;
@@ -76,14 +76,14 @@ impl WorkPrecision {
         let whole = Deadline::after(budget, interrupt);
         let begin = Instant::now();
         progress.at(begin.elapsed(), "reference");
-        let reference = Reference::within(system, start, [dt, duration], budget / 3, interrupt)?;
+        let reference = Reference::within(system, start, [dt, duration], reference::share(budget), interrupt)?;
         let Some(reference) = reference else { return Ok(None) };
         let costs = CostModel::of(system);
         let bench = Bench { system, start, duration, reference: &reference, costs };
 
         progress.at(begin.elapsed(), "tolerances of conjugate gradients");
-        let share = budget / 20;
-        let study = |method| tolerance::study(&bench, method, dt, Deadline::after(share, interrupt));
+        let share = || Deadline::after(tolerance::share(budget), interrupt);
+        let study = |method| tolerance::study(&bench, method, dt, share());
         let mut tolerances = study(Method::LinearBackwardEuler)?;
         tolerances.extend(study(Method::W2)?);
 
@@ -93,5 +93,33 @@ impl WorkPrecision {
         let mut shifted = |elapsed: Duration, what: &str| progress.at(begin.elapsed().max(elapsed), what);
         let runs = sweep(&bench, dt, par, whole, &mut shifted)?;
         Ok(Some(Self { scene: scene.into(), duration, reference, runs, tolerances, sizes }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Spring;
+    use crate::system::SystemBuilder;
+
+    /// A particle on a spring of 1 N/m, 1 kg, drawn out by 0.3 m: every part of the chart has runs, and is told of as it begins.
+    #[test]
+    fn a_chart_has_all_its_parts() {
+        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.3, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        builder.hold(0);
+        let (system, start) = builder.build().unwrap();
+        let budget = Duration::from_secs(2);
+        let options = SweepOptions { duration: 2.0, dt: 0.1, budget, par: Par::Seq, interrupt: Interrupt::NEVER };
+        let mut told = Vec::new();
+        let mut tell = |_: Duration, what: &str| told.push(what.to_owned());
+        let chart = WorkPrecision::measure("oscillator", &system, &start, &options, &mut tell).unwrap().unwrap();
+        assert_eq!((chart.scene.as_str(), chart.duration), ("oscillator", 2.0));
+        assert!((chart.reference.state.positions[1].x - 1.0 - 0.3 * 2.0f64.cos()).abs() < 1e-8);
+        assert!(!chart.runs.is_empty() && !chart.tolerances.is_empty());
+        assert_eq!(told[..3], ["reference", "tolerances of conjugate gradients", "solvers over sizes"]);
+        assert!(told.len() >= 3 + chart.runs.len());
     }
 }

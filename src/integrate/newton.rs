@@ -103,7 +103,7 @@ impl<'s> Newton<'s> {
         let coast = self.start(state, dt, 1.0);
         let solved = coast.and_then(|point| self.iterate(point, state, dt, self.linear.policy, false));
         match solved {
-            Err(failure) if has_no_way_on(&failure) => {
+            Err(failure) if has_no_way(&failure) => {
                 let stay = self.start(state, dt, 0.0)?;
                 self.iterate(stay, state, dt, self.linear.policy, false)
             }
@@ -377,7 +377,7 @@ fn free_norm(system: &System, v: &[Vector3<f64>]) -> f64 {
 }
 
 /// Whether another start may help: where there is no way on, not where matrices are refused or the way is too long.
-fn has_no_way_on(failure: &StepFailure) -> bool {
+fn has_no_way(failure: &StepFailure) -> bool {
     match failure {
         StepFailure::Newton { reason, .. } => *reason != NotSolved::IterationLimit,
         StepFailure::NonFinite | StepFailure::DegenerateSpring(_) => true,

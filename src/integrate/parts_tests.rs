@@ -9,21 +9,19 @@ use crate::system::parts::{Cut, in_parts};
 use crate::system::{Axes, Constraint, Motion, SystemBuilder};
 use nalgebra::Vector3;
 
-/// A ladder of ten damped rungs that swings, led by a path with a kink at one end.
-fn ladder() -> SystemBuilder {
+/// A ladder of damped rungs that swings, led by a path with a kink at one end; ten rungs are repeated.
+fn ladder(rungs: usize) -> SystemBuilder {
     let mut builder = SystemBuilder::new();
     builder.gravity(0.0, -9.81, 0.0);
-    for rung in 0..10 {
-        for side in 0..2 {
-            let p = builder.particle(
-                [f64::from(rung), 0.1 * f64::from(rung * side), f64::from(side)],
-                1.0 + 0.1 * f64::from(rung),
-            );
-            builder.velocities[p] = Vector3::new(0.0, 0.3 * f64::from(rung), 0.1);
+    for rung in 0..rungs {
+        let of_ten = (rung % 10) as f64;
+        for side in [0.0, 1.0] {
+            let p = builder.particle([rung as f64, 0.1 * (of_ten * side), side], 1.0 + 0.1 * of_ten);
+            builder.velocities[p] = Vector3::new(0.0, 0.3 * of_ten, 0.1);
         }
     }
     let spring = |rest_length, damping| Spring { stiffness: 200.0, rest_length, damping };
-    for p in 0..18 {
+    for p in 0..2 * rungs - 2 {
         builder.spring(p + 2, p, spring(1.02, 0.3));
         builder.spring(p, p + 1, spring(1.1, 0.0));
     }
@@ -39,7 +37,9 @@ fn ladder() -> SystemBuilder {
 fn verlet_and_its_account_in_parts_are_those_of_the_whole() {
     let options = MonitorOptions { forces: true, stops_unstable: true };
     let dt = 2e-3;
-    let (system, start) = ladder().build().unwrap();
+    // So long that every part has several batches of springs.
+    let ladder = ladder(60);
+    let (system, start) = ladder.clone().build().unwrap();
     let mut state = start.clone();
     let mut stepper = Verlet::new(&system, &state).unwrap();
     let mut monitor = Monitor::new(&system, &state, options).unwrap();
@@ -51,7 +51,7 @@ fn verlet_and_its_account_in_parts_are_those_of_the_whole() {
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-12 * (1.0 + a.abs());
     for parts in 2..5 {
         in_parts(
-            &ladder(),
+            &ladder,
             parts,
             |p| p * 7 % parts,
             |Cut { particles, system, state: mut part, .. }| {
@@ -101,7 +101,7 @@ fn verlet_and_its_account_in_parts_are_those_of_the_whole() {
 #[test]
 fn failures_of_one_part_are_those_of_all() {
     let failures = in_parts(
-        &ladder(),
+        &ladder(10),
         3,
         |p| p * 3 / 20,
         |Cut { particles, system, state: mut part, .. }| {
@@ -124,7 +124,7 @@ fn failures_of_one_part_are_those_of_all() {
 #[test]
 fn of_several_failures_the_first_spring_counts() {
     let failures = in_parts(
-        &ladder(),
+        &ladder(10),
         3,
         |p| p * 3 / 20,
         |Cut { particles, system, state: mut part, .. }| {

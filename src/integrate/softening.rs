@@ -95,9 +95,8 @@ impl Softening {
         let ends = |position: usize| system.pair(system.active_springs()[position] as usize);
         // Of every particle: the first term that it drops, as what it takes and its spring's number, and whether there is one.
         let mut first = vec![Vector3::<f64>::zeros(); system.particles()];
-        let drops = |first: &Vector3<f64>, taken: f64, number: f64| {
-            first.z > 0.0 && taken > 0.0 && (taken, -number) >= (first.x, -first.y)
-        };
+        let drops =
+            |first: &Vector3<f64>, taken: f64, number: f64| first.z > 0.0 && (taken, -number) >= (first.x, -first.y);
         loop {
             let mut has_changed = false;
             for particle in 0..system.own_particles() {
@@ -269,6 +268,27 @@ mod tests {
             let (system, state) = builder.build().unwrap();
             let system = (system.clone(), Extensions::at(&system, &state.positions).unwrap());
             assert_eq!(dropped(&system, mass), expected, "{free:?} {mass}");
+        }
+    }
+
+    /// A spring at 45° to both axes takes half of its 10 along each, and as much from one to the other: the particle that moves along one
+    /// alone does not feel that.
+    #[test]
+    fn what_couples_to_an_axis_that_is_not_free_does_not_count() {
+        for (free, mass, expected) in
+            [(&[0][..], 5.01, false), (&[0], 4.99, true), (&[0, 1], 9.99, true), (&[0, 1], 10.01, false)]
+        {
+            let mut builder = SystemBuilder::new();
+            let half = 0.5f64.sqrt();
+            builder.particle([0.0; 3], 1.0);
+            builder.particle([half, half, 0.0], 1.0);
+            builder.hold(1);
+            let axes = Axes::ALL.without(Axes::of(free));
+            builder.constrain(Constraint { particles: vec![0], axes, motion: Motion::Held });
+            builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+            let (system, state) = builder.build().unwrap();
+            let system = (system.clone(), Extensions::at(&system, &state.positions).unwrap());
+            assert_eq!(dropped(&system, mass), [expected], "{free:?} {mass}");
         }
     }
 

@@ -4,7 +4,7 @@
 //! v½ = v + ½h a,   x' = x + h v½,   v* = v + h a,   a' = M⁻¹ f(x', v*),   v' = v½ + ½h a'.
 //! ```
 //!
-//! a' serves the next step. Without damping f does not depend on v*, and this is the method of Verlet (1967) in the form with
+//! a' serves the next step. Without damping, and forces from outside, f does not depend on v*, and this is the method of Verlet (1967) in the form with
 //! velocities: symplectic, time-reversible, stable for `h ≤ 2/ω_max`. With damping the force at the end would depend on the
 //! velocity sought. Its prediction v* is right to O(h²), so is a', and v' to O(h³): second order still, at the price of some
 //! stability: a mode of frequency ω and damping ratio ζ is stable for `hω ≤ 2(√(1 + 4ζ²) − 2ζ)`, at ζ of 0, 0.1, 0.5 and 1 for
@@ -46,13 +46,14 @@ use nalgebra::Vector3;
 #[doc(alias = "leapfrog")]
 pub struct Verlet<'s> {
     system: &'s System,
+    /// Whether forces may depend on velocities: of damping, or external.
     is_damped: bool,
     /// The state at which the last step ended, and where this one is.
     next: State,
     /// Whether `force` is the one there.
     knows_force: bool,
     force: Vec<Vector3<f64>>,
-    /// v*; only where there is damping.
+    /// v*; only where forces may depend on it.
     predicted: Vec<Vector3<f64>>,
     statistics: Statistics,
 }
@@ -66,7 +67,7 @@ impl<'s> Verlet<'s> {
         Extensions::at(system, &state.positions)?;
         Ok(Self {
             system,
-            is_damped: system.is_damped(),
+            is_damped: system.is_damped() || system.has_external_forces(),
             next: state.clone(),
             knows_force: false,
             force: vec![Vector3::zeros(); system.particles()],

@@ -59,6 +59,11 @@ impl DirectCost {
     fn step(self) -> f64 {
         self.factor + self.solve
     }
+
+    /// Whether a factor of so many bytes is considered.
+    fn is_affordable(self, bytes: u64) -> bool {
+        self.step() <= HOPELESS && fits(bytes)
+    }
 }
 
 /// Whether a factor of so many bytes leaves as much room for everything else, in what the process may ever hold.
@@ -118,7 +123,7 @@ impl AutomaticSolver {
                     let (factor, solve) = (self.costs.factorization(plan.size()), self.costs.direct_solve(plan.size()));
                     (plan, DirectCost { factor, solve })
                 });
-                let affordable = priced.filter(|(plan, cost)| cost.step() <= HOPELESS && fits(plan.bytes()));
+                let affordable = priced.filter(|(plan, cost)| cost.is_affordable(plan.bytes()));
                 if let Some((plan, cost)) = affordable {
                     self.cost = cost;
                     self.lost = 0.0;

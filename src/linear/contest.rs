@@ -299,6 +299,19 @@ mod tests {
         }
     }
 
+    /// Multigrid is left for no preconditioner at all when it has cost more than a matrix with it would cost in vain, and blocks beside.
+    #[test]
+    fn multigrid_is_left_where_little_is_to_do() {
+        let (mut contest, costs) = (contest(), costs());
+        contest.record(Kind::None, 3, 10.0);
+        contest.changed_to(Kind::Multigrid);
+        contest.set_up(1.0);
+        contest.record(Kind::Multigrid, 8, 10.0);
+        assert!(SURE * costs.iteration(Kind::Multigrid) * 8.0 > costs.preparation(Kind::BlockJacobi));
+        assert_eq!(contest.next(Kind::Multigrid, &costs, true), None);
+        assert_eq!(moves(&mut contest, Kind::Multigrid, 8, 10).map(|(_, kind)| kind), Some(Kind::None));
+    }
+
     /// Coarse levels that have to be made anew for every matrix cost more than the iterations that they save.
     #[test]
     fn coarse_levels_that_age_fast_are_left() {

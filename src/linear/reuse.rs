@@ -202,9 +202,25 @@ mod tests {
             multigrid.record(iterations, 1.0);
             assert_eq!(multigrid.coarse, used(6.0, lost), "after {iterations} iterations for one digit");
         }
+        // Of two digits these are fifteen and one.
+        for (iterations, lost) in [(15, 3.0), (16, 4.0), (17, 10.0)] {
+            let mut multigrid = aged(used(6.0, 0.0));
+            multigrid.record(iterations, 2.0);
+            assert_eq!(multigrid.coarse, used(6.0, lost), "after {iterations} iterations for two digits");
+        }
         let mut multigrid = aged(Coarse::Missing);
         multigrid.record(30, 5.0);
         assert_eq!(multigrid.coarse, Coarse::Missing);
+    }
+
+    /// In the first solve with the next matrix five iterations more than expected are too many, four are not.
+    #[test]
+    fn coarse_levels_age_fast_by_what_they_lose() {
+        for (iterations, solves, renewals) in [(10, 1, 0), (11, 1, 64), (11, 2, 0)] {
+            let mut multigrid = ReusedMultigrid { solves, ..aged(used(6.0, 0.0)) };
+            multigrid.record(iterations, 1.0);
+            assert_eq!(multigrid.renewals, renewals, "{iterations} in solve {solves}");
+        }
     }
 
     /// Old coarse levels may take half as many iterations again as new ones, and half the price of new ones, ten iterations:
@@ -255,7 +271,12 @@ mod tests {
             assert_eq!(step(&mut multigrid, 60), 2 + renewed);
         }
         assert_eq!((step(&mut multigrid, 61), multigrid.renewals), (66, 0));
-        multigrid.solves = 1;
+        for (solves, coarse) in [(2, used(6.0, 0.0)), (1, Coarse::New)] {
+            (multigrid.solves, multigrid.coarse) = (solves, coarse);
+            multigrid.rebuild(&a, &mut Work::default()).unwrap();
+            assert_eq!((multigrid.renewals, multigrid.next_renewals), (0, 128), "{coarse:?}");
+        }
+        (multigrid.solves, multigrid.coarse) = (1, used(6.0, 0.0));
         multigrid.rebuild(&a, &mut Work::default()).unwrap();
         assert_eq!((multigrid.renewals, multigrid.next_renewals), (128, 256));
     }

@@ -168,6 +168,18 @@ mod tests {
     use crate::system::SystemBuilder;
     use nalgebra::Vector3;
 
+    #[test]
+    fn tolerances_lie_between_zero_and_one() {
+        let set = |tolerance: f64| SolverOptions::default().with_tolerance(tolerance).map(|options| options.tolerance);
+        for tolerance in [f64::MIN_POSITIVE, 1e-3, 1.0 - f64::EPSILON] {
+            assert_eq!(set(tolerance), Ok(Tolerance::Fixed(tolerance)));
+        }
+        for tolerance in [0.0, 1.0, -1e-3, 2.0, f64::NAN, f64::INFINITY] {
+            assert!(set(tolerance).is_err(), "{tolerance}");
+        }
+        assert!(Tolerance::OfMotion.check().is_ok());
+    }
+
     /// Half a million free particles are the most that are analysed; one more, and the matrix is not even looked at, whatever is known of it.
     #[test]
     fn what_is_too_large_is_not_analysed() {

@@ -107,6 +107,13 @@ mod tests {
                 assert_eq!(dense.update(&with(row, entry), 1.0), Err(BadRow(row)), "{entry}");
             }
         }
+        // Beside the diagonal the row counts, not the column.
+        let pattern =
+            Pattern::build(5, |row, columns| columns.extend(if row == 3 { vec![1, 3] } else { vec![row as u32] }));
+        let mut matrix = BlockMatrix::<2, 2, f64>::zeros(Arc::new(pattern.unwrap()));
+        matrix.values.fill([[2.0, 0.5], [0.5, 4.0]]);
+        matrix.values[3][1][0] = f64::INFINITY;
+        assert_eq!(dense.update(&matrix, 1.0), Err(BadRow(3)));
         dense.update(&with(3, 1.0), 2.0).unwrap();
         let mut x = [[0.0f32; 2]; 5];
         dense.solve(&[[1.0, 3.0]; 5], &mut x);

@@ -45,14 +45,13 @@ pub(super) const DIVERGING: [Colour; 9] = [
 ];
 
 /// Classes of cells: the first is the harmless one, and lies back; the others keep apart in lightness too.
-pub(super) const CLASSES: [Colour; 9] = [
+pub(super) const CLASSES: [Colour; 8] = [
     (223, 238, 246),
     (60, 60, 60),
     (196, 60, 0),
     (146, 84, 160),
     (240, 190, 70),
     (0, 148, 110),
-    (0, 92, 148),
     (228, 138, 112),
     (150, 190, 150),
 ];

@@ -106,3 +106,26 @@ impl<F: Fn(&Spring, &Vector3<f64>) -> Matrix3<f64>> BlockSum<'_, F> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spring::Stiffness;
+    use crate::verify::fixtures::{assert_faults_are_found, bent, wrong_stiffness};
+
+    /// Against `k/l0 nnᵀ + k (1/l0 − 1/l) (I − nnᵀ)`.
+    #[test]
+    fn wrong_terms_are_named() {
+        let (system, state) = bent();
+        let block = |spring: &Spring, d: &Vector3<f64>| {
+            let along = d * d.transpose() / d.norm_squared();
+            let transverse = spring.stiffness * (1.0 / spring.rest_length - 1.0 / d.norm());
+            along * (spring.stiffness / spring.rest_length) + (Matrix3::identity() - along) * transverse
+        };
+        let right = crate::integrate::StepMatrices::assemble(&system, &state, Stiffness::Full, 1.0).unwrap().k.to_csc();
+        assert!(against_blocks(&system, &state, &right, "K", "chain", block).passed());
+        let check = against_blocks(&system, &state, &wrong_stiffness(&system, &state), "K", "chain", block);
+        assert!(!check.passed() && check.drawing.is_some());
+        assert_faults_are_found(&check.table);
+    }
+}

@@ -54,9 +54,7 @@ pub(super) fn always(subject: &Subject) -> Measured {
             for dt in FACTORS.map(|factor| factor * twin.dt) {
                 let Some(shift) = promise(&twin, dt) else { continue };
                 tried += 1;
-                let mut a = StepMatrices::assemble(&twin.system, &twin.state, option, dt)?.a;
-                (0..twin.system.particles()).for_each(|p| a.add_to_diagonal(p, -shift));
-                refused += usize::from(factored.cholesky.factor(&a).is_err());
+                refused += usize::from(factored.refuses(&twin, option, dt, shift)?);
             }
             let value = if tried > 0 { refused as f64 } else { f64::NAN };
             let why = "refusals of A less its promised smallest eigenvalue m_min/dt², at steps from a quarter of dt to 4096 dt \
@@ -78,7 +76,7 @@ pub(super) fn inertia(subject: &Subject) -> Measured {
         let mut last = 0;
         for dt in FACTORS.map(|factor| factor * twin.dt) {
             let eigenvalues = dense_step_matrix(&twin, Stiffness::Full, dt).symmetric_eigenvalues();
-            let rounding = 4.0 * eigenvalues.len() as f64 * U * norm(&twin, dt);
+            let rounding = rounding(&twin, dt);
             if eigenvalues.iter().any(|value| value.abs() <= rounding) {
                 continue;
             }
@@ -138,12 +136,13 @@ pub(super) fn on_demand(subject: &Subject) -> Measured {
 fn promise(subject: &Subject, dt: f64) -> Option<f64> {
     let lightest = subject.system.masses().iter().copied().fold(f64::INFINITY, f64::min);
     let least = lightest / (dt * dt);
-    let rounding = 4.0 * subject.system.dofs().len() as f64 * U * norm(subject, dt);
+    let rounding = rounding(subject, dt);
     (rounding <= 0.5 * least).then_some(least - rounding)
 }
 
-fn norm(subject: &Subject, dt: f64) -> f64 {
-    reference::step_matrix_norm(subject, &subject.state, dt)
+/// What rounding may do to a pivot or an eigenvalue: 4 n u ‖A‖.
+fn rounding(subject: &Subject, dt: f64) -> f64 {
+    4.0 * subject.system.dofs().len() as f64 * U * reference::step_matrix_norm(subject, &subject.state, dt)
 }
 
 /// Both factorizations on a subject's pattern.
@@ -157,6 +156,14 @@ impl Factored {
         let a = StepMatrices::assemble(&subject.system, &subject.state, Stiffness::Tension, subject.dt)?.a;
         let pattern = a.pattern();
         Ok(Self { cholesky: Cholesky::analyse(pattern, Par::Seq)?, ldlt: Ldlt::analyse(pattern, Par::Seq)? })
+    }
+
+    /// Whether Cholesky refuses a step's A less so much on its diagonal.
+    fn refuses(&mut self, subject: &Subject, option: Stiffness, dt: f64, shift: f64) -> Result<bool, Unfinished> {
+        let Subject { system, state, .. } = subject;
+        let mut a = StepMatrices::assemble(system, state, option, dt)?.a;
+        (0..system.particles()).for_each(|p| a.add_to_diagonal(p, -shift));
+        Ok(self.cholesky.factor(&a).is_err())
     }
 
     /// The number of negative pivots of LDLᵀ; `None` where it breaks down.
@@ -180,6 +187,18 @@ mod tests {
         builder.hold(anchor);
         let (system, state) = builder.build().unwrap();
         Subject { name: "pair".into(), system, state, dt }
+    }
+
+    /// A is 1/dt² = 64 N/m across the spring, and 164 N/m along it.
+    #[test]
+    fn no_more_than_the_smallest_eigenvalue_is_left_out() {
+        let pair = pair(0.125);
+        let mut factored = Factored::new(&pair).unwrap();
+        let mut refuses = |shift| factored.refuses(&pair, Stiffness::Tension, 0.125, shift).unwrap();
+        assert_eq!([refuses(-1e3), refuses(0.0), refuses(63.9), refuses(64.1)], [false, false, false, true]);
+        let rounding = rounding(&pair, 0.125);
+        assert_eq!(rounding, 12.0 * U * reference::step_matrix_norm(&pair, &pair.state, 0.125));
+        assert_eq!(promise(&pair, 0.125), Some(64.0 - rounding));
     }
 
     /// With steps of 10¹² s rounding hides the masses, and with them all that could be said.

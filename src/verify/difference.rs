@@ -214,3 +214,19 @@ fn difference_block(spring: &Spring, at: &Extension, xi: &Vector3<f64>, xj: &Vec
     });
     (Matrix3::from_columns(&columns), allowed)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verify::elastic_force;
+    use crate::verify::fixtures::{assert_faults_are_found, bent, wrong_stiffness};
+
+    #[test]
+    fn wrong_terms_are_named() {
+        let (system, state) = bent();
+        let wrong = wrong_stiffness(&system, &state);
+        let check = stiffness_entries(&system, &state, elastic_force(&system, &state), &wrong, "chain");
+        assert!(!check.passed() && check.drawing.is_some());
+        assert_faults_are_found(&check.table);
+    }
+}

@@ -122,3 +122,18 @@ fn distance(a: &State, b: &State) -> f64 {
     let apart = |(x, y): (&Vector3<f64>, &Vector3<f64>)| (x - y).norm_squared();
     a.positions.iter().zip(&b.positions).map(apart).sum::<f64>().sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::completed;
+    use crate::integrate::{Outcome, RunFailure, StepFailure};
+    use std::ops::ControlFlow;
+
+    /// A reference that breaks down is none.
+    #[test]
+    fn only_what_has_come_to_its_end_is_compared_with() {
+        let failure = RunFailure { step: 3, time: 0.5, failure: StepFailure::NonFinite };
+        assert!(completed(&Outcome { steps: 2, end: Err(failure) }).is_err());
+        assert!(completed(&Outcome { steps: 5, end: Ok(ControlFlow::Continue(())) }).is_ok());
+    }
+}

@@ -152,9 +152,25 @@ fn rounding(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
 
 #[cfg(all(test, feature = "scene"))]
 mod tests {
-    use super::parts;
+    use super::{U, parts, reference, rounding};
     use crate::scene::builtin;
-    use crate::verify::Subject;
+    use crate::verify::{Subject, fixtures};
+    use nalgebra::Vector3;
+
+    /// In a quarter of a second one of three particles goes 1/8 m and another, of 1 kg, gets 1/2 m/s; weights are 10 N at most, springs
+    /// pull with 2 and 3 N.
+    #[test]
+    fn units_of_rounding_by_hand() {
+        let (system, state) = fixtures::line().build().unwrap();
+        let subject = Subject { name: "line".into(), system, state, dt: 0.25 };
+        let mut after = subject.state.clone();
+        after.positions[0].x += 0.125;
+        after.velocities[1] = Vector3::new(-0.5, 0.0, 0.0);
+        let norm = reference::step_matrix_norm(&subject, &subject.state, 0.25);
+        let expected = 3.0 * 0.25 * U * (norm * 0.125 + 2.0 + 10.0 + 3.0);
+        let found = rounding(&subject, 0.25, &subject.state, &after);
+        assert!((found / expected - 1.0).abs() < 1e-12, "{found:e} {expected:e}");
+    }
 
     /// Links given from the far end on hang every particle under the next: without halving, the way to the root of the last ones
     /// is the whole chain, for every particle.

@@ -102,3 +102,47 @@ pub fn refill_is_fresh(operator: &SystemOperator, refilled: &SymmetricMatrix, sc
     let count = wrong.compared() as f64;
     check(count, why).with_table(wrong.into_table(|entry| entry))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::refill_is_fresh;
+    use crate::assembly::{SpringPattern, SystemMatrix};
+    use crate::force::Extensions;
+    use crate::operator::{Combination, SystemOperator};
+    use crate::spring::Stiffness;
+    use crate::system::SystemBuilder;
+    use crate::verify::fixtures::line;
+    use std::sync::Arc;
+
+    /// Entries of the lower triangle that a matrix has wrong, as (column, row), when it was made of this scene and should be of the line.
+    fn wrong(scene: &SystemBuilder) -> (f64, Vec<(Option<usize>, usize)>) {
+        let operator =
+            |system, extensions| SystemOperator::new(system, extensions, Stiffness::Full, Combination::step(0.5));
+        let built = [scene, &line()].map(|scene| {
+            let (system, state) = scene.clone().build().unwrap();
+            let extensions = Extensions::at(&system, &state.positions).unwrap();
+            (system, extensions)
+        });
+        let [given, right] = built.each_ref().map(|(system, extensions)| operator(system, extensions));
+        let pattern = Arc::new(SpringPattern::of_stiffness(&built[0].0).unwrap());
+        let check = refill_is_fresh(&right, SystemMatrix::assemble(pattern, &given).matrix(), "line");
+        let mut places: Vec<_> = check.table.iter().map(|entry| (entry.column, entry.row)).collect();
+        places.sort_unstable();
+        (check.value, places)
+    }
+
+    #[test]
+    fn values_and_places_are_compared() {
+        assert_eq!(wrong(&line()), (0.0, vec![]));
+        // Of a spring that is not there the coupling and both diagonal entries are missing.
+        let mut parted = line();
+        parted.pairs.pop();
+        parted.springs.pop();
+        let expected = vec![(Some(1), 1), (Some(1), 2), (Some(2), 2)];
+        assert_eq!(wrong(&parted), (3.0, expected.clone()));
+        // One of another stiffness changes the same.
+        let mut softer = line();
+        softer.springs[1].stiffness = 11.0;
+        assert_eq!(wrong(&softer), (3.0, expected));
+    }
+}

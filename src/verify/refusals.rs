@@ -18,6 +18,7 @@ use crate::linear::{
 };
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
+use crate::system::System;
 use crate::work::Work;
 use faer::Par;
 use nalgebra::DVector;
@@ -164,24 +165,19 @@ pub(super) fn broken_states(subject: &Subject) -> Measured {
     let Subject { system, state, .. } = subject;
     let mut checks = Vec::new();
     for solver in [SolverChoice::Llt, SolverChoice::Ldlt, SolverChoice::Cg, SolverChoice::CgAssembled] {
-        let linear = SolverOptions { solver, ..SolverOptions::default() };
         let (mut fast, mut astray) = (state.clone(), state.clone());
         let dof = system.dofs().dof(0);
         fast.velocities[dof.particle][dof.axis] = f64::NAN;
-        // A NaN among the positions is in the matrix too, if a spring sees it.
-        let seen =
-            system.active().find_map(|(_, pair, _)| pair.into_iter().find(|&p| !system.dofs().rows(p).is_empty()));
-        astray.positions[seen.unwrap_or(dof.particle)][0] = f64::NAN;
+        astray.positions[seen(system).unwrap_or(dof.particle)][0] = f64::NAN;
         for (what, mut poisoned) in [("velocities", fast), ("positions", astray)] {
-            let outcome = stepper(subject, linear)?.step(&mut poisoned, subject.dt);
+            let outcome = stepper(subject, solver)?.step(&mut poisoned, subject.dt);
             let reported = outcome.is_err_and(|failure| failure.status() == Status::NonFinite);
             let name = format!("a NaN in the {what} is reported, {solver:?}");
             let why = "a step from a state that is not finite must fail as such";
             checks.push(Check::new(Claim::Failure, name, &subject.name, silent(reported), 0.0, why));
         }
     }
-    let options = SolverOptions { solver: SolverChoice::Cg, ..SolverOptions::default() };
-    let mut stepper = stepper(subject, options)?;
+    let mut stepper = stepper(subject, SolverChoice::Cg)?;
     let apart = system.active_springs().len().div_ceil(COLLAPSED);
     let wrong = system.active().step_by(apart).map(|(spring, pair, _)| named(subject, &mut stepper, spring, pair));
     let value = worst(wrong);
@@ -191,7 +187,13 @@ pub(super) fn broken_states(subject: &Subject) -> Measured {
     Ok(checks)
 }
 
-fn stepper(subject: &Subject, linear: SolverOptions) -> Result<LinearBackwardEuler<'_>, Unfinished> {
+/// A particle that can move, at a spring: a NaN among its coordinates is in the matrix too.
+fn seen(system: &System) -> Option<usize> {
+    system.active().find_map(|(_, pair, _)| pair.into_iter().find(|&p| !system.dofs().rows(p).is_empty()))
+}
+
+fn stepper(subject: &Subject, solver: SolverChoice) -> Result<LinearBackwardEuler<'_>, Unfinished> {
+    let linear = SolverOptions { solver, ..SolverOptions::default() };
     let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
     Ok(LinearBackwardEuler::new(&subject.system, &subject.state, &options)?)
 }

@@ -44,14 +44,17 @@ pub(super) fn repeated(subject: &Subject) -> Measured {
     }
     for (solver, name) in [(SolverChoice::Llt, "Cholesky"), (SolverChoice::Ldlt, "LDLᵀ"), (SolverChoice::Cg, "CG")] {
         let way = Way { method: Method::LinearBackwardEuler, stiffness: StiffnessPolicy::OnDemand };
-        // How a factorization is split is an option; how many threads work on the parts must not matter.
-        let options = SolverOptions { solver, par: Par::rayon(2), ..SolverOptions::default() };
-        let run = |threads| with_threads(threads, || way.run(subject, options, subject.dt, STEPS));
+        let run = |threads| with_threads(threads, || way.run(subject, in_two(solver), subject.dt, STEPS));
         let value = differences(&run(1)?, &run(2)?);
         let name = format!("same with one thread and two, {name}");
         checks.push(Check::new(Claim::Solvers, name, &subject.name, value, 0.0, why));
     }
     Ok(checks)
+}
+
+/// How a factorization is split is an option; how many threads work on the parts must not matter.
+fn in_two(solver: SolverChoice) -> SolverOptions {
+    SolverOptions { solver, par: Par::rayon(2), ..SolverOptions::default() }
 }
 
 /// Computes in a pool of so many threads.
@@ -62,4 +65,16 @@ fn with_threads<T: Send>(
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| Error::Unsupported(format!("no pool of {threads} threads: {error}")))?;
     pool.install(compute)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn solvers_work_in_two_parts() {
+        for solver in [SolverChoice::Llt, SolverChoice::Ldlt, SolverChoice::Cg] {
+            assert_eq!((in_two(solver).solver, in_two(solver).par), (solver, Par::rayon(2)));
+        }
+    }
 }

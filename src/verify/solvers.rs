@@ -135,6 +135,11 @@ fn definite(system: &System, state: &State, dt: f64) -> Result<(Stiffness, Symme
     Err(Error::Unsupported("A is not positive definite even without the transverse terms of compressed springs".into()))
 }
 
+fn options(solver: SolverChoice, tolerance: f64) -> SolverOptions {
+    let preconditioner = Some(PreconditionerKind::BlockJacobi);
+    SolverOptions { solver, preconditioner, tolerance: Tolerance::Fixed(tolerance), ..SolverOptions::default() }
+}
+
 fn solve_with(
     system: &System,
     operator: &SystemOperator,
@@ -142,9 +147,7 @@ fn solve_with(
     solver: SolverChoice,
     tolerance: f64,
 ) -> Result<Vec<f64>, String> {
-    let preconditioner = Some(PreconditionerKind::BlockJacobi);
-    let options =
-        SolverOptions { solver, preconditioner, tolerance: Tolerance::Fixed(tolerance), ..SolverOptions::default() };
+    let options = options(solver, tolerance);
     let mut work = Work::default();
     let mut solver =
         select(system, &options, crate::linear::Assurance::Definite, &mut work).map_err(|error| error.to_string())?;

@@ -6,11 +6,12 @@ use crate::accuracy::audience::{Audience, SearchProgress};
 use crate::accuracy::price::Price;
 use crate::accuracy::rates::Rates;
 use crate::accuracy::samples::Grid;
-use crate::accuracy::search::{Search, Verdict};
+use crate::accuracy::search::{Answer, Search, Verdict};
 use crate::error::Result;
 use crate::integrate::{Monitor, StiffnessPolicy};
-use crate::linear::CostModel;
+use crate::linear::{CostModel, SolverChoice};
 use crate::system::{State, System};
+use faer::Par;
 use std::cell::Cell;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -59,13 +60,26 @@ pub(super) struct Case {
     pub looks: u64,
     pub price: Option<Price>,
     pub stiffness: Option<StiffnessPolicy>,
+    pub solver: Option<SolverChoice>,
+    pub par: Par,
     pub verdict: Verdict,
 }
 
 impl Case {
     pub fn new((system, start): (System, State), duration: f64, accuracy: f64) -> Self {
-        let verdict = Verdict::Confirmed;
-        Self { system, start, duration, accuracy, spent: 0.0, looks: u64::MAX, price: None, stiffness: None, verdict }
+        Self {
+            system,
+            start,
+            duration,
+            accuracy,
+            spent: 0.0,
+            looks: u64::MAX,
+            price: None,
+            stiffness: None,
+            solver: None,
+            par: Par::Seq,
+            verdict: Verdict::Confirmed,
+        }
     }
 
     pub fn with(&self, change: impl Fn(&mut Self)) -> Self {
@@ -76,15 +90,20 @@ impl Case {
 
     /// The runs that a way makes, a line each, and where it leads.
     pub fn tried(&self, way: Way<'_>) -> String {
+        self.followed(way).0
+    }
+
+    /// As [`tried`](Self::tried), with the answer found.
+    pub fn followed(&self, way: Way<'_>) -> (String, Option<Answer<()>>) {
         let (system, start, duration) = (&self.system, &self.start, self.duration);
         let requirement = Requirement {
             accuracy: self.accuracy,
             duration,
             interval: duration / 8.0,
-            par: faer::Par::Seq,
+            par: self.par,
             method: None,
             stiffness: self.stiffness,
-            solver: None,
+            solver: self.solver,
         };
         let costs = CostModel::of(system);
         let looked = Cell::new(0);
@@ -99,7 +118,8 @@ impl Case {
         });
         let mut led = way(&mut search, price).unwrap();
         let horizon = search.horizon.map(|horizon| [horizon.known, horizon.most, horizon.spread]);
-        if let Some(found) = search.answer(self.verdict.clone()) {
+        let found = search.answer(self.verdict.clone());
+        if let Some(found) = &found {
             let error = found.estimated_error.map_or("anything".into(), |error| format!("{error:.4e}"));
             let _ = write!(led, "; of {} runs one errs by {error} cost {:.4e}", found.runs, found.cost);
             let _ =
@@ -112,7 +132,7 @@ impl Case {
         for [first, last] in told.runs {
             let _ = writeln!(text, "    {first} {last}");
         }
-        text + "    " + &led + "\n"
+        (text + "    " + &led + "\n", found)
     }
 }
 

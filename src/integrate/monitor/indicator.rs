@@ -174,7 +174,7 @@ fn times(value: f64) -> String {
 pub fn percent(error: f64) -> String {
     let percent = 100.0 * error;
     match percent {
-        _ if percent > 9999.0 => "more than 9999 %".into(),
+        _ if percent >= 9995.0 => "more than 9990 %".into(),
         _ if percent >= 95.0 => format!("{:.0} %", 10.0 * (percent / 10.0).round()),
         _ if percent >= 9.5 => format!("{percent:.0} %"),
         _ if percent >= 0.095 => format!("{percent:.1} %"),

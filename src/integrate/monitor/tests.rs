@@ -368,5 +368,5 @@ fn warnings_name_the_cause() {
 #[test]
 fn errors_are_told_to_people_in_percent() {
     let texts = [1.9, 0.957, 0.123, 0.0345, 0.00072, 1.23e-7, 1e3].map(percent);
-    assert_eq!(texts, ["190 %", "100 %", "12 %", "3.5 %", "0.07 %", "1e-5 %", "more than 9999 %"]);
+    assert_eq!(texts, ["190 %", "100 %", "12 %", "3.5 %", "0.07 %", "1e-5 %", "more than 9990 %"]);
 }

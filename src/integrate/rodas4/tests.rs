@@ -5,10 +5,15 @@ use super::errors::{of_positions, of_stages, of_step};
 use crate::force::Extensions;
 use crate::integrate::oscillator::{Oscillator, Way};
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
-use crate::linear::{SolverChoice, SolverOptions};
+use crate::linear::{
+    Definiteness, Held, LdltSolver, LinearSolver, Solution, SolveFailure, SolverChoice, SolverOptions, norm,
+};
+use crate::operator::SystemOperator;
 use crate::spring::{Spring, Stiffness};
-use crate::system::SystemBuilder;
+use crate::system::{State, System, SystemBuilder};
+use crate::work::Work;
 use nalgebra::{Complex, SMatrix, SVector, Vector3};
+use std::sync::{Arc, Mutex};
 
 type Matrix = SMatrix<f64, STAGES, STAGES>;
 type Vector = SVector<f64, STAGES>;
@@ -78,7 +83,7 @@ fn it_is_a_stable_and_l_stable() {
 
 /// A particle of 1 kg between two compressed springs across which nothing holds it: A(γh) is indefinite beyond
 /// `γ²h² 2c = m` with c = k (1/l − 1/l0) = 10 N/m.
-fn compressed() -> (crate::System, crate::State) {
+fn compressed() -> (System, State) {
     let mut builder = SystemBuilder::new();
     for x in [-1.0, 0.0, 1.0] {
         builder.particle([x, 0.0, 0.0], 1.0);
@@ -231,4 +236,72 @@ fn errors_are_the_lesser_of_places_and_speeds() {
         assert!((found[0] - positions).abs() < 1e-12 && (found[1] - stages).abs() < 1e-12, "{h}: {found:?}");
     }
     assert_eq!(of_stages(&system, &[], &[], 2.0), 0.0);
+}
+
+/// A particle of 4 kg on 400 N/m, 0.3 m from rest.
+fn drawn() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([1.3, 0.0, 0.0], 4.0);
+    builder.spring(0, 1, Spring { stiffness: 400.0, rest_length: 1.0, damping: 0.0 });
+    builder.hold(0);
+    builder.build().unwrap()
+}
+
+/// The error of the step before stands for this one's, by the fourth power of their lengths, and for a longer one as it is.
+#[test]
+fn shorter_steps_are_solved_more_exactly() {
+    let (system, start) = drawn();
+    for (last, expected) in [(0.2, 3.0 / 16.0), (0.1, 3.0), (0.05, 3.0)] {
+        let mut stepper = Rodas4::new(&system, &start, &ImplicitOptions::default()).unwrap();
+        stepper.last = Some((last, 3.0));
+        stepper.try_step(&start, 0.1).unwrap();
+        // A ten-thousandth of it, for the root of 4 kg and 1600/s², of 10⁴ N.
+        let (asked, part) = (stepper.linear.exactness.ask(1e4, 1600.0), 1e-4 * expected * 2.0 * 1600.0 / 1e4);
+        assert!((asked / part - 1.0).abs() < 1e-12, "{last}: {asked:e} {part:e}");
+    }
+}
+
+/// Says of its solutions that this part of the right-hand side is left; keeps the norm of the largest that it saw.
+struct Modest {
+    solver: LdltSolver,
+    left_and_largest: Arc<Mutex<[f64; 2]>>,
+}
+
+impl LinearSolver for Modest {
+    fn name(&self) -> &'static str {
+        "modest"
+    }
+
+    fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+        self.solver.take(a, work)
+    }
+
+    fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
+        self.solver.solve(a, b, x, work)?;
+        let mut shared = self.left_and_largest.lock().unwrap();
+        shared[1] = shared[1].max(norm(b));
+        Ok(Solution { relative_residual: shared[0] })
+    }
+}
+
+/// A residual may be worth a thousandth of the step's error, `‖r‖ ≤ 10⁻³ ‖E‖ √m/(γh)²`; with more the step is computed again, twice at most.
+#[test]
+fn steps_that_are_not_exact_enough_are_computed_again() {
+    let (system, start) = drawn();
+    let left_and_largest = Arc::new(Mutex::new([0.0; 2]));
+    let solver = LdltSolver::new(&system, faer::Par::Seq, &mut Work::default()).unwrap();
+    let solver = Box::new(Modest { solver, left_and_largest: left_and_largest.clone() });
+    let mut stepper = Rodas4::with_solver(&system, &start, &ImplicitOptions::default(), solver).unwrap();
+    let h = 0.1;
+    stepper.try_step(&start, h).unwrap();
+    let (_, error) = stepper.last.unwrap();
+    let enough = 1e-3 * error * 2.0 / (GAMMA * h).powi(2);
+    let [_, largest] = *left_and_largest.lock().unwrap();
+    for (part, times) in [(0.99, 1), (1.01, 3)] {
+        left_and_largest.lock().unwrap()[0] = part * enough / largest;
+        let before = stepper.statistics().work.force_evaluations;
+        stepper.try_step(&start, h).unwrap();
+        assert_eq!(stepper.statistics().work.force_evaluations - before, times * STAGES as u64, "{part}");
+    }
 }

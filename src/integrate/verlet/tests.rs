@@ -192,3 +192,32 @@ fn prescribed_velocities_are_seen() {
     let reach = monitor.figures(&state).reach;
     assert!((reach / (0.3 / 2.12) - 1.0).abs() < 0.01, "{reach}");
 }
+
+/// Keeps when it was asked to look, and over how long a step.
+#[derive(Default)]
+struct Looks(Vec<[f64; 2]>);
+
+impl Watch for Looks {
+    fn takes_forces(&self, _: &System) -> bool {
+        false
+    }
+
+    fn set_force(&mut self, _: &Moment<'_>, _: f64, _: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
+        Ok(())
+    }
+
+    fn see(&mut self, at: &Moment<'_>, dt: f64) {
+        self.0.push([at.time, dt]);
+    }
+}
+
+/// Wherever a step is cut, its end is what is looked at.
+#[test]
+fn steps_are_seen_once() {
+    let (system, mut state) = drawn_with_jerks();
+    let mut stepper = Verlet::new(&system, &state).unwrap();
+    let mut looks = Looks::default();
+    stepper.step_seen(&mut state, 0.875, &mut looks).unwrap();
+    assert_eq!(looks.0, [[0.875; 2]]);
+    assert!(stepper.statistics().work.force_evaluations > 4);
+}

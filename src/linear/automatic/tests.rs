@@ -140,3 +140,29 @@ fn a_factor_fits_half_of_the_memory() {
     let half = memory::limit().map_or(u64::MAX, |limit| limit / 2);
     assert!(fits(0) && fits(half) && (half == u64::MAX || !fits(half + 1)));
 }
+
+/// What costs more than two thousand force evaluations is not considered, and what takes more than half of the memory neither.
+#[test]
+fn factors_are_affordable_by_their_work_and_their_memory() {
+    let cost = |factor| DirectCost { factor, solve: 100.0 };
+    assert!(cost(1900.0).is_affordable(1000) && !cost(1900.1).is_affordable(1000));
+    assert_eq!(cost(1.0).is_affordable(u64::MAX), memory::limit().is_none());
+}
+
+/// A pattern just analysed is factored at once if conjugate gradients have cost more than that in the mean, and otherwise kept in mind.
+#[test]
+fn factorizations_are_chosen_where_they_would_have_cost_less() {
+    let scene = chain(80);
+    let (a, b) = (operator(&scene, 0.1), right_hand_side(80));
+    for (matrices, is_chosen) in [(1, true), (1_000_000, false)] {
+        let mut work = Work::default();
+        let mut solver = automatic(&scene.0, PreconditionerKind::BlockJacobi, 1e4, 1e4);
+        solver.take(&a, &mut work).unwrap();
+        solver.solve(Held(&a), &b, &mut [0.0; 80], &mut work).unwrap();
+        (solver.direct, solver.tried) = (Direct::Unseen, matrices);
+        solver.reconsider(&scene.0, &mut work);
+        assert_eq!(solver.mean_effort() > solver.cost.step(), is_chosen);
+        assert_eq!(matches!(solver.direct, Direct::Chosen(_)), is_chosen);
+        assert_eq!(matches!(solver.direct, Direct::Seen(_)), !is_chosen);
+    }
+}

@@ -138,6 +138,10 @@ fn coarse_levels_are_paid_for_once_and_kept() {
     solver.solve(Held(&a), &b, &mut [0.0; 200], &mut work).unwrap();
     assert_eq!(work.warm_starts, 0);
     solver.take(&a, &mut work).unwrap();
+    // The next solve is to gain ten digits.
+    let Preconditioner::Multigrid(multigrid) = &solver.preconditioner else { panic!("multigrid") };
+    assert_eq!(solver.patience(), multigrid.patience(-1e-10f64.log10()));
+    assert!(solver.patience() > Some(5));
     solver.solve(Held(&a), &b, &mut [0.0; 200], &mut work).unwrap();
     assert_eq!((work.multigrid_setups, work.warm_starts), (4, 1));
     let iterations = costs.iteration(PreconditionerKind::Multigrid) * work.cg_iterations as f64;
@@ -163,4 +167,19 @@ fn useless_coarse_levels_are_replaced_in_the_middle_of_a_solve() {
     let solves = 2.0 * costs.iterative_solve() + costs.warm_start();
     let taken = 2.0 * costs.preparation(PreconditionerKind::Multigrid);
     assert_near(solver.effort(), taken + 2.0 * costs.multigrid_setup() + iterations + solves);
+}
+
+/// Coarse matrices are made from some ten thousand rows at a time. With several times as many the coarse levels are as good.
+#[test]
+fn coarse_levels_of_long_chains_are_as_good() {
+    let iterations = [10_000, 40_000].map(|particles| {
+        let scene = chain(particles);
+        let (a, b) = (operator(&scene, 1.0), right_hand_side(particles));
+        let mut work = Work::default();
+        let mut solver = matrix_free(&scene.0, Some(PreconditionerKind::Multigrid));
+        solver.take(&a, &mut work).unwrap();
+        solver.solve(Held(&a), &b, &mut vec![0.0; particles], &mut work).unwrap();
+        work.cg_iterations
+    });
+    assert!(iterations[0] < 100 && iterations[1] < 2 * iterations[0], "{iterations:?}");
 }

@@ -111,3 +111,12 @@ fn empty_rows_are_not_refused() {
     let found = damped(&[[0.0, 0.0], [0.0, 2.0]], 1.0, &[0.0, 1.0]).unwrap();
     assert!((found[0][0] * LEAST_DIAGONAL - 1.0).abs() < 1e-12 && (found[1][1] * 3.0 - 1.0).abs() < 1e-12, "{found:?}");
 }
+
+/// Of ten couplings four lie within a domain: these are kept once, the others for both of their rows. Offsets take 8 bytes, column numbers and
+/// single numbers 4; every row has an inverse and two sums, and two numbers to work with.
+#[test]
+fn memory_is_that_of_both_parts() {
+    let smoother = GaussSeidel::<2>::with_domains(&matrix().pattern, 3).unwrap();
+    let part = |blocks: usize| 8 * 8 + blocks * (4 + 4 * 4);
+    assert_eq!(smoother.bytes(), part(4) + part(12) + 7 * (4 + 2) * 4 + 7 * 2 * 4);
+}

@@ -2,7 +2,7 @@
 
 use super::NpzWriter;
 use crate::scene::{Scene, Values};
-use std::io::{Cursor, Write as _};
+use std::io::{Cursor, Write};
 use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
 
@@ -96,4 +96,37 @@ fn headers_are_read_up_to_their_limits() {
     assert!(refusal(&of(17), 1024).contains(missing), "{}", refusal(&of(17), 1024));
     assert!(refusal(&of(18), 128).contains("speaks of more numbers than there can be"));
     assert!(refusal(&of(17), 1025).contains("has a header of 1025 bytes"));
+}
+
+#[test]
+fn meshes_are_named_as_they_were() {
+    let text = r#"{"mesh": {"file": "net.obj", "scale": 0.5}, "springs": {"stiffness": 100}}"#;
+    let scene = Scene::from_json(text).unwrap();
+    let again = Scene::from_npz(Cursor::new(written(&scene))).unwrap();
+    assert!(again.mesh.is_some());
+    assert_eq!(again.to_json(), scene.to_json());
+}
+
+/// Takes so many bytes and no more.
+struct Full(usize);
+
+impl Write for Full {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0 = self.0.checked_sub(bytes.len()).ok_or(std::io::ErrorKind::StorageFull)?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// What does not fit is an error, down to the last byte.
+#[test]
+fn files_are_whole_or_an_error() {
+    let scene = Scene::from_json(NET).unwrap();
+    let length = written(&scene).len();
+    scene.write_npz(Full(length)).unwrap();
+    assert!(scene.write_npz(Full(length - 1)).is_err());
+    assert!(scene.write_npz(Full(10)).is_err());
 }

@@ -189,3 +189,15 @@ fn only_what_is_measured_is_stored_and_faults_are_told() {
     let with = |value| JacobianReport { value, ..report([2.0, 0.0, 3.0, 5.0]) }.passed();
     assert_eq!([0.0, 1.0, 1.1, f64::NAN].map(with), [true, true, false, false]);
 }
+
+#[test]
+fn wrong_terms_are_named_where_all_of_a_block_is_there() {
+    use crate::verify::fixtures::{assert_faults_are_found, bent, wrong_stiffness};
+    let (system, state) = bent();
+    let options = JacobianOptions { springs: Some((&system, &state)), ..JacobianOptions::default() };
+    let (force, wrong) = (crate::verify::elastic_force(&system, &state), wrong_stiffness(&system, &state));
+    let point = crate::verify::reduced::reduce(&system, &state.positions);
+    let report = check_jacobian(force, wrong, &point, &options).unwrap();
+    assert_eq!((report.wrong, report.overall), (9, None));
+    assert_faults_are_found(&report.worst);
+}

@@ -74,3 +74,33 @@ fn broken_states_of_a_pendulum_are_reported() {
     assert!(checks.iter().all(Check::passed));
     assert!(conjugate_gradients(&subject).unwrap().iter().all(Check::passed));
 }
+
+/// Across one spring A is 10⁻¹² N/m at 0.1 s, which is nothing beside 133 N/m along it; across the other it is negative.
+#[test]
+fn steps_at_which_an_eigenvalue_is_lost_in_rounding_are_passed_over() {
+    let mut builder = SystemBuilder::new();
+    for (y, stiffness) in [(0.0, (100.0 - 1e-12) / 0.75), (9.0, 200.0)] {
+        let (anchor, bob) = (builder.particle([0.0, y, 0.0], 1.0), builder.particle([1.0, y, 0.0], 1.0));
+        builder.spring(anchor, bob, Spring { stiffness, rest_length: 4.0, damping: 0.0 });
+        builder.hold(anchor);
+    }
+    let (system, state) = builder.build().unwrap();
+    assert_eq!(indefinite_step(&Subject { name: "pushed".into(), system, state, dt: 0.1 }), Some((0.2, 4)));
+}
+
+/// Every solver has its turn, on a particle that can move.
+#[test]
+fn states_are_broken_for_the_solver_that_is_asked_for() {
+    let subject = pushed(0.1);
+    for (solver, name) in [(SolverChoice::Llt, "llt"), (SolverChoice::Ldlt, "ldlt"), (SolverChoice::Cg, "cg")] {
+        let stepper = stepper(&subject, solver).unwrap();
+        assert_eq!(stepper.linear_solver().map(|solver| solver.name()), Some(name));
+    }
+    assert_eq!(seen(&subject.system), Some(1));
+    let mut builder = SystemBuilder::new();
+    (0..3).for_each(|p| _ = builder.particle([f64::from(p), 0.0, 0.0], 1.0));
+    assert_eq!(seen(&builder.clone().build().unwrap().0), None);
+    builder.spring(1, 2, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+    builder.hold(1);
+    assert_eq!(seen(&builder.build().unwrap().0), Some(2));
+}

@@ -89,3 +89,11 @@ fn no_more_is_asked_of_iterations_than_rounding_allows() {
     assert!((asked / (100.0 * U * (1e6 + 1.0)) - 1.0).abs() < 1e-14, "{asked:e}");
     assert_eq!([attainable(&a, &[3.0, 4.0], &[3.0, 4.0]), attainable(&a, &[0.0; 2], &[1.0; 2])], [1e-10; 2]);
 }
+
+/// Blocks are what every system can be preconditioned with in the same way.
+#[test]
+fn iterations_are_preconditioned_by_blocks() {
+    let SolverOptions { solver, preconditioner, tolerance, .. } = options(SolverChoice::CgAssembled, 1e-7);
+    assert_eq!((solver, tolerance), (SolverChoice::CgAssembled, Tolerance::Fixed(1e-7)));
+    assert_eq!(preconditioner, Some(PreconditionerKind::BlockJacobi));
+}

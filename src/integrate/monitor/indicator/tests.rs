@@ -155,5 +155,5 @@ fn warnings_are_sentences() {
 fn numbers_are_told_to_people() {
     assert_eq!([2.25, 999_999.5, 1e6, 2.5e7].map(times), ["2.2", "999999.5", "1.0e6", "2.5e7"]);
     // Hundreds of percent are rounded to tens.
-    assert_eq!([0.956, 99.94, 99.99, 100.0].map(percent), ["100 %", "9990 %", "10000 %", "more than 9999 %"]);
+    assert_eq!([0.956, 99.94, 99.95, 100.0].map(percent), ["100 %", "9990 %", "more than 9990 %", "more than 9990 %"]);
 }
