@@ -81,10 +81,10 @@ pub(crate) fn filled<T: Clone>(value: T, length: usize, what: &'static str) -> R
 }
 
 /// What nobody asks for: messages, buffers of files, lists of a few numbers, and what an allocator rounds up.
-const SMALL_THINGS: u64 = 8 << 20;
+const SMALL_THINGS: u64 = 8_388_608;
 
 /// Bytes that are not worth a question.
-const SMALL: u64 = 1 << 20;
+const SMALL: u64 = 1_048_576;
 
 /// Bytes that were granted since the last question.
 static UNASKED: AtomicU64 = AtomicU64::new(0);

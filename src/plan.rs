@@ -316,6 +316,16 @@ mod tests {
         }
     }
 
+    /// Each method by its name, and the choice between them last; sixty records a second, or a hundred of a short motion.
+    #[test]
+    fn there_is_a_choice_for_every_method() {
+        let named = Method::ALL.into_iter().map(MethodChoice::Named);
+        assert!(named.chain([MethodChoice::Auto]).eq(MethodChoice::ALL));
+        for (duration, expected) in [(0.1, 0.001), (30.0, 1.0 / 60.0)] {
+            assert!((records_every(duration) - expected).abs() < 1e-15, "{duration}");
+        }
+    }
+
     /// As the motion needs where nothing is said, else as is said; solvers that are named are compared to all digits.
     #[test]
     fn tolerances_follow_the_motion_where_nothing_is_said() {

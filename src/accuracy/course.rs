@@ -7,7 +7,7 @@ use super::relative_position_error;
 use nalgebra::Vector3;
 
 /// Memory for the positions of one run, in bytes.
-const MEMORY: usize = 1 << 27;
+const MEMORY: usize = 134_217_728;
 
 /// Bounds of the number of samples.
 const SAMPLES: [usize; 2] = [8, 64];

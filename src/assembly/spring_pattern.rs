@@ -21,7 +21,7 @@ pub(super) struct Place(u32);
 impl Place {
     /// Nowhere: this end is the row of the block.
     pub const ROW: Self = Self(u32::MAX);
-    const AGAIN: u32 = 1 << 31;
+    const AGAIN: u32 = 0x8000_0000;
 
     /// So many values behind the diagonal part; `again` says that another spring between the same particles came before.
     pub fn column(offset: u32, again: bool) -> Self {

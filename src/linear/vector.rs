@@ -8,7 +8,7 @@
 const PIECE: usize = 1024;
 
 /// Vectors no longer than this stay on one thread.
-const SERIAL: usize = 1 << 14;
+const SERIAL: usize = 16_384;
 
 /// Partial sums of an inner product: as many as fill the widest vector registers twice.
 const LANES: usize = 16;

@@ -64,7 +64,7 @@ fn twice_the_last_level([second, third]: [u64; 2]) -> u64 {
 }
 
 /// What is taken for the last level where its size is not known, or less.
-const LEAST: u64 = 4 << 20;
+const LEAST: u64 = 4_194_304;
 
 /// The largest cache of the second level, and all of the third together, in bytes.
 fn caches(cpus: &Path) -> [u64; 2] {
