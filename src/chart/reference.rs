@@ -31,6 +31,11 @@ pub(super) const ABOVE_THE_FLOOR: f64 = 3.0;
 /// Rounding of the positions: no estimate is smaller.
 const ROUNDING: f64 = 1e-15;
 
+/// Whether a ladder has another run, which takes twice as long as the one that ended so.
+fn goes_on(status: Status, wall: Duration, allows: impl Fn(Duration) -> bool) -> bool {
+    status != Status::Interrupted && allows(2 * wall)
+}
+
 /// The part of a chart's time that the reference may take.
 pub(super) fn share(budget: Duration) -> Duration {
     budget / 3
@@ -151,8 +156,7 @@ impl Ladder {
     fn climb(&mut self, system: &System, start: &State, [dt, duration]: [f64; 2], deadline: Deadline) -> Result<()> {
         let in_time = || deadline.allows(Duration::ZERO);
         let run = trial(system, start, &self.configuration, Pace::Step(dt), duration, &in_time)?;
-        // The next run takes twice as long.
-        self.open = run.status != Status::Interrupted && deadline.allows(2 * run.wall);
+        self.open = goes_on(run.status, run.wall, |next| deadline.allows(next));
         let state = (run.status == Status::Completed).then_some(run.state);
         self.before = self.extrapolated.take();
         self.extrapolated = self.last.as_ref().zip(state.as_ref()).map(|(coarse, fine)| {
@@ -208,21 +212,19 @@ mod tests {
         assert!(ladder.two().is_some() && errors[1] < errors[0] / 4.0 && errors[1] < 1e-6, "{errors:?}");
     }
 
-    /// After a run the next, which takes twice as long, must fit: with hardly more time than one takes a ladder ends, although that was not
-    /// interrupted.
+    /// The next run, which takes twice as long, must fit.
     #[test]
     fn ladders_end_where_the_next_run_would_not_fit() {
-        let (system, start) = oscillator();
-        let climb = |deadline: Deadline| {
-            let mut ladder = Ladder::new(Method::W2);
-            let begin = Instant::now();
-            ladder.climb(&system, &start, [1e-3, 2.0], deadline).unwrap();
-            (ladder.open, begin.elapsed())
-        };
-        let far = Deadline::from(Instant::now() + Duration::from_secs(7200));
-        let quickest =
-            (0..4).map(|_| climb(far)).inspect(|(open, _)| assert!(open)).map(|(_, wall)| wall).min().unwrap();
-        assert!(!climb(Deadline::from(Instant::now() + 2 * quickest)).0);
+        let second = Duration::from_secs(1);
+        for (status, time, expected) in [
+            (Status::Completed, 2, true),
+            (Status::Completed, 1, false),
+            (Status::NonFinite, 2, true),
+            (Status::Interrupted, 2, false),
+            (Status::Interrupted, 1, false),
+        ] {
+            assert_eq!(goes_on(status, second, |next| next <= time * second), expected, "{status:?} {time}");
+        }
     }
 
     #[test]
