@@ -196,6 +196,10 @@ impl Threads {
     fn pool(&self) -> Result<rayon::ThreadPool, Stop> {
         let threads = self.threads.map_or(0, usize::from);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.map_err(|error| Error::Usage(format!("--threads: {error}")).into())
+        let pool = pool.map_err(|error| Error::Usage(format!("--threads: {error}")))?;
+        // An allocator gives every thread memory of its own, some 10⁸ addresses, when it first asks. All do so now: what is asked for later would
+        // not be there any more where addresses are limited.
+        pool.broadcast(|_| drop(std::hint::black_box(Box::new(0u64))));
+        Ok(pool)
     }
 }

@@ -38,6 +38,7 @@ mod coefficients;
 mod tables;
 
 use super::adaptive::{hermite, joint, norm_of_all};
+use super::explicit::ensure_room;
 use super::pieces::Piece;
 use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
@@ -46,6 +47,9 @@ use crate::system::{State, System};
 use coefficients::{A, C, E3, E5, Row, STAGES};
 use nalgebra::Vector3;
 use tables::{SQUARE, chain, sum, weights};
+
+/// Bytes for a particle, at most.
+const PARTICLE: u64 = 700;
 
 /// Eighth order, twelve force evaluations a step; explicit.
 ///
@@ -128,8 +132,9 @@ impl<'s> Dop853<'s> {
     /// For a system.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`.
+    /// Coincident ends of a spring in `state`; too little memory.
     pub fn new(system: &'s System, state: &State) -> Result<Self> {
+        ensure_room(system, PARTICLE)?;
         Extensions::at(system, &state.positions)?;
         let zeros = || vec![Vector3::zeros(); system.particles()];
         Ok(Self {

@@ -3,8 +3,19 @@
 use super::{Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::{Extensions, set_total_force};
+use crate::memory;
 use crate::system::{State, System};
 use nalgebra::Vector3;
+
+/// Bytes for a particle, at most, and for a spring while lengths are looked at for the first time.
+const PARTICLE: u64 = 150;
+const SPRING: u64 = 40;
+
+/// Asks for the memory of an explicit method that keeps so many bytes for every particle.
+pub(super) fn ensure_room(system: &System, particle: u64) -> Result<()> {
+    let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
+    memory::ensure(SPRING * springs + particle * particles, "the state of the method")
+}
 
 /// What a step sees of a particle: x and v, its force and mass, and where x' and v' go.
 type Particle<'a> =
@@ -20,6 +31,7 @@ struct Explicit<'s> {
 
 impl<'s> Explicit<'s> {
     fn new(system: &'s System, state: &State) -> Result<Self> {
+        ensure_room(system, PARTICLE)?;
         Extensions::at(system, &state.positions)?;
         let force = vec![Vector3::zeros(); system.particles()];
         Ok(Self { system, force, next: state.clone(), statistics: Statistics::default() })
@@ -151,5 +163,31 @@ impl TimeStepper for SymplecticEuler<'_> {
 
     fn statistics(&self) -> &Statistics {
         &self.0.statistics
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrate::{Dop853, Verlet};
+    use crate::memory::watch::asked;
+    use crate::{Spring, SystemBuilder};
+
+    /// Two springs and three particles.
+    #[test]
+    fn memory_is_asked_for_springs_and_particles() {
+        let mut builder = SystemBuilder::new();
+        for x in 0..3 {
+            builder.particle([f64::from(x), 0.0, 0.0], 1.0);
+        }
+        for i in 0..2 {
+            builder.spring(i, i + 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        let (system, state) = builder.build().unwrap();
+        let bytes = |new: &dyn Fn()| asked("the state of the method", new).1;
+        let verlet = bytes(&|| drop(Verlet::new(&system, &state).unwrap()));
+        let euler = bytes(&|| drop(SymplecticEuler::new(&system, &state).unwrap()));
+        let dop853 = bytes(&|| drop(Dop853::new(&system, &state).unwrap()));
+        assert_eq!([verlet, euler, dop853], [2 * 40 + 3 * 150, 2 * 40 + 3 * 150, 2 * 40 + 3 * 700]);
     }
 }

@@ -14,12 +14,16 @@
 //! left, or where prescribed velocities, and with them damping forces, have jumped: steps are cut at the kinks of paths, which
 //! keeps the order.
 
+use super::explicit::ensure_room;
 use super::pieces::Piece;
 use super::{Statistics, StepFailure, TimeStepper, Watch};
 use crate::error::{DegenerateSpring, Result};
 use crate::force::{Extensions, set_total_force};
 use crate::system::{Moment, State, System};
 use nalgebra::Vector3;
+
+/// Bytes for a particle, at most.
+const PARTICLE: u64 = 150;
 
 /// Second order, one force evaluation a step; stable without damping for `dt ≤ 2/ω_max`.
 ///
@@ -62,8 +66,9 @@ impl<'s> Verlet<'s> {
     /// For a system.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`.
+    /// Coincident ends of a spring in `state`; too little memory.
     pub fn new(system: &'s System, state: &State) -> Result<Self> {
+        ensure_room(system, PARTICLE)?;
         Extensions::at(system, &state.positions)?;
         Ok(Self {
             system,

@@ -21,9 +21,11 @@ pub use ledger::Balance;
 
 use super::watch::Watch;
 use super::{Method, StepFailure, StiffnessPolicy};
+use crate::error::Result;
 use crate::force::{
     DegenerateSpring, Energy, Extensions, add_damping_force, add_elastic_force, add_external_forces, add_weight,
 };
+use crate::memory;
 use crate::spring::Stiffness;
 use crate::system::{Axes, State, System};
 use driven::Drive;
@@ -117,6 +119,10 @@ pub struct Monitor<'s> {
 /// the same steps, and an evaluation at every one would cost a tenth of a short step.
 const LOOKS: u64 = 8;
 
+/// Bytes of what is kept of a spring and of a particle, at most.
+const SPRING: u64 = 100;
+const PARTICLE: u64 = 400;
+
 /// The parabola of a rate over a step in Legendre polynomials, see `springs`.
 struct Sides {
     mean: f64,
@@ -134,8 +140,10 @@ impl<'s> Monitor<'s> {
     /// From the state that a run starts from.
     ///
     /// # Errors
-    /// Coincident ends of a spring.
-    pub fn new(system: &'s System, state: &State, options: MonitorOptions) -> Result<Self, DegenerateSpring> {
+    /// Coincident ends of a spring; too little memory.
+    pub fn new(system: &'s System, state: &State, options: MonitorOptions) -> Result<Self> {
+        let [springs, particles] = [system.springs().len() as u64, system.particles() as u64];
+        memory::ensure(SPRING * springs + PARTICLE * particles, "what accompanies a run")?;
         let drive = Drive::new(system, state);
         let mut springs = Springs::new(system, state, drive.springs());
         let mut particles = Particles::new(system, state);
@@ -214,14 +222,14 @@ impl<'s> Monitor<'s> {
     /// knew of it, but for the last step, of which the figures that compare two steps begin anew.
     ///
     /// # Errors
-    /// Coincident ends of a spring.
+    /// Coincident ends of a spring; too little memory.
     pub fn continued(
         system: &'s System,
         [start, state]: [&State; 2],
         steps: u64,
         account: &Account,
         options: MonitorOptions,
-    ) -> Result<Self, DegenerateSpring> {
+    ) -> Result<Self> {
         let Account { ledger, ref past, trail } = *account;
         let fresh = Self::new(system, state, options)?;
         let growth = Growth::continued(past, &ledger, steps, state);
@@ -330,7 +338,7 @@ fn mean_mass(system: &System) -> f64 {
 }
 
 impl Forces {
-    fn new(system: &System, state: &State) -> Result<Self, DegenerateSpring> {
+    fn new(system: &System, state: &State) -> std::result::Result<Self, DegenerateSpring> {
         let extensions = Extensions::at(system, &state.positions)?;
         Ok(Self { extensions, force: vec![Vector3::zeros(); system.particles()] })
     }

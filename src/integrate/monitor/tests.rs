@@ -370,3 +370,18 @@ fn errors_are_told_to_people_in_percent() {
     let texts = [1.9, 0.957, 0.123, 0.0345, 0.00072, 1.23e-7, 1e3].map(percent);
     assert_eq!(texts, ["190 %", "100 %", "12 %", "3.5 %", "0.07 %", "1e-5 %", "more than 9990 %"]);
 }
+
+/// A hundred bytes for each of two springs, four hundred for each of three particles.
+#[test]
+fn memory_is_asked_for_springs_and_particles() {
+    let mut builder = SystemBuilder::new();
+    for x in 0..3 {
+        builder.particle([f64::from(x), 0.0, 0.0], 1.0);
+    }
+    for i in 0..2 {
+        builder.spring(i, i + 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.5 });
+    }
+    let (system, state) = builder.build().unwrap();
+    let new = || Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
+    assert_eq!(crate::memory::watch::asked("what accompanies a run", new).1, 2 * 100 + 3 * 400);
+}

@@ -141,3 +141,18 @@ fn gravity() -> Option<Row> {
 fn lasting(duration: f64) -> TimeSettings {
     TimeSettings { dt: None, duration: Some(duration) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Kind, builtin};
+
+    /// At 9.81 m/s²; the taut string alone has no weight.
+    #[test]
+    fn what_hangs_falls_down() {
+        for kind in Kind::ALL {
+            let (system, _) = builtin(kind, kind.default_size()).unwrap().build().unwrap();
+            let expected = if kind == Kind::String { 0.0 } else { -9.81 };
+            assert_eq!(system.gravity().as_slice(), [0.0, expected, 0.0], "{}", kind.name());
+        }
+    }
+}
