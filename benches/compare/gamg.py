@@ -24,6 +24,7 @@ from pathlib import Path
 os.environ["OMP_NUM_THREADS"] = "1"
 
 import numpy as np
+from near_null import rigid_modes
 from petsc4py import PETSc
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -43,17 +44,10 @@ def build():
     return next(message["executable"] for message in built if message["target"]["name"] == "multigrid")
 
 
-def rigid_modes(dofs, positions):
-    """Translations and rotations about the centre, orthonormal, one vector each: the near-null space."""
-    x = positions - positions.mean(axis=0)
-    particle, axis = dofs.T
-    modes = np.zeros((len(dofs), 6))
-    modes[np.arange(len(dofs)), axis] = 1.0
-    for rotation, (a, b) in enumerate([(1, 2), (2, 0), (0, 1)]):
-        on_a, on_b = axis == a, axis == b
-        modes[on_a, 3 + rotation] = -x[particle[on_a], b]
-        modes[on_b, 3 + rotation] = x[particle[on_b], a]
-    return [PETSc.Vec().createWithArray(np.ascontiguousarray(mode)) for mode in np.linalg.qr(modes)[0].T]
+def near_null_space(dofs, positions):
+    """Rigid motions, orthonormal."""
+    modes = np.linalg.qr(rigid_modes(dofs, positions))[0].T
+    return PETSc.NullSpace().create(vectors=[PETSc.Vec().createWithArray(np.ascontiguousarray(mode)) for mode in modes])
 
 
 def solver(options):
@@ -89,7 +83,7 @@ def gamg(folder, steps, options):
             a.setValuesCSR(starts, columns, values)
             a.assemble()
         if step <= 1:
-            a.setNearNullSpace(PETSc.NullSpace().create(vectors=rigid_modes(dofs, positions)))
+            a.setNearNullSpace(near_null_space(dofs, positions))
         right = PETSc.Vec().createWithArray(b)
         began = time.process_time()
         ksp.setOperators(a)

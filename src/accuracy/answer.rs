@@ -66,20 +66,14 @@ pub fn answer<A: Audience>(
 mod tests {
     use super::*;
     use crate::integrate::Method;
-    use crate::spring::Spring;
-    use crate::system::SystemBuilder;
+    use crate::system::fixtures::oscillator;
     use std::cell::Cell;
 
     /// Who asks for an end after the last run is told what that has shown if it is confirmed, and that the search was interrupted if not:
     /// of 10⁻¹⁶ no run is sure.
     #[test]
     fn what_is_confirmed_stays_so_when_someone_asks_for_an_end() {
-        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.3, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        builder.hold(0);
-        let (system, start) = builder.build().unwrap();
+        let (system, start) = oscillator();
         let verdict = |accuracy: f64, looks: u32| {
             let requirement = Requirement {
                 accuracy,

@@ -196,18 +196,12 @@ impl<A: Audience> Watch<'_, A> {
 mod tests {
     use super::*;
     use crate::accuracy::price::of;
-    use crate::spring::Spring;
-    use crate::system::SystemBuilder;
+    use crate::system::fixtures::oscillator;
 
     /// Twenty steps of a vibration: what appeared and vanished of its energy counts by its amplitude, for one step.
     #[test]
     fn runs_stray_by_what_appears_and_vanishes_in_a_step() {
-        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.3, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        builder.hold(0);
-        let (system, start) = &builder.build().unwrap();
+        let (system, start) = &oscillator();
         let go_on = || true;
         let grid = Grid::new(4.0, 0.5, 2);
         let task = Task { system, start, duration: 4.0, costs: CostModel::of(system), grid, go_on: &go_on };

@@ -178,19 +178,8 @@ impl Ladder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spring::Spring;
-    use crate::system::SystemBuilder;
+    use crate::system::fixtures::oscillator;
     use std::time::Instant;
-
-    /// A particle on a spring of 1 N/m, 1 kg, drawn out by 0.3 m.
-    fn oscillator() -> (System, State) {
-        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.3, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        builder.hold(0);
-        builder.build().unwrap()
-    }
 
     /// From the second run on the error of the step's square is taken off: `x(dt/2) + (x(dt/2) − x(dt))/3`.
     #[test]

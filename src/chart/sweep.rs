@@ -214,17 +214,11 @@ fn coarsest(dt: f64, duration: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spring::Spring;
-    use crate::system::SystemBuilder;
+    use crate::system::fixtures;
 
-    /// A particle on a spring of 1 N/m, 1 kg, drawn out by 0.3 m, as it is after this time.
+    /// An oscillator, and where it is after this time.
     fn oscillator(duration: f64) -> (System, State, Reference) {
-        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.3, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        builder.hold(0);
-        let (system, start) = builder.build().unwrap();
+        let (system, start) = fixtures::oscillator();
         let mut state = start.clone();
         state.positions[1].x = 1.0 + 0.3 * duration.cos();
         (system, start, Reference { method: "exact".into(), error_estimate: 1e-4, state })

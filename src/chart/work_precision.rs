@@ -99,18 +99,12 @@ impl WorkPrecision {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::spring::Spring;
-    use crate::system::SystemBuilder;
+    use crate::system::fixtures::oscillator;
 
-    /// A particle on a spring of 1 N/m, 1 kg, drawn out by 0.3 m: every part of the chart has runs, and is told of as it begins.
+    /// Every part of the chart has runs, and is told of as it begins.
     #[test]
     fn a_chart_has_all_its_parts() {
-        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.3, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        builder.hold(0);
-        let (system, start) = builder.build().unwrap();
+        let (system, start) = oscillator();
         let budget = Duration::from_secs(2);
         let options = SweepOptions { duration: 2.0, dt: 0.1, budget, par: Par::Seq, interrupt: Interrupt::NEVER };
         let mut told = Vec::new();

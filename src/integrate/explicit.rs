@@ -171,19 +171,12 @@ mod tests {
     use super::*;
     use crate::integrate::{Dop853, Verlet};
     use crate::memory::watch::asked;
-    use crate::{Spring, SystemBuilder};
+    use crate::system::fixtures::row;
 
     /// Two springs and three particles.
     #[test]
     fn memory_is_asked_for_springs_and_particles() {
-        let mut builder = SystemBuilder::new();
-        for x in 0..3 {
-            builder.particle([f64::from(x), 0.0, 0.0], 1.0);
-        }
-        for i in 0..2 {
-            builder.spring(i, i + 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        }
-        let (system, state) = builder.build().unwrap();
+        let (system, state) = row(3);
         let bytes = |new: &dyn Fn()| asked("the state of the method", new).1;
         let verlet = bytes(&|| drop(Verlet::new(&system, &state).unwrap()));
         let euler = bytes(&|| drop(SymplecticEuler::new(&system, &state).unwrap()));

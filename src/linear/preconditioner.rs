@@ -129,8 +129,9 @@ mod tests {
     use super::*;
     use crate::force::Extensions;
     use crate::operator::Combination;
-    use crate::spring::{Spring, Stiffness};
+    use crate::spring::Stiffness;
     use crate::system::SystemBuilder;
+    use crate::system::fixtures::row;
 
     /// The identity, by another name.
     #[derive(Debug)]
@@ -162,11 +163,7 @@ mod tests {
     /// Indefinite is what is finite alone: both the masses' part and every spring's.
     #[test]
     fn matrices_that_are_not_finite_are_not_called_indefinite() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        let (system, state) = builder.build().unwrap();
+        let (system, state) = row(2);
         let extensions = Extensions::at(&system, &state.positions).unwrap();
         let dof = Dof { particle: 1, axis: 0 };
         let indefinite = SolveFailure::Indefinite(Evidence::DiagonalBlock(dof));

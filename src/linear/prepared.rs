@@ -163,8 +163,8 @@ mod tests {
     use crate::force::Extensions;
     use crate::linear::CholeskySolver;
     use crate::operator::Combination;
-    use crate::spring::{Spring, Stiffness};
-    use crate::system::SystemBuilder;
+    use crate::spring::Stiffness;
+    use crate::system::fixtures::row;
     use std::sync::{Arc, Mutex};
 
     /// Notes where it is told the particles are.
@@ -191,11 +191,7 @@ mod tests {
     /// A factorization has a report, which other solvers do not; those may want to know where the particles are.
     #[test]
     fn the_solver_is_told_and_asked_through_its_owner() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        let (system, state) = builder.build().unwrap();
+        let (system, state) = row(2);
         let extensions = Extensions::at(&system, &state.positions).unwrap();
         let matrix = || SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
         let work = &mut Work::default();

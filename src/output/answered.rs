@@ -61,17 +61,12 @@ mod tests {
     use super::*;
     use crate::accuracy::answer;
     use crate::integrate::Method;
-    use crate::{Spring, SystemBuilder};
+    use crate::system::fixtures::oscillator;
 
     /// Steps that follow an estimate have the mean for their length, and steps of one length their length.
     #[test]
     fn answers_have_a_step() {
-        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.3, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        builder.hold(0);
-        let (system, start) = builder.build().unwrap();
+        let (system, start) = oscillator();
         for method in [Method::Dop853, Method::Verlet] {
             let requirement = Requirement {
                 accuracy: 1e-3,

@@ -5,6 +5,8 @@ mod builder;
 mod constraint;
 mod dofs;
 mod external;
+#[cfg(test)]
+pub(crate) mod fixtures;
 mod part;
 mod shares;
 mod state;

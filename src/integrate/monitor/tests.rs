@@ -374,14 +374,7 @@ fn errors_are_told_to_people_in_percent() {
 /// A hundred bytes for each of two springs, four hundred for each of three particles.
 #[test]
 fn memory_is_asked_for_springs_and_particles() {
-    let mut builder = SystemBuilder::new();
-    for x in 0..3 {
-        builder.particle([f64::from(x), 0.0, 0.0], 1.0);
-    }
-    for i in 0..2 {
-        builder.spring(i, i + 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.5 });
-    }
-    let (system, state) = builder.build().unwrap();
+    let (system, state) = crate::system::fixtures::row(3);
     let new = || Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
     assert_eq!(crate::memory::watch::asked("what accompanies a run", new).1, 2 * 100 + 3 * 400);
 }

@@ -1,0 +1,225 @@
+use super::*;
+use crate::SystemBuilder;
+use crate::scene::builtin;
+
+fn cloth() -> System {
+    builtin::cloth(20).unwrap().build().unwrap().0
+}
+
+fn costs() -> CostModel {
+    CostModel::of(&cloth())
+}
+
+fn contest() -> Contest {
+    Contest::new(&cloth())
+}
+
+/// Solves of so many iterations for ten digits with each, as long as the contest does not move on, and the next.
+fn moves(contest: &mut Contest, kind: Kind, iterations: u64, matrices: usize) -> Option<(usize, Kind)> {
+    (0..matrices).find_map(|matrix| {
+        contest.record(kind, iterations, 10.0);
+        contest.next(kind, &costs(), true).map(|next| (matrix, next))
+    })
+}
+
+#[test]
+fn few_iterations_need_no_preconditioner() {
+    assert_eq!(moves(&mut contest(), Kind::None, 3, 1000), None);
+}
+
+/// Blocks may save two fifths of the iterations. When what that would have saved exceeds what they cost they are tried; they save
+/// nothing, and are left when they have cost more than that again. The second trial needs a promise four times as large.
+#[test]
+fn what_does_not_pay_is_left_and_tried_later() {
+    let mut contest = contest();
+    let costs = costs();
+    let (blocks, none, with) =
+        (costs.preparation(Kind::BlockJacobi), costs.iteration(Kind::None), costs.iteration(Kind::BlockJacobi));
+    let promised = SURE * 30.0 * none - blocks - 0.6 * 30.0 * with;
+    assert!(promised > 0.0);
+    let expected = ((blocks + 30.0 * none) / promised).floor() as usize;
+    assert_eq!(moves(&mut contest, Kind::None, 30, 100), Some((expected, Kind::BlockJacobi)));
+    contest.changed_to(Kind::BlockJacobi);
+    let lost = SURE * (blocks + 30.0 * with) - 30.0 * none;
+    let back = moves(&mut contest, Kind::BlockJacobi, 30, 100);
+    assert_eq!(back, Some(((blocks / lost).floor() as usize, Kind::None)));
+    contest.changed_to(Kind::None);
+    // Known by now to save nothing, they are not tried again.
+    assert_eq!(moves(&mut contest, Kind::None, 30, 100), None);
+}
+
+/// Where multigrid saves nothing, a trial without a preconditioner may cost all that multigrid costs, and blocks in between.
+#[test]
+fn what_is_not_known_to_be_safe_promises_more() {
+    let costs = costs();
+    let mut contest = contest();
+    contest.record(Kind::None, 30, 10.0);
+    contest.record(Kind::BlockJacobi, 60, 10.0);
+    contest.changed_to(Kind::Multigrid);
+    let of = |kind: Kind, iterations: u64| costs.preparation(kind) + iterations as f64 * costs.iteration(kind);
+    // A little more than what would be called even.
+    let without = of(Kind::None, 30);
+    let iterations = (1..).find(|&k| SURE * of(Kind::Multigrid, k) > 1.1 * without).unwrap();
+    let with = of(Kind::Multigrid, iterations);
+    let trial = costs.preparation(Kind::BlockJacobi) + with;
+    // What was set up for the trial does not count.
+    contest.set_up(1.0);
+    let expected = (trial / (SURE * with - without)).floor() as usize;
+    assert!(expected > 1, "{expected}");
+    assert_eq!(moves(&mut contest, Kind::Multigrid, iterations, 100), Some((expected, Kind::None)));
+}
+
+/// Masses of 1 and 100 kg make blocks promise a tenth of the iterations that they promise where masses are alike: they are tried sooner.
+#[test]
+fn masses_that_differ_ask_for_blocks() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0, 0.0, 0.0], 1.0);
+    builder.particle([1.0, 0.0, 0.0], 100.0);
+    builder.particle([2.0, 0.0, 0.0], 1e6);
+    builder.hold(2);
+    let (unlike, _) = builder.build().unwrap();
+    assert_eq!(unlike.free_masses(), [1.0, 100.0]);
+    let mut contest = Contest::new(&unlike);
+    let costs = costs();
+    let (blocks, none, with) =
+        (costs.preparation(Kind::BlockJacobi), costs.iteration(Kind::None), costs.iteration(Kind::BlockJacobi));
+    let promised = SURE * 12.0 * none - blocks - 0.06 * 12.0 * with;
+    let expected = ((blocks + 12.0 * none) / promised).floor() as usize;
+    assert_eq!(moves(&mut contest, Kind::None, 12, 100), Some((expected, Kind::BlockJacobi)));
+    assert_eq!(moves(&mut self::contest(), Kind::None, 12, expected + 1), None);
+}
+
+#[test]
+fn blocks_that_save_much_stay() {
+    let mut contest = contest();
+    assert!(moves(&mut contest, Kind::None, 40, 100).is_some());
+    contest.changed_to(Kind::BlockJacobi);
+    assert_eq!(moves(&mut contest, Kind::BlockJacobi, 5, 1000), None);
+}
+
+/// Hundreds of iterations, which a solve with multigrid would do without.
+#[test]
+fn multigrid_comes_where_it_promises_most() {
+    let mut contest = contest();
+    let next = moves(&mut contest, Kind::BlockJacobi, 200, 100);
+    assert_eq!(next.map(|(_, kind)| kind), Some(Kind::Multigrid));
+    assert!(next.is_some_and(|(matrices, _)| matrices > 0));
+}
+
+/// What none would do for is left to blocks as long as the matrix may be indefinite, and then given back.
+#[test]
+fn blocks_watch_over_definiteness() {
+    let (mut contest, costs) = (contest(), costs());
+    assert_eq!(contest.next(Kind::None, &costs, false), Some(Kind::BlockJacobi));
+    contest.record(Kind::None, 3, 10.0);
+    for is_definite in [false, true] {
+        let left = (0..100).any(|_| {
+            contest.record(Kind::BlockJacobi, 3, 10.0);
+            contest.next(Kind::BlockJacobi, &costs, is_definite) == Some(Kind::None)
+        });
+        assert_eq!(left, is_definite);
+    }
+}
+
+/// Multigrid is left for no preconditioner at all when it has cost more than a matrix with it would cost in vain, and blocks beside.
+#[test]
+fn multigrid_is_left_where_little_is_to_do() {
+    let (mut contest, costs) = (contest(), costs());
+    contest.record(Kind::None, 3, 10.0);
+    contest.changed_to(Kind::Multigrid);
+    contest.set_up(1.0);
+    contest.record(Kind::Multigrid, 8, 10.0);
+    assert!(SURE * costs.iteration(Kind::Multigrid) * 8.0 > costs.preparation(Kind::BlockJacobi));
+    assert_eq!(contest.next(Kind::Multigrid, &costs, true), None);
+    assert_eq!(moves(&mut contest, Kind::Multigrid, 8, 10).map(|(_, kind)| kind), Some(Kind::None));
+}
+
+/// Coarse levels that have to be made anew for every matrix cost more than the iterations that they save.
+#[test]
+fn coarse_levels_that_age_fast_are_left() {
+    for (set_ups, is_left) in [(0.0, false), (1.0, true)] {
+        let (mut contest, costs) = (contest(), costs());
+        contest.record(Kind::BlockJacobi, 100, 10.0);
+        contest.changed_to(Kind::Multigrid);
+        contest.set_up(1.0);
+        let left = (0..100).find_map(|_| {
+            contest.record(Kind::Multigrid, 8, 10.0);
+            let next = contest.next(Kind::Multigrid, &costs, false);
+            contest.set_up(set_ups);
+            next
+        });
+        assert_eq!(left == Some(Kind::BlockJacobi), is_left);
+    }
+}
+
+#[test]
+fn there_is_something_better_until_multigrid() {
+    assert_eq!(Contest::patience(Kind::None), Some((50, Kind::BlockJacobi)));
+    assert_eq!(Contest::patience(Kind::BlockJacobi), Some((100, Kind::Multigrid)));
+    assert_eq!(Contest::patience(Kind::Multigrid), None);
+}
+
+/// Set-ups are a mean in which what was before counts seven tenths, of matrices that multigrid had alone.
+#[test]
+fn set_ups_are_remembered() {
+    let (mut contest, costs) = (contest(), costs());
+    for (kind, set_up, expected) in
+        [(Kind::Multigrid, 1.0, 0.3), (Kind::BlockJacobi, 5.0, 0.3), (Kind::Multigrid, 2.0, 0.81)]
+    {
+        contest.set_up(set_up);
+        contest.record(kind, 5, 10.0);
+        contest.next(kind, &costs, true);
+        assert!((contest.set_ups - expected).abs() < 1e-12, "{}", contest.set_ups);
+    }
+    for (kind, set_up, price) in
+        [(Kind::Multigrid, -1.0, 4.0), (Kind::BlockJacobi, 0.0, 4.0), (Kind::Multigrid, -1.0, 16.0)]
+    {
+        contest.changed_to(kind);
+        assert_eq!((contest.set_up, contest.price[place(kind)], contest.lost), (set_up, price, 0.0));
+    }
+}
+
+/// What is lost is nine tenths of what a matrix has cost less what the cheapest other one would have; beyond what a trial costs, times what was
+/// promised in vain, there is one.
+#[test]
+fn trials_begin_where_they_have_cost_as_much_not_to_be_made() {
+    let costs = costs();
+    let digits = 10.0;
+    let run = |kind, iterations: f64| costs.preparation(kind) + iterations * costs.iteration(kind);
+    // Each one with what the others are known to take, or are hoped to.
+    for (kind, iterations, set_up, best, trial) in [
+        (
+            Kind::BlockJacobi,
+            400,
+            0.0,
+            Kind::Multigrid,
+            3.0 * costs.multigrid_setup() + costs.preparation(Kind::Multigrid),
+        ),
+        (Kind::Multigrid, 40, 1.5, Kind::BlockJacobi, costs.preparation(Kind::BlockJacobi)),
+    ] {
+        let before = |contest: &mut Contest| {
+            // Known to be hopeless without any, and with blocks to take eight iterations a digit.
+            contest.record(Kind::None, 100_000, 10.0);
+            if kind == Kind::Multigrid {
+                contest.record(Kind::BlockJacobi, 80, 10.0);
+            }
+            contest.now = Seen::default();
+            contest.record(kind, iterations, digits);
+            contest.set_up(set_up);
+        };
+        let cost = run(kind, iterations as f64) + set_up * costs.multigrid_setup();
+        let expected = if best == Kind::Multigrid { run(best, digits) } else { run(best, 8.0 * digits) };
+        let lost = SURE * cost - expected;
+        assert!(lost > 0.0, "{lost}");
+        let border = DISAPPOINTED * if best == Kind::BlockJacobi { trial + cost } else { trial };
+        for (part, moves) in [(0.999, None), (1.001, Some(best))] {
+            let mut contest = contest();
+            contest.changed_to(best);
+            before(&mut contest);
+            contest.lost = part * border - lost;
+            let found = contest.next(kind, &costs, true);
+            assert!((contest.lost / (part * border) - 1.0).abs() < 1e-9, "{} {border}", contest.lost);
+            assert_eq!(found, moves, "{part}");
+        }
+    }
+}

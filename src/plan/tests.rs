@@ -1,0 +1,117 @@
+use super::*;
+use crate::integrate::Rodas4;
+use crate::spring::Spring;
+use crate::system::SystemBuilder;
+
+/// Method, tolerance without a step, and whether what cannot move is left out, of wishes for a method, an accuracy, a tolerance.
+#[test]
+fn what_is_not_asked_for_is_decided() {
+    let (verlet, bdf2) = (MethodChoice::Named(Method::Verlet), MethodChoice::Named(Method::Bdf2));
+    let auto = Some(MethodChoice::Auto);
+    for (method, accuracy, rtol, expected) in [
+        (None, None, None, (Some(Method::LinearBackwardEuler), Some(1e-2), false)),
+        (None, None, Some(1e-5), (Some(Method::Rodas4), Some(1e-5), false)),
+        (None, Some(1e-3), None, (None, Some(1e-2), true)),
+        (None, Some(1e-3), Some(1e-5), (None, Some(1e-5), true)),
+        (auto, None, None, (None, Some(1e-2), true)),
+        (auto, None, Some(1e-5), (None, Some(1e-5), true)),
+        (Some(verlet), None, None, (Some(Method::Verlet), None, false)),
+        (Some(verlet), Some(1e-3), Some(1e-5), (Some(Method::Verlet), Some(1e-5), true)),
+        (Some(bdf2), None, None, (Some(Method::Bdf2), Some(1e-2), false)),
+    ] {
+        let wishes = Wishes { method, accuracy, rtol, ..Wishes::default() };
+        assert_eq!((wishes.method(), wishes.rtol_without_step(), wishes.reduces()), expected, "{wishes:?}");
+    }
+}
+
+/// Each method by its name, and the choice between them last; sixty records a second, or a hundred of a short motion.
+#[test]
+fn there_is_a_choice_for_every_method() {
+    let named = Method::ALL.into_iter().map(MethodChoice::Named);
+    assert!(named.chain([MethodChoice::Auto]).eq(MethodChoice::ALL));
+    for (duration, expected) in [(0.1, 0.001), (30.0, 1.0 / 60.0)] {
+        assert!((records_every(duration) - expected).abs() < 1e-15, "{duration}");
+    }
+}
+
+/// As the motion needs where nothing is said, else as is said; solvers that are named are compared to all digits.
+#[test]
+fn tolerances_follow_the_motion_where_nothing_is_said() {
+    let (system, state) = swing();
+    let cg = Some(SolverChoice::Cg);
+    for (tolerance, solver, expected) in [
+        (None, None, Tolerance::OfMotion),
+        (None, Some(SolverChoice::Auto), Tolerance::OfMotion),
+        (None, cg, Tolerance::default()),
+        (Some(1e-3), None, Tolerance::Fixed(1e-3)),
+        (Some(1e-3), cg, Tolerance::Fixed(1e-3)),
+    ] {
+        let wishes = Wishes { tolerance, solver, ..Wishes::default() };
+        let linear = wishes.plan(&system, &state, 0.01, None).unwrap().configuration.options.linear;
+        assert_eq!(linear.tolerance, expected, "{tolerance:?} {solver:?}");
+    }
+}
+
+/// A particle on a spring, held at the other end, swinging about its rest length with a period of 2π/√10 s.
+fn swing() -> (System, State) {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([1.0, 0.0, 0.0], 1.0);
+    builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+    builder.hold(0);
+    builder.build().unwrap()
+}
+
+#[test]
+fn monitors_look_at_what_the_method_needs_and_stop_as_they_are_told() {
+    let (system, state) = swing();
+    for (method, forces) in [(Method::LinearBackwardEuler, true), (Method::Rodas4, false)] {
+        let wishes = Wishes { method: Some(MethodChoice::Named(method)), ..Wishes::default() };
+        let plan = wishes.plan(&system, &state, 0.01, None).unwrap();
+        for stops_unstable in [false, true] {
+            assert_eq!(plan.monitor(stops_unstable), MonitorOptions { forces, stops_unstable });
+        }
+    }
+}
+
+/// Samples of parts have the numbers and times of the whole; the first part begins with a step of dt, later ones with a step that the
+/// forces suggest.
+#[test]
+fn adaptive_runs_go_on_in_parts() {
+    let (system, mut state) = swing();
+    let plan = Wishes::default().plan(&system, &state, 0.25, Some(1e-3)).unwrap();
+    let schedule = Schedule::duration(0.25, 1.5);
+    let mut samples = Vec::new();
+    for (part, first_step) in [(schedule.part(0, 2), Some(0.25)), (schedule.part(2, 100), None)] {
+        let mut alone = state.clone();
+        let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
+        let mut stepper = plan.stepper(&system, &state).unwrap();
+        let observe = |count, state: &State, _: &Monitor| {
+            samples.push((count, state.time));
+            ControlFlow::Continue(())
+        };
+        stepper.run(&system, &mut state, &part, &mut monitor, observe);
+
+        let duration = if first_step.is_some() { 0.5 } else { 1.0 };
+        let how = Adaptivity { duration, rtol: 1e-3, first_step, sampling: Sampling::Every(0.25) };
+        let mut monitor = Monitor::new(&system, &alone, MonitorOptions::default()).unwrap();
+        let mut stepper = Rodas4::new(&system, &alone, &plan.configuration.options).unwrap();
+        let observe = |_, _: &State, _: &Monitor| ControlFlow::Continue(());
+        run_adaptive_monitored(&mut stepper, &system, &mut alone, &how, &mut monitor, observe);
+        assert_eq!(state, alone);
+    }
+    assert_eq!(samples, [(1, 0.25), (2, 0.5), (3, 0.75), (4, 1.0), (5, 1.25), (6, 1.5)]);
+}
+
+/// Threads decide nothing, the number of unknowns does.
+#[test]
+fn large_factorizations_are_split() {
+    for (particles, is_split) in [(10, false), (LARGE / 3 - 1, false), (LARGE / 3, true)] {
+        let mut builder = SystemBuilder::new();
+        (0..particles).for_each(|i| {
+            builder.particle([i as f64, 0.0, 0.0], 1.0);
+        });
+        let (system, _) = builder.build().unwrap();
+        assert_eq!(matches!(parallelism(&system), Par::Rayon(_)), is_split, "{particles}");
+    }
+}
