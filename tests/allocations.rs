@@ -102,3 +102,24 @@ fn multigrid_knows_what_it_holds() {
         assert!((told - counted.bytes_current).abs() < 8000, "{told} of {}", counted.bytes_current);
     }
 }
+
+/// Bytes that are asked for before a run, for a spring and for a particle, cover what is taken: where springs are many and where they are few.
+#[test]
+fn what_is_asked_for_covers_what_is_taken() {
+    for scene in [builtin::cloth(60).unwrap(), builtin::lattice(12).unwrap(), builtin::chain(3000).unwrap()] {
+        let (system, state) = scene.build().unwrap();
+        let taken = |new: &dyn Fn()| allocation_counter::measure(new).bytes_max;
+        let options = MonitorOptions { forces: true, ..MonitorOptions::default() };
+        for (what, [spring, particle], bytes) in [
+            ("monitor", [100, 400], taken(&|| drop(Monitor::new(&system, &state, options).unwrap()))),
+            ("verlet", [40, 150], taken(&|| drop(Verlet::new(&system, &state).unwrap()))),
+            ("symplectic Euler", [40, 150], taken(&|| drop(SymplecticEuler::new(&system, &state).unwrap()))),
+            ("dop853", [40, 700], taken(&|| drop(Dop853::new(&system, &state).unwrap()))),
+        ] {
+            let asked = spring * system.springs().len() as u64 + particle * system.particles() as u64;
+            // Reading how much room there is takes a few kilobytes itself.
+            assert!(bytes <= asked + 20_000, "{what}, {}: {bytes} of {asked}", scene.name);
+            assert!(4 * bytes >= asked, "{what}, {}: {bytes} of {asked}", scene.name);
+        }
+    }
+}
