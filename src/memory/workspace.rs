@@ -146,18 +146,23 @@ mod tests {
         });
     }
 
-    /// The workspace is what it is thought to be, on the machine at hand, and products take nothing more once it is there.
+    /// The workspace is what it is thought to be, on the machine at hand, and products take nothing more once it is there. Other
+    /// tests take memory meanwhile: one of several threads is alone with its look.
     #[test]
     #[cfg(target_os = "linux")]
     fn a_product_takes_what_was_asked_for_and_only_once() {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        pool.install(|| {
-            // Threads that are made meanwhile have stacks and heaps of their own: the least of several looks is taken.
-            assert_eq!(missing(), bytes());
-            let before = held()[0];
-            assert!(take());
-            let taken = held()[0].saturating_sub(before);
-            assert!(missing() == 0 && taken <= bytes() + (1 << 20), "{taken} of {}", bytes());
-        });
+        let look = || {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+            pool.install(|| {
+                assert_eq!(missing(), bytes());
+                let before = held()[0];
+                assert!(take());
+                let taken = held()[0].saturating_sub(before);
+                assert_eq!(missing(), 0);
+                taken
+            })
+        };
+        let looks: Vec<u64> = (0..20).map(|_| look()).collect();
+        assert!(looks.iter().any(|&taken| taken <= bytes() + (1 << 20)), "{looks:?} of {}", bytes());
     }
 }
