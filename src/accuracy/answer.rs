@@ -1,6 +1,6 @@
 //! The state at the end of a motion to a required accuracy, at a few times the cost of the cheapest run that has it.
 //!
-//! What is spent beside the answer is little: ten products with K, or a bound, tell how long explicit steps may be, and with that what they cost;
+//! What is spent beside the answer is little: a bound tells how long explicit steps may be, and with that what they cost;
 //! where they are dear a run of an implicit method is tried up to that price; then runs come in pairs, the second finer,
 //! and the difference of two tells the error of the second. When that is small enough the second *is* the answer: it was
 //! recorded as it went, and nothing is repeated.
@@ -42,7 +42,7 @@ pub fn answer<A: Audience>(
     let grid = Grid::new(duration, interval, system.particles());
     let task = Task { system, start, duration, costs, grid, go_on };
     let mut search = Search::new(&task, requirement, audience);
-    let rates = Rates::of(system, start, Price::longest(duration), &costs)?;
+    let rates = Rates::of(system, start, &costs)?;
     search.spend(rates.cost);
     let verdict = match requirement.method {
         Some(method) => alone::answer(&mut search, method, &rates)?,

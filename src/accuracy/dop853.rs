@@ -18,6 +18,9 @@ use crate::integrate::Method;
 const FIRST_TOLERANCE: f64 = 10.0;
 const COARSEST: f64 = 0.1;
 
+/// From the tolerance of the first run to the next: far enough that errors which both share do not pass for small ones.
+const NEXT: f64 = 0.03;
+
 /// Below this runs differ by rounding.
 const FINEST: f64 = 1e-14;
 
@@ -68,7 +71,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price, othe
                 return Ok(Verdict::Confirmed);
             }
         }
-        let mut next = 0.1 * tolerance;
+        let mut next = NEXT * tolerance;
         if let Some((before, course)) = coarse.take() {
             let difference = search.difference(&fine, &course);
             let apart = difference.envelope();

@@ -2,7 +2,7 @@
 //! steps of [one length](super::equal) or, where these do not do, with steps that follow [an error estimate](super::dop853).
 
 use super::audience::Audience;
-use super::price::{FEW_DIGITS, Price};
+use super::price::Price;
 use super::search::{Search, Verdict};
 use super::verlet::Extrapolated;
 use super::{dop853, equal, verlet};
@@ -10,13 +10,11 @@ use crate::error::Result;
 
 /// An answer by explicit methods.
 pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> Result<Verdict> {
-    let mut other = None;
-    if search.requirement.accuracy >= FEW_DIGITS {
-        match verlet::answer(search, price)? {
-            Ok(verdict) => return Ok(verdict),
-            Err(Extrapolated(course)) => other = course,
-        }
-    }
+    // Where it is not fine enough its pair has cost a tenth of what follows, or it has shown that little moves.
+    let other = match verlet::answer(search, price)? {
+        Ok(verdict) => return Ok(verdict),
+        Err(Extrapolated(course)) => course,
+    };
     match equal::answer(search, price, other)? {
         Ok(verdict) => Ok(verdict),
         Err(Extrapolated(other)) => dop853::answer(search, price, other),

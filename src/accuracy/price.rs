@@ -4,14 +4,14 @@ use super::Configuration;
 use super::rates::Rates;
 use crate::integrate::{ImplicitOptions, Method};
 
-/// Steps of Verlet's method, in the longest stable ones: the state changes on the way.
-const STABLE: f64 = 0.93;
+/// Steps of Verlet's method, in those that are stable for sure at the start: the state changes on the way.
+const STABLE: f64 = 0.96;
 
 /// A run has at least this many steps.
 const FEWEST_STEPS: f64 = 4.0;
 
-/// Accuracies from this on are for Verlet's method to try first.
-pub(super) const FEW_DIGITS: f64 = 2e-5;
+/// Accuracies from this on Verlet's method has, as a rule.
+const FEW_DIGITS: f64 = 2e-5;
 
 /// From the first run of a pair by Verlet's method to the second.
 pub(super) const FIRST_RATIO: f64 = 1.25;
@@ -45,11 +45,6 @@ impl Price {
         let radius = rates.radius();
         let steps = (duration * radius / DOP853_RADIANS).max(DOP853_FEWEST_STEPS).ceil();
         Self { verlet, steps, radius }
-    }
-
-    /// The longest stable steps of Verlet's method that a run makes use of, in s.
-    pub fn longest(duration: f64) -> f64 {
-        duration / (STABLE * FEWEST_STEPS)
     }
 
     /// An answer of this accuracy, as a rule.

@@ -2,16 +2,12 @@
 
 use crate::error::Result;
 use crate::force::Extensions;
-use crate::inspect::lanczos_ends;
 use crate::linear::CostModel;
-use crate::operator::{Combination, LinearOperator, SystemOperator};
-use crate::spring::Stiffness;
-use crate::system::{State, System};
+use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
+use crate::system::{Axes, State, System};
+use nalgebra::Matrix3;
 
-/// Products by which an end of a spectrum is found, to a few percent; a frequency is its root, known twice as well.
-const PRODUCTS: usize = 10;
-
-/// The fastest vibration and the strongest damping of a state, in 1/s.
+/// The fastest vibration and the strongest damping of a state, bounded from above, in 1/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Rates {
     /// `√λ_max(−M⁻¹K)`.
@@ -23,65 +19,20 @@ pub(super) struct Rates {
 }
 
 impl Rates {
-    /// Of a state: by Lanczos' method, matrix-free; a bound, which is cheaper, where it shows that explicit steps may be `long` seconds.
+    /// Of a state.
     ///
     /// # Errors
     /// Coincident ends of a spring.
-    pub fn of(system: &System, state: &State, long: f64, costs: &CostModel) -> Result<Self> {
+    pub fn of(system: &System, state: &State, costs: &CostModel) -> Result<Self> {
         let extensions = Extensions::at(system, &state.positions)?;
-        let bound = Self::bound(system, &extensions, costs);
-        if bound.verlet_step() >= long {
-            return Ok(bound);
-        }
-        let masses = &system.masses();
-        let scale: Vec<f64> =
-            (0..system.dofs().len()).map(|row| 1.0 / masses[system.dofs().dof(row).particle].sqrt()).collect();
-        let mut cost = 0.0;
-        let mut largest = |combination: Combination| {
-            let operator = SystemOperator::new(system, &extensions, Stiffness::Full, combination);
-            let mut scaled = vec![0.0; scale.len()];
-            let mut products = 0;
-            let [_, end] = lanczos_ends(scale.len(), PRODUCTS, |x, y| {
-                for ((scaled, x), scale) in scaled.iter_mut().zip(x).zip(&scale) {
-                    *scaled = x * scale;
-                }
-                operator.apply(&scaled, y);
-                for (y, scale) in y.iter_mut().zip(&scale) {
-                    *y *= scale;
-                }
-                products += 1;
-            });
-            cost += costs.assembly() + f64::from(products) * costs.product();
-            // An eigenvalue lies within the residual: as a rule above, and nearer.
-            let value = end.value + 0.5 * end.residual;
-            if value > 0.0 { value } else { 0.0 }
+        let stiffness = |spring: &Spring, at: &Extension| spring.stiffness_block(at, Stiffness::Tension);
+        let vibration = largest(system, &extensions, stiffness).sqrt();
+        let damping = if system.is_damped() {
+            largest(system, &extensions, |spring, at| spring.damping_block(at))
+        } else {
+            0.0
         };
-        let stiffness = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
-        let vibration = largest(stiffness).sqrt();
-        let damping =
-            if system.is_damped() { largest(Combination { mass: 0.0, damping: -1.0, stiffness: 0.0 }) } else { 0.0 };
-        Ok(Self { vibration, damping, cost })
-    }
-
-    /// Bounds of both, by the theorem of Gershgorin: a spring of stiffness κ between particles of masses m has the energy
-    /// `½κ |u_i − u_j|² ≤ κ (|u_i|² + |u_j|²)`, so that `λ_max(−M⁻¹K) ≤ max_i Σ 2κ/m_i` over the springs of particle i.
-    fn bound(system: &System, extensions: &Extensions, costs: &CostModel) -> Self {
-        let mut sums = vec![[0.0; 2]; system.particles()];
-        for ((_, ends, spring), _) in extensions.springs(system) {
-            // Along the spring; across it κ is less.
-            let stiffness = spring.stiffness / spring.rest_length;
-            for end in ends {
-                if let Some([stiffnesses, dampings]) = sums.get_mut(end) {
-                    *stiffnesses += 2.0 * stiffness;
-                    *dampings += 2.0 * spring.damping;
-                }
-            }
-        }
-        let largest = |which: usize| {
-            let rates = sums.iter().zip(system.masses()).map(|(sums, mass)| sums[which] / mass);
-            rates.fold(0.0, f64::max)
-        };
-        Self { vibration: largest(0).sqrt(), damping: largest(1), cost: costs.assembly() }
+        Ok(Self { vibration, damping, cost: costs.assembly() })
     }
 
     /// The longest stable step of Verlet's method, in s. With predicted velocities a mode `x″ = −ω²x − γx′` is stable for
@@ -96,6 +47,47 @@ impl Rates {
         let under = 4.0 * vibration * vibration - damping * damping;
         if under > 0.0 { vibration } else { 0.5 * (damping + (-under).sqrt()) }
     }
+}
+
+/// A bound of `λ_max` of the springs' blocks, over the masses. A block S ≥ 0 between i and j has, for every t > 0,
+///
+/// ```text
+/// (u_i − u_j)ᵀ S (u_i − u_j) ≤ (1 + t) u_iᵀ S u_i + (1 + 1/t) u_jᵀ S u_j.
+/// ```
+///
+/// With `p_i = λ_max(Σ S)/m_i` over the springs of particle i and `t = p_j/p_i`,
+///
+/// ```text
+/// λ_max ≤ max_i λ_max(Σ (1 + p_j/p_i) S)/m_i,
+/// ```
+///
+/// where p_j is zero for an end that is held. For one spring, for a long chain of equal ones and for a hub with light spokes the bound is
+/// reached. It is what W. N. Anderson and T. D. Morley (Eigenvalues of the Laplacian of a graph, 1985) found for graphs, `λ ≤ max (d_i + d_j)`,
+/// by blocks. S is taken without what compression takes from it.
+fn largest(
+    system: &System,
+    extensions: &Extensions,
+    block: impl Fn(&Spring, &Extension) -> SpringBlock,
+) -> f64 {
+    let is_free = |end: usize| system.dofs().free_axes(end) != Axes::NONE;
+    let sums = |weight: &dyn Fn(usize, usize) -> f64| {
+        let mut sums = vec![Matrix3::zeros(); system.particles()];
+        for ((_, [i, j], spring), at) in extensions.springs(system) {
+            let block = block(spring, at).matrix();
+            for (here, there) in [(i, j), (j, i)] {
+                sums[here] += block * weight(here, there);
+            }
+        }
+        let of_mass = |(sum, mass): (&Matrix3<f64>, &f64)| sum.symmetric_eigenvalues().max() / mass;
+        sums.iter().zip(system.masses()).map(of_mass).collect::<Vec<f64>>()
+    };
+    let own = sums(&|_, _| 1.0);
+    let weight = |here: usize, there: usize| match [here, there].map(is_free) {
+        [true, true] if own[here] > 0.0 => 1.0 + own[there] / own[here],
+        [true, _] => 1.0,
+        [false, _] => 0.0,
+    };
+    sums(&weight).into_iter().fold(0.0, f64::max)
 }
 
 #[cfg(test)]

@@ -9,12 +9,22 @@
 //!   gravity along it, and nothing leads them along it. A spring's force has the direction of the spring: its component along
 //!   the axis is exactly zero now, the springs stay perpendicular, and so for all time.
 //! - **Parts at rest.** Nothing in the part moves, the particles that hold it never do, and the net force on every free
-//!   coordinate is zero: exactly, or to rounding where no spring of the part is compressed, since its equilibrium is then
+//!   coordinate is zero: exactly, or to rounding where no spring of the part is compressed by more than that, since its equilibrium is then
 //!   stable and rounding stays rounding.
+//! - **Springs of parts that fall or drift as one.** Every spring has its rest length, all particles have one velocity, and what leads some
+//!   of them leads them with it. Only gravity acts, on all in the same way, and lengths stay what they are: the springs never pull. That
+//!   lengths are rounded gives them an energy of rounding, and more than that no motion of the part ever gets.
+//!
+//! Forces from outside may do anything: with them nothing is looked for that the state shows. Nor are equilibria with a spring law of the
+//! caller's own, which may fall where tension rises.
 
-use crate::force::{Extensions, add_elastic_force, add_weight};
-use crate::system::{Axes, Dof, Motion, State, System};
-use nalgebra::Vector3;
+mod found;
+mod parts;
+
+use crate::force::Extensions;
+use crate::system::{Axes, Dof, State, System};
+use found::{Strains, as_one, at_rest, without_force};
+use parts::Parts;
 use serde::Serialize;
 
 /// Something that need not be modelled.
@@ -30,6 +40,11 @@ pub enum Reduction {
     Damping,
     /// Springs between wholly prescribed particles: no force of theirs moves anything.
     HeldSprings {
+        /// How many.
+        springs: usize,
+    },
+    /// Springs of parts that fall or drift as one, which never pull.
+    Slack {
         /// How many.
         springs: usize,
     },
@@ -56,6 +71,9 @@ impl std::fmt::Display for Reduction {
             Self::Dimensions { .. } => write!(f, "two dimensions: the third is not modelled"),
             Self::Damping => write!(f, "no damping: no damping matrix"),
             Self::HeldSprings { springs } => write!(f, "{springs} springs between held particles left out"),
+            Self::Slack { springs } => {
+                write!(f, "{springs} springs left out: what they join moves as one, and they keep their rest lengths")
+            }
             Self::Axis { axis, coordinates } => {
                 write!(f, "{coordinates} coordinates along {axis} left out: no force or velocity points along it")
             }
@@ -74,9 +92,6 @@ pub struct Reduced {
     /// What was found.
     pub reductions: Vec<Reduction>,
 }
-
-/// Net forces up to this many roundings of the forces that balance count as zero.
-const ROUNDINGS: f64 = 16.0;
 
 /// Takes from a system whatever cannot move from the given state on.
 ///
@@ -114,26 +129,19 @@ pub fn reduce(system: &System, state: &State) -> Reduced {
     if inactive > 0 {
         reductions.push(Reduction::HeldSprings { springs: inactive });
     }
-    let Ok(extensions) = Extensions::at(system, &state.positions) else {
-        return Reduced { system: system.clone(), reductions };
-    };
-    let parts = Parts::of(system);
-    let resting = at_rest(system, state, &extensions, &parts);
+    let found = if system.has_external_forces() { None } else { Found::of(system, state) };
+    let Some(found) = found else { return Reduced { system: system.clone(), reductions } };
+    let is_free = |p: usize| system.dofs().free_axes(p) != Axes::NONE;
     let mut held: Vec<Dof> = Vec::new();
-    let mut rest = (0, 0);
-    for particle in (0..system.particles()).filter(|&p| system.dofs().free_axes(p) != Axes::NONE) {
-        if resting.get(parts.part(particle)).copied().unwrap_or(false) {
-            let axes = system.dofs().free_axes(particle);
-            held.extend(axes.iter().map(|axis| Dof { particle, axis }));
-            rest = (rest.0 + 1, rest.1 + axes.count());
-        }
+    let mut particles = 0;
+    for particle in (0..system.particles()).filter(|&p| is_free(p) && found.rests(p)) {
+        held.extend(system.dofs().free_axes(particle).iter().map(|axis| Dof { particle, axis }));
+        particles += 1;
     }
+    let coordinates = held.len();
     for axis in 0..system.dimension() {
-        let flat = without_force(system, state, &parts, axis);
-        let is_flat = |p: usize| {
-            let part = parts.part(p);
-            flat.get(part) == Some(&true) && resting.get(part) == Some(&false)
-        };
+        let flat = without_force(system, state, &found.parts, axis);
+        let is_flat = |p: usize| flat[found.parts.part(p)] && !found.rests(p);
         let free = |p: &usize| system.dofs().free_axes(*p).contains(axis) && is_flat(*p);
         let before = held.len();
         held.extend((0..system.particles()).filter(free).map(|particle| Dof { particle, axis }));
@@ -142,125 +150,53 @@ pub fn reduce(system: &System, state: &State) -> Reduced {
             reductions.push(Reduction::Axis { axis, coordinates: held.len() - before });
         }
     }
-    if rest.0 > 0 {
-        reductions.push(Reduction::AtRest { particles: rest.0, coordinates: rest.1 });
+    if particles > 0 {
+        reductions.push(Reduction::AtRest { particles, coordinates });
     }
-    let system = if held.is_empty() { system.clone() } else { system.with_held(&held, &state.positions) };
+    let moving = system.with_held(&held, &state.positions);
+    let system = moving.without_springs(|_, pair| pair.into_iter().any(|p| is_free(p) && found.is_slack(p)));
+    let springs = moving.active_springs().len() - system.active_springs().len();
+    if springs > 0 {
+        reductions.push(Reduction::Slack { springs });
+    }
     Reduced { system, reductions }
 }
 
-/// Particles joined by springs through particles that are not wholly prescribed.
-struct Parts {
-    part: Vec<usize>,
+/// What the state shows.
+struct Found {
+    parts: Parts,
+    resting: Vec<bool>,
+    slack: Vec<bool>,
 }
 
-impl Parts {
-    fn of(system: &System) -> Self {
-        let mut part: Vec<usize> = (0..system.particles()).collect();
-        let is_free = |p: usize| system.dofs().free_axes(p) != Axes::NONE;
-        for (_, [i, j], _) in system.active().filter(|(_, pair, _)| pair.iter().all(|&p| is_free(p))) {
-            let (a, b) = (root(&mut part, i), root(&mut part, j));
-            part[a.max(b)] = a.min(b);
+impl Found {
+    fn of(system: &System, state: &State) -> Option<Self> {
+        let extensions = Extensions::at(system, &state.positions).ok()?;
+        let parts = Parts::of(system);
+        if system.has_spring_law() {
+            let nowhere = vec![false; system.particles()];
+            return Some(Self { parts, resting: nowhere.clone(), slack: nowhere });
         }
-        for p in 0..part.len() {
-            part[p] = root(&mut part, p);
-        }
-        Self { part }
+        let strains = Strains::of(system, state, &extensions, &parts);
+        let resting = at_rest(system, state, &extensions, &parts, &strains);
+        let as_one = as_one(system, state, &parts);
+        let slack =
+            as_one.into_iter().zip(strains.unstrained).map(|(as_one, unstrained)| as_one && unstrained).collect();
+        Some(Self { parts, resting, slack })
     }
 
-    fn part(&self, particle: usize) -> usize {
-        self.part[particle]
+    fn rests(&self, particle: usize) -> bool {
+        self.resting[self.parts.part(particle)]
     }
-}
 
-/// The representative of a particle's part, with path halving.
-fn root(part: &mut [usize], mut p: usize) -> usize {
-    while part[p] != p {
-        part[p] = part[part[p]];
-        p = part[p];
+    fn is_slack(&self, particle: usize) -> bool {
+        self.slack[self.parts.part(particle)]
     }
-    p
-}
-
-/// Axes along which a prescribed particle ever moves.
-fn moving_axes(system: &System) -> Vec<[bool; 3]> {
-    let mut moving = vec![[false; 3]; system.particles()];
-    let motions = system.prescribed().motions();
-    for (Dof { particle, axis }, _, motion) in system.prescribed().iter() {
-        moving[particle][axis] = match &motions[motion] {
-            Motion::Held => false,
-            Motion::Velocity(v) => v[axis] != 0.0,
-            Motion::Path { offsets, .. } => offsets.windows(2).any(|pair| pair[0][axis] != pair[1][axis]),
-        };
-    }
-    moving
-}
-
-/// For every part (indexed by its first particle), whether nothing ever points along the axis.
-fn without_force(system: &System, state: &State, parts: &Parts, axis: usize) -> Vec<bool> {
-    let mut flat = vec![system.gravity()[axis] == 0.0; system.particles()];
-    let moving = moving_axes(system);
-    for p in 0..system.particles() {
-        flat[parts.part(p)] &= state.velocities[p][axis] == 0.0 && !moving[p][axis];
-    }
-    for (_, pair, _) in system.active() {
-        let [xi, xj] = pair.map(|p| state.positions[p][axis]);
-        let disturbed = xi != xj || pair.iter().any(|&p| moving[p][axis]);
-        if disturbed {
-            pair.iter().for_each(|&p| flat[parts.part(p)] = false);
-        }
-    }
-    flat
-}
-
-/// For every part, whether it stays where it is.
-fn at_rest(system: &System, state: &State, extensions: &Extensions, parts: &Parts) -> Vec<bool> {
-    let n = system.particles();
-    let mut force = vec![Vector3::zeros(); n];
-    add_elastic_force(system, extensions, &mut force);
-    add_weight(system, &mut force);
-    let mut magnitude: Vec<f64> = system.masses().iter().map(|mass| mass * system.gravity().norm()).collect();
-    let mut compressed = vec![false; n];
-    let moving = moving_axes(system);
-    let mut resting = vec![true; n];
-    for ((_, pair, spring), at) in extensions.springs(system) {
-        // A length is rounded like the coordinates that it is the difference of.
-        let reach: f64 = pair.iter().map(|&p| state.positions[p].norm()).sum();
-        let terms = spring.elastic_force(at).norm() + spring.stiffness / spring.rest_length * reach;
-        let disturbed = pair.iter().any(|&p| moving[p].contains(&true));
-        for p in pair {
-            magnitude[p] += terms;
-            compressed[parts.part(p)] |= spring.is_compressed(at);
-            resting[parts.part(p)] &= !disturbed;
-        }
-    }
-    for p in 0..n {
-        let net = system.dofs().free_axes(p).iter().map(|axis| force[p][axis].abs()).fold(0.0, f64::max);
-        let allowed = if compressed[parts.part(p)] { 0.0 } else { ROUNDINGS * f64::EPSILON * magnitude[p] };
-        let still = state.velocities[p].iter().all(|v| *v == 0.0) && !moving[p].contains(&true);
-        resting[parts.part(p)] &= still && net <= allowed;
-    }
-    resting
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn parts_end_at_prescribed_particles() {
-        let mut builder = crate::SystemBuilder::new();
-        for x in 0..5 {
-            builder.particle([f64::from(x), 0.0, 0.0], 1.0);
-        }
-        for i in 0..4 {
-            builder.spring(i, i + 1, crate::Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        }
-        builder.hold(2);
-        let (system, _) = builder.build().unwrap();
-        let parts = Parts::of(&system);
-        assert_eq!(parts.part, [0, 0, 2, 3, 3]);
-    }
 
     fn spring(stiffness: f64, rest_length: f64) -> crate::Spring {
         crate::Spring { stiffness, rest_length, damping: 0.1 }

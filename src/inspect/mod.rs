@@ -48,7 +48,6 @@ pub use first::FirstAnswer;
 pub use follow::{FirstLosses, Follower, Gain, Passed};
 pub use inertia::{Inertia, InertiaCounter, InertiaMethod};
 pub use inspection::{Inspection, OptionInspection};
-pub(crate) use lanczos::lanczos_ends;
 pub use left_out::{AFFORDABLE, LeftOut, Part, Why};
 pub use picture::Pictures;
 pub use smallest::smallest_eigenvalue;

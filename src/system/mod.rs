@@ -131,6 +131,13 @@ impl System {
         Self { prescribed, dofs, active, ..self.clone() }
     }
 
+    /// The same system without the springs that `is_idle` of their numbers and ends: they enter no matrix and exert no force. Springs keep their
+    /// numbers.
+    pub(crate) fn without_springs(&self, is_idle: impl Fn(usize, [usize; 2]) -> bool) -> Self {
+        let goes_on = |&s: &u32| !is_idle(s as usize, self.pair(s as usize));
+        Self { active: self.active.iter().copied().filter(goes_on).collect(), ..self.clone() }
+    }
+
     /// Number of modelled axes: 1, 2 or 3.
     pub fn dimension(&self) -> usize {
         self.dimension
