@@ -4,8 +4,8 @@
 //! what the law makes of the one before. One that has not contracted as it should is not believed: it shows that steps were
 //! too long for the law, or that the motion forgets. Of the largest difference so far such a run has 1.5 times for its error.
 
-/// What a difference that contracts is multiplied with.
-pub(super) const PROVEN: f64 = 1.5;
+/// What the largest difference so far is multiplied with where the last one has not contracted.
+pub(super) const ASTRAY: f64 = 1.5;
 
 /// A difference counts for at least this part of what the law makes of the one before: less is chance.
 pub(super) const CHANCE: f64 = 0.5;

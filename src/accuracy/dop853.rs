@@ -6,7 +6,7 @@
 
 use super::Pace;
 use super::audience::Audience;
-use super::believed::{CHANCE, PROVEN, RETRIES, USABLE};
+use super::believed::{ASTRAY, CHANCE, RETRIES, USABLE};
 use super::course::Course;
 use super::horizon::{Outlook, Parting};
 use super::price::{Price, of};
@@ -28,7 +28,10 @@ const FINEST: f64 = 1e-14;
 /// that stands against chance.
 const UNPROVEN: f64 = 0.5;
 
-/// The same where forces jump on the way.
+/// What one that contracts is multiplied with.
+const PROVEN: f64 = 2.0 / 3.0;
+
+/// What that of a first pair is multiplied with where forces jump on the way.
 const JUMPED: f64 = 3.0;
 
 /// So many times in a row runs must say that no tolerance is enough.
@@ -120,8 +123,8 @@ fn estimate(history: &[f64], apart: f64, ratio: f64, jumps: bool) -> (f64, bool)
     // Errors are about in proportion to the tolerance; more than half of that decay must be seen, and no more than all.
     match history.iter().copied().reduce(f64::min) {
         None => (if jumps { JUMPED } else { UNPROVEN } * apart, true),
-        Some(least) if apart <= least * ratio.sqrt() => (apart.max(CHANCE * least * ratio) / PROVEN, true),
-        Some(_) => (history.iter().fold(apart, |a, b| a.max(*b)) * PROVEN, false),
+        Some(least) if apart <= least * ratio.sqrt() => (PROVEN * apart.max(CHANCE * least * ratio), true),
+        Some(_) => (history.iter().fold(apart, |a, b| a.max(*b)) * ASTRAY, false),
     }
 }
 

@@ -27,11 +27,8 @@ impl Rates {
         let extensions = Extensions::at(system, &state.positions)?;
         let stiffness = |spring: &Spring, at: &Extension| spring.stiffness_block(at, Stiffness::Tension);
         let vibration = largest(system, &extensions, stiffness).sqrt();
-        let damping = if system.is_damped() {
-            largest(system, &extensions, |spring, at| spring.damping_block(at))
-        } else {
-            0.0
-        };
+        let damping =
+            if system.is_damped() { largest(system, &extensions, |spring, at| spring.damping_block(at)) } else { 0.0 };
         Ok(Self { vibration, damping, cost: costs.assembly() })
     }
 
@@ -64,11 +61,7 @@ impl Rates {
 /// where p_j is zero for an end that is held. For one spring, for a long chain of equal ones and for a hub with light spokes the bound is
 /// reached. It is what W. N. Anderson and T. D. Morley (Eigenvalues of the Laplacian of a graph, 1985) found for graphs, `λ ≤ max (d_i + d_j)`,
 /// by blocks. S is taken without what compression takes from it.
-fn largest(
-    system: &System,
-    extensions: &Extensions,
-    block: impl Fn(&Spring, &Extension) -> SpringBlock,
-) -> f64 {
+fn largest(system: &System, extensions: &Extensions, block: impl Fn(&Spring, &Extension) -> SpringBlock) -> f64 {
     let is_free = |end: usize| system.dofs().free_axes(end) != Axes::NONE;
     let sums = |weight: &dyn Fn(usize, usize) -> f64| {
         let mut sums = vec![Matrix3::zeros(); system.particles()];
