@@ -188,7 +188,7 @@ mod tests {
     #[test]
     fn ways_cost_more_in_two_and_where_the_law_does_not_hold() {
         for (shorter, follows, expected) in
-            [(2.0, true, 200.0), (4.0, true, 400.0), (5.0, true, 800.0), (2.0, false, 600.0), (5.0, false, 2400.0)]
+            [(2.0, true, 200.0), (3.0, true, 300.0), (5.0, true, 800.0), (2.0, false, 600.0), (5.0, false, 2400.0)]
         {
             assert_eq!(cost(100.0, shorter, follows), expected, "{shorter} {follows}");
         }
