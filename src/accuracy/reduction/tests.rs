@@ -125,7 +125,7 @@ fn bodies_rest_whose_lengths_are_rounded() {
         }
         builder.spring(0, 1, spring(3.0, length));
         builder.spring(1, 2, spring(3.0, length * (1.0 + f64::EPSILON)));
-        [0, 2].map(|end| leads(&mut builder, end, Axes::ALL, Motion::Held));
+        [0, 2].into_iter().for_each(|end| leads(&mut builder, end, Axes::ALL, Motion::Held));
         let (system, state) = builder.build().unwrap();
         let rests = reduce(&system, &state).reductions.contains(&Reduction::AtRest { particles: 1, coordinates: 1 });
         assert_eq!(rests, expected, "{length}");
