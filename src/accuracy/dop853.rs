@@ -6,7 +6,7 @@
 
 use super::Pace;
 use super::audience::Audience;
-use super::believed::{ASTRAY, CHANCE, RETRIES, USABLE};
+use super::believed::{CHANCE, RETRIES, USABLE, astray};
 use super::course::Course;
 use super::horizon::{Outlook, Parting};
 use super::price::{Price, of};
@@ -124,7 +124,7 @@ fn estimate(history: &[f64], apart: f64, ratio: f64, jumps: bool) -> (f64, bool)
     match history.iter().copied().reduce(f64::min) {
         None => (if jumps { JUMPED } else { UNPROVEN } * apart, true),
         Some(least) if apart <= least * ratio.sqrt() => (PROVEN * apart.max(CHANCE * least * ratio), true),
-        Some(_) => (history.iter().fold(apart, |a, b| a.max(*b)) * ASTRAY, false),
+        Some(_) => (astray(history, apart), false),
     }
 }
 

@@ -182,6 +182,18 @@ mod tests {
         assert!((rates.verlet_step() - 1.0).abs() < 1e-9 && (rates.radius() - 2.0).abs() < 1e-9, "{rates:?}");
     }
 
+    /// Where some springs are not damped: their ends have nothing to weigh the others by.
+    #[test]
+    fn springs_without_damping_do_not_count_for_it() {
+        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+        (0..4).for_each(|p| _ = builder.particle([f64::from(p), 0.0, 0.0], 2.0));
+        for (p, damping) in [(0, 0.0), (1, 3.0), (2, 0.0)] {
+            builder.spring(p, p + 1, Spring { stiffness: 8.0, rest_length: 1.0, damping });
+        }
+        let (system, state) = builder.build().unwrap();
+        assert!((of(&system, &state).damping - 3.0).abs() < 1e-12);
+    }
+
     /// A chain of so many equal springs between walls: `λ = 4 κ/m sin²(n π/(2n + 2))`.
     #[test]
     fn the_fastest_vibration_of_many_is_not_missed() {

@@ -63,11 +63,15 @@ fn through(particles: usize) -> (System, State) {
 
 /// A stiff damped link whose anchor stands still until this time, and moves then.
 fn led(kink: f64) -> (System, State) {
+    led_by(kink, spring(1e6, 1.0, 1e3))
+}
+
+fn led_by(kink: f64, link: Spring) -> (System, State) {
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
     builder.gravity(0.0, -9.81, 0.0);
     builder.particle([0.0; 3], 1.0);
     builder.particle([0.0, -1.0, 0.0], 1.0);
-    builder.spring(0, 1, spring(1e6, 1.0, 1e3));
+    builder.spring(0, 1, link);
     let offsets = vec![Vector3::zeros(), Vector3::zeros(), Vector3::new(0.1, 0.0, 0.0)];
     let motion = Motion::Path { times: vec![-1.0, kink, kink + 1.0], offsets };
     builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
@@ -212,6 +216,9 @@ fn runs_of_verlet() {
         ("stiff", Case::new(hanging(3, 2e4, 0.0, 0.01), 0.5, 1e-2)),
         ("folding", Case::new(hanging(3, 200.0, 0.0, 0.9), 6.0, 1e-3)),
         ("folding cheaply", Case::new(hanging(3, 200.0, 0.0, 0.9), 6.0, 1e-3).with(priced(300.0, 3e4, 30.0))),
+        ("out of phase", Case::new(hanging(3, 2e4, 0.0, 0.01), 0.5, 2e-4).with(priced(200.0, 3e4, 30.0))),
+        ("led from within", Case::new(led_by(0.5, spring(60.0, 0.9, 0.0)), 1.0, 1e-4).with(priced(10.0, 3e3, 30.0))),
+        ("led from the end", Case::new(led_by(1.0, spring(60.0, 0.9, 0.0)), 1.0, 1e-4).with(priced(10.0, 3e3, 30.0))),
         ("on a line", Case::new(through(1), 2.0, 1e-3).with(priced(30.0, 3e3, 30.0))),
         ("near the anchor", Case::new(planet([1.0, 0.0], [0.0, 0.05], 0.02), 2.0, 1e-3).with(priced(30.0, 3e3, 30.0))),
         ("swinging in many steps", swinging.with(digits(0.1)).with(priced(1e3, 3.0, 30.0))),

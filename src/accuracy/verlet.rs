@@ -18,7 +18,7 @@
 
 use super::Pace;
 use super::audience::Audience;
-use super::believed::{ASTRAY, CHANCE, RETRIES, USABLE};
+use super::believed::{CHANCE, RETRIES, USABLE, astray};
 use super::course::Course;
 use super::price::{FIRST_RATIO, Price, of};
 use super::search::{Search, Verdict, Went};
@@ -143,7 +143,7 @@ pub(super) fn answer<A: Audience>(
                     distrust = 1.0;
                     apart.max(CHANCE * law.apart) / believed
                 }
-                Some(_) => history.iter().fold(apart, |a, b| a.max(*b)) * ASTRAY,
+                Some(_) => astray(&history, apart),
             };
             let estimate = (by_law * distrust + strays).max(VIBRATING * fine.strayed);
             search.estimate(estimate);

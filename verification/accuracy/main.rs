@@ -2,7 +2,7 @@
 //! against the cheapest single run that a sweep over all methods, options, solvers and steps finds.
 //!
 //! ```sh
-//! cargo xtask accuracy --ready --write         # the page; sweeps of ready scenes take an hour
+//! cargo xtask accuracy --write                 # the page; with --ready too, whose sweeps take an hour
 //! cargo xtask accuracy --count 20 --first 500  # other random scenes
 //! cargo xtask accuracy --named cloth-of-6      # one scene with a name, answer by answer
 //! ```
@@ -32,7 +32,7 @@ use table::{HEADER, line, table};
 #[derive(Parser)]
 struct Arguments {
     /// How many random scenes
-    #[arg(long, default_value_t = 150)]
+    #[arg(long, default_value_t = 1000)]
     count: u64,
 
     /// The first seed

@@ -204,3 +204,35 @@ fn forces_and_laws_of_the_callers_own_are_not_trusted_to_rest() {
     assert_eq!(found(system.clone().with_external_force(Wind)), []);
     assert_eq!(found(system.with_spring_law(Tiring)), [Reduction::Axis { axis: 'z', coordinates: 4 }]);
 }
+
+/// Lengths are zero to 16 roundings of the sum of what they are the difference of and of the rest length, which is neither of their products.
+#[test]
+fn lengths_are_rounded_like_coordinates_and_rest_lengths() {
+    for (at, rest_length) in [(0.0, 0.1), (0.5, 2.0), (7.0, 0.25)] {
+        let allowed = 16.0 * f64::EPSILON * (2.0 * at + 2.0 * rest_length);
+        for (part, expected) in [(0.8, true), (1.2, false), (-0.8, true), (-1.2, false)] {
+            let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+            let ends = [at, at + rest_length].map(|x| builder.particle([x, 0.0, 0.0], 1.0));
+            builder.spring(ends[0], ends[1], spring(1.0, rest_length + part * allowed));
+            let (system, state) = builder.build().unwrap();
+            let extensions = Extensions::at(&system, &state.positions).unwrap();
+            let strains = Strains::of(&system, &state, &extensions, &Parts::of(&system));
+            assert_eq!(strains.unstrained[0], expected, "{at} {rest_length} {part}");
+        }
+    }
+}
+
+/// A particle on a rail that goes along with what it hangs on, but will stop there.
+#[test]
+fn what_is_led_otherwise_later_does_not_move_as_one() {
+    let along = Vector3::new(1.0, 0.0, 0.0);
+    let stops = Motion::Path { times: vec![0.0, 1.0, 2.0], offsets: vec![Vector3::zeros(), along, along] };
+    for (motion, expected) in [(stops, None), (Motion::Velocity(along), Some(1))] {
+        let mut builder = SystemBuilder::new();
+        let ends = [[0.0; 3], [0.6, 0.8, 0.0]].map(|x| builder.particle(x, 1.0));
+        builder.spring(ends[0], ends[1], spring(1.0, 1.0));
+        leads(&mut builder, ends[0], Axes::ALL, Motion::Velocity(along));
+        leads(&mut builder, ends[1], Axes::of(&[0]), motion.clone());
+        assert_eq!(slack(builder), expected, "{motion:?}");
+    }
+}
