@@ -24,6 +24,14 @@ pub(super) struct Task<'a> {
     pub go_on: &'a dyn Fn() -> bool,
 }
 
+impl Task<'_> {
+    /// Whether a prescribed path bends on the way.
+    pub fn has_kinks(&self) -> bool {
+        let start = self.start.time;
+        self.system.prescribed().next_kink(start).is_some_and(|kink| kink < start + self.duration)
+    }
+}
+
 /// A completed run.
 pub(super) struct Attempt<R> {
     pub configuration: Configuration,

@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::force::Extensions;
 use crate::linear::CostModel;
-use crate::spring::{SpringBlock, Stiffness};
+use crate::spring::Stiffness;
 use crate::system::{Axes, State, System};
 use nalgebra::Matrix3;
 
@@ -33,12 +33,10 @@ impl Rates {
         let mut stiffness = vec![Matrix3::zeros(); system.particles()];
         let mut damping = if is_damped { stiffness.clone() } else { Vec::new() };
         for ((_, ends, spring), at) in extensions.springs(system) {
-            let SpringBlock { direction, transverse, axial } = spring.stiffness_block(at, Stiffness::Tension);
-            let along = direction * direction.transpose();
-            let block = along * (axial - transverse) + Matrix3::from_diagonal_element(transverse);
+            let block = spring.stiffness_block(at, Stiffness::Tension).matrix();
             ends.iter().for_each(|&end| stiffness[end] += block);
             if is_damped {
-                let block = along * spring.damping;
+                let block = spring.damping_block(at).matrix();
                 ends.iter().for_each(|&end| damping[end] += block);
             }
         }
@@ -61,7 +59,7 @@ impl Rates {
     }
 }
 
-/// Of a symmetric matrix of order 3, in closed form (O. K. Smith, Eigenvalues of a symmetric 3 × 3 matrix, Communications of the ACM 4, 1961):
+/// Of a symmetric matrix of order 3, in closed form, which takes no longer for numbers that are not finite (O. K. Smith, Eigenvalues of a symmetric 3 × 3 matrix, Communications of the ACM 4, 1961):
 ///
 /// ```text
 /// λ_max = q + 2 p cos(⅓ arccos(½ det((A − q)/p))),     q = ⅓ tr A,     p² = ⅙ tr (A − q)².
@@ -228,6 +226,14 @@ mod tests {
         }
         let (system, state) = builder.build().unwrap();
         assert!((of(&system, &state).damping - 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn sums_for_damping_cost_an_assembly_more() {
+        for (damping, assemblies) in [(12.0, 3.0), (0.0, 2.0)] {
+            let (system, state) = oscillator(damping);
+            assert_eq!(of(&system, &state).cost, assemblies * CostModel::of(&system).assembly());
+        }
     }
 
     /// A chain of so many equal springs between walls: `λ = 4 κ/m sin²(n π/(2n + 2))`.

@@ -1,7 +1,7 @@
 //! What a scene does not need is not modelled: exact reductions.
 //!
-//! Each takes degrees of freedom away that keep their value for all time, for a reason that can be read off the equations
-//! of motion, so that the motion of the rest is the same. Springs between held particles and absent axes never enter a
+//! Each takes degrees of freedom away that keep their value for all time, or springs that never pull, for a reason that can be read off the
+//! equations of motion, so that the motion of the rest is the same. Springs between held particles and absent axes never enter a
 //! [`System`]; found here is what only the state shows, for each part of the scene (particles joined by springs through
 //! particles that can move) on its own:
 //!

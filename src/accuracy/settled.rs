@@ -48,8 +48,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
     let explicit = price.answer(accuracy);
     let [first, second, ..] = STEPS;
     let step = 2.0 + costs.assembly() + costs.least_factorization() + costs.least_direct_solve();
-    let has_kinks = system.prescribed().next_kink(start.time).is_some_and(|kink| kink < start.time + duration);
-    if explicit <= WORTH * (first + second) * step || has_kinks {
+    if explicit <= WORTH * (first + second) * step || search.task.has_kinks() {
         return Ok(None);
     }
     search.left = explicit;

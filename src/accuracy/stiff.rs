@@ -13,7 +13,7 @@ use crate::linear::{CostModel, SolverOptions, Tolerance};
 use crate::system::System;
 
 /// Explicit answers that cost less than this many implicit steps are not worth a try: for one digit, and by what power of the accuracy
-/// they are more. (Of the study's scenes it is a tenth of those that are tried in which these runs pay.)
+/// they are more. (With 12 answers to the study's scenes cost 3.64 times the cheapest run in the median, with 100 3.57 times.)
 const FEWEST_STEPS: f64 = 60.0;
 const MORE_STEPS: f64 = 0.3;
 

@@ -14,7 +14,8 @@
 //! Of fast vibrations whose phases are lost after `24/(ωh)²` radians the runs differ by as much as each of them errs, whatever their
 //! steps, and differences that happen to have the right size point anywhere. By how much the third run strays from where it should be is
 //! therefore a part of its estimate: of errors of one size A that know nothing of each other it is about `√6 A`, and seldom do all three err
-//! by as much.
+//! by as much. Two runs that both have lost their phases may agree; their energy tells: a run errs by no less than a part of the vibrations
+//! that its energy strays by.
 
 use super::Pace;
 use super::audience::Audience;
@@ -101,10 +102,7 @@ pub(super) fn answer<A: Audience>(
     let mut coarse: Option<Ran> = None;
     let mut history: Vec<f64> = Vec::new();
     let mut expected: Option<Expected> = None;
-    let system = search.task.system;
-    let start = search.task.start.time;
-    let kinks = system.prescribed().next_kink(start).is_some_and(|kink| kink < start + duration);
-    let (mut extrapolated, mut is_smooth) = (None, !kinks);
+    let (mut extrapolated, mut is_smooth) = (None, !search.task.has_kinks());
     for failures in 0.. {
         // Between here and the next failure every run is compared with the one before.
         loop {
