@@ -12,7 +12,7 @@ use row::Row;
 use sprung::force::Extensions;
 use sprung::integrate::{ImplicitOptions, Method};
 use sprung::linear::{
-    CgSolver, CholeskySolver, LinearSolver, Preconditioner, PreconditionerKind, Prepare, ReusedMultigrid,
+    CgSolver, CholeskyGlance, CholeskySolver, LinearSolver, Preconditioner, PreconditionerKind, Prepare, ReusedMultigrid,
 };
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::scene::{Kind, builtin};
@@ -94,6 +94,7 @@ fn measure(kind: Kind, size: usize) -> Result<Row, Box<dyn std::error::Error>> {
         operator.update(&extensions, Stiffness::Tension, Combination::step(0.01));
     });
     let mut work = Work::default();
+    let glance = shortest(|| drop(CholeskyGlance::new(&system, &mut work)));
     let analysis = shortest(|| drop(CholeskySolver::new(&system, faer::Par::Seq, &mut work)));
     let mut direct = CholeskySolver::new(&system, faer::Par::Seq, &mut work)?;
     let factorization = shortest(|| {
@@ -155,6 +156,7 @@ fn measure(kind: Kind, size: usize) -> Result<Row, Box<dyn std::error::Error>> {
         force,
         product,
         assembly,
+        glance,
         analysis,
         factorization,
         solve,

@@ -3,7 +3,7 @@
 //! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that
 //! both take microseconds, and only one convention for the index of a failed pivot is then in play.
 
-use super::ordering::{Ordering, OrderingMethod};
+use super::ordering::{Glance, Ordering, OrderingMethod};
 use crate::assembly::BlockPattern;
 use crate::error::{Error, Result};
 use crate::memory;
@@ -40,6 +40,14 @@ pub struct FactorSize {
     pub flops: f64,
     /// How the rows were ordered.
     pub ordering: OrderingMethod,
+}
+
+impl FactorSize {
+    /// What is seen at first glance: a factorization takes this at least.
+    pub(super) fn least(glance: &Glance) -> Self {
+        let (entries, flops) = glance.least();
+        Self { entries: entries as usize, flops, ordering: glance.method() }
+    }
 }
 
 /// The time a factorization has taken so far, in s, all calls together.
@@ -86,15 +94,20 @@ pub struct Analysis {
 }
 
 impl Analysis {
-    /// Orders and analyses. [`allocate`](Self::allocate) must come before anything is factored.
-    pub fn plan(pattern: &BlockPattern, par: Par) -> Result<Self> {
+    /// A first look at what a factorization takes.
+    pub(super) fn glance(pattern: &BlockPattern) -> Result<Glance> {
         memory::ensure(ANALYSIS * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")?;
+        Ok(Glance::of(pattern))
+    }
+
+    /// Orders and analyses what was glanced at. [`allocate`](Self::allocate) must come before anything is factored.
+    pub(super) fn plan(pattern: &BlockPattern, glance: Glance, par: Par) -> Result<Self> {
         let params = CholeskySymbolicParams {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             ..Default::default()
         };
         let start = Instant::now();
-        let Ordering { method, forward, inverse } = Ordering::of(pattern);
+        let Ordering { method, forward, inverse } = glance.order(pattern);
         let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
         let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, ordering, params)
             .map_err(|_| Error::TooLarge { what: FACTOR, bytes: u64::MAX, room: memory::room() })?;

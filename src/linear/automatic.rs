@@ -5,12 +5,14 @@
 //! conjugate gradients are tried, and watched. The effort by which they exceed the factorizations that they replace is
 //! added up, starting again from zero whenever it falls below:
 //!
-//! - as long as the pattern is not analysed, against factorizations that fill nothing in. When this exceeds an analysis and
-//!   one of them, the pattern is analysed, and what factorizations cost is known;
+//! - as long as nothing is known of the pattern, against factorizations that fill nothing in. When this exceeds a first ordering and
+//!   one of them, the particles are ordered, which shows what factorizations take at least;
+//! - then against those. When it exceeds an analysis and one of them, the pattern is analysed, and what factorizations cost is known;
 //! - from then on against these. When it exceeds one of them the solver changes to factorizations for good.
 //!
-//! Whatever a scene is like, this wastes at most the cost of an analysis and two factorizations (the argument of renting or buying
-//! skis).
+//! Where the mean matrix has cost more than what became known, the next look is taken at once. Whatever a scene is like, this wastes at
+//! most the cost of an analysis and two factorizations (the argument of renting or buying skis); of a lattice, whose analysis takes as long as a
+//! dozen solves with multigrid, the first ordering says that it cannot pay.
 //!
 //! Effort is [counted](CostModel), not timed: the same run makes the same choice, and gives the same bits, as often as it is repeated
 //! and for any number of threads. (Another kind of processor rounds differently where its vector registers are wider, which may cost an
@@ -19,9 +21,9 @@
 //! A factor takes memory only when the choice has fallen on it, and only as much as leaves room for everything else: one that would
 //! take more than half of what the process may hold is not considered, whatever it costs.
 
-use super::analysis::FactorReport;
+use super::analysis::{FactorReport, FactorSize};
 use super::cost::CostModel;
-use super::direct::{CholeskyPlan, CholeskySolver};
+use super::direct::{CholeskyGlance, CholeskyPlan, CholeskySolver};
 use super::iterative::CgSolver;
 use super::outcome::{Definiteness, Solution, SolveFailure};
 use super::{Held, LinearSolver};
@@ -38,8 +40,10 @@ const HOPELESS: f64 = 2000.0;
 
 /// What is known of factorizations.
 enum Direct {
-    /// Not analysed.
+    /// Nothing.
     Unseen,
+    /// The least that they take.
+    Glanced(Box<CholeskyGlance>),
     /// Analysed, and without memory yet.
     Seen(Box<CholeskyPlan>),
     /// Chosen.
@@ -56,6 +60,10 @@ struct DirectCost {
 }
 
 impl DirectCost {
+    fn of(size: FactorSize, costs: &CostModel) -> Self {
+        Self { factor: costs.factorization(size), solve: costs.direct_solve(size) }
+    }
+
     fn step(self) -> f64 {
         self.factor + self.solve
     }
@@ -107,30 +115,39 @@ impl AutomaticSolver {
 
     /// What may be lost before something else is tried.
     fn patience(&self) -> f64 {
-        match self.direct {
-            Direct::Unseen => self.costs.analysis(None) + self.cost.step(),
+        match &self.direct {
+            Direct::Unseen => self.costs.glance() + self.cost.step(),
+            Direct::Glanced(glance) => self.costs.analysis(Some(glance.least())) + self.cost.step(),
             Direct::Seen(_) => self.cost.step(),
             Direct::Chosen(_) | Direct::Hopeless => f64::INFINITY,
         }
     }
 
-    /// Out of patience: analyses the pattern, or changes to factorizations.
+    /// Takes note of what factorizations cost, exactly or at least, and goes on at once where conjugate gradients have cost more in the mean.
+    fn know(&mut self, direct: Direct, size: FactorSize, bytes: u64, system: &System, work: &mut Work) {
+        let cost = DirectCost::of(size, &self.costs);
+        if !cost.is_affordable(bytes) {
+            return;
+        }
+        (self.direct, self.cost, self.lost) = (direct, cost, 0.0);
+        if self.mean_effort() > cost.step() {
+            self.reconsider(system, work);
+        }
+    }
+
+    /// Out of patience: looks at the pattern, analyses it, or changes to factorizations. What cannot be had is hopeless.
     fn reconsider(&mut self, system: &System, work: &mut Work) {
         match std::mem::replace(&mut self.direct, Direct::Hopeless) {
             Direct::Unseen => {
-                let plan = CholeskyPlan::new(system, self.par, work).ok();
-                let priced = plan.map(|plan| {
-                    let (factor, solve) = (self.costs.factorization(plan.size()), self.costs.direct_solve(plan.size()));
-                    (plan, DirectCost { factor, solve })
-                });
-                let affordable = priced.filter(|(plan, cost)| cost.is_affordable(plan.bytes()));
-                if let Some((plan, cost)) = affordable {
-                    self.cost = cost;
-                    self.lost = 0.0;
-                    self.direct = Direct::Seen(Box::new(plan));
-                    if self.mean_effort() > cost.step() {
-                        self.reconsider(system, work);
-                    }
+                if let Ok(glance) = CholeskyGlance::new(system, work) {
+                    let least = glance.least();
+                    self.know(Direct::Glanced(Box::new(glance)), least, 8 * least.entries as u64, system, work);
+                }
+            }
+            Direct::Glanced(glance) => {
+                if let Ok(plan) = glance.plan(self.par, work) {
+                    let (size, bytes) = (plan.size(), plan.bytes());
+                    self.know(Direct::Seen(Box::new(plan)), size, bytes, system, work);
                 }
             }
             // Where there is no room for the factor after all, there is nothing to consider any more.
@@ -157,7 +174,7 @@ impl LinearSolver for AutomaticSolver {
         match &self.direct {
             Direct::Seen(plan) => Some(plan.report()),
             Direct::Chosen(direct) => direct.factor(),
-            Direct::Unseen | Direct::Hopeless => None,
+            Direct::Unseen | Direct::Glanced(_) | Direct::Hopeless => None,
         }
     }
 
@@ -167,6 +184,9 @@ impl LinearSolver for AutomaticSolver {
             format!("conjugate gradients took the work of {:.1} force evaluations a matrix", self.mean_effort());
         Some(match self.direct {
             Direct::Unseen => format!("{name}: {tried}, which does not pay for a look at factorizations"),
+            Direct::Glanced(_) => {
+                format!("{name}: {tried}, factoring and solving would take that of {:.1} at least", self.cost.step())
+            }
             Direct::Seen(_) | Direct::Chosen(_) => {
                 format!("{name}: {tried}, factoring and solving take that of {:.1}", self.cost.step())
             }
@@ -208,7 +228,7 @@ impl LinearSolver for AutomaticSolver {
             let solved = self.iterative.solve(a, b, x, work);
             self.lost += self.iterative.effort() - before - self.cost.solve;
             match (solved, &self.direct) {
-                (Err(SolveFailure::NotConverged { .. }), Direct::Unseen | Direct::Seen(_)) => {}
+                (Err(SolveFailure::NotConverged { .. }), Direct::Unseen | Direct::Glanced(_) | Direct::Seen(_)) => {}
                 (solved, _) => return solved,
             }
             self.reconsider(a.system(), work);

@@ -21,6 +21,8 @@ pub struct CostModel {
     entries: f64,
     /// A force evaluation, in ns.
     force: f64,
+    /// Multiplications in the coarse matrices of multigrid, where known.
+    multiplications: Option<f64>,
 }
 
 /// A force evaluation with the step of an explicit method around it, in ns: once, a spring, a coordinate.
@@ -34,6 +36,9 @@ const ASSEMBLY: [f64; 2] = [43.0, 13.4];
 
 /// Refilling and factoring A: once, a spring, an entry of the factor, an operation.
 const FACTORIZATION: [f64; 4] = [187.0, 47.5, 3.2, 0.026];
+
+/// A first ordering: once, a spring.
+const GLANCE: [f64; 2] = [2700.0, 150.0];
 
 /// Ordering and symbolic analysis: once, an entry of the factor.
 const ANALYSIS: [f64; 2] = [2700.0, 6.5];
@@ -61,8 +66,9 @@ const DENSE_LEVEL: [f64; 3] = [90.0, 2.7, 0.00078];
 /// A cycle of multigrid: a coordinate, a spring; of a system so small that there is but one dense level, a pair of coordinates.
 const CYCLE: [f64; 3] = [25.3, 8.8, 0.27];
 
-/// Computing the coarse levels: a coordinate, a spring. One dense level has none.
-const SETUP: [f64; 2] = [357.0, 99.0];
+/// Computing the coarse levels: a coordinate, a multiplication; where these are not known yet, a coordinate, a spring. One dense level has none.
+const SETUP: [f64; 2] = [130.0, 0.29];
+const UNKNOWN_SETUP: [f64; 2] = [357.0, 99.0];
 
 /// Coordinates up to which multigrid is one dense level.
 const DENSE: f64 = 400.0;
@@ -82,7 +88,14 @@ impl CostModel {
         let axes = system.dimension() as f64;
         let (springs, dofs) = (system.active_springs().len() as f64, system.dofs().len() as f64);
         let entries = 0.5 * (axes + 1.0) * dofs + axes * axes * springs;
-        Self { springs, dofs, entries, force: nanoseconds(FORCE, [1.0, springs, dofs]) }
+        Self { springs, dofs, entries, force: nanoseconds(FORCE, [1.0, springs, dofs]), multiplications: None }
+    }
+
+    /// With [so many multiplications](crate::multigrid::Multigrid::multiplications) in the coarse matrices of multigrid: in random networks they
+    /// are three times as many as sizes tell.
+    #[must_use]
+    pub fn with_coarse_levels(self, multiplications: f64) -> Self {
+        Self { multiplications: Some(multiplications), ..self }
     }
 
     /// A product of A with a vector, matrix-free.
@@ -107,6 +120,11 @@ impl CostModel {
 
     fn factoring(&self, entries: f64, flops: f64) -> f64 {
         nanoseconds(FACTORIZATION, [1.0, self.springs, entries, flops]) / self.force
+    }
+
+    /// A look at what a factorization takes at least.
+    pub fn glance(&self) -> f64 {
+        nanoseconds(GLANCE, [1.0, self.springs]) / self.force
     }
 
     /// An ordering with symbolic analysis; of a factor that is not known yet, the least that it can cost.
@@ -156,7 +174,12 @@ impl CostModel {
 
     /// The coarse levels of multigrid.
     pub fn multigrid_setup(&self) -> f64 {
-        if self.dofs <= DENSE { 0.0 } else { nanoseconds(SETUP, [self.dofs, self.springs]) / self.force }
+        let time = match self.multiplications {
+            _ if self.dofs <= DENSE => 0.0,
+            Some(multiplications) => nanoseconds(SETUP, [self.dofs, multiplications]),
+            None => nanoseconds(UNKNOWN_SETUP, [self.dofs, self.springs]),
+        };
+        time / self.force
     }
 
     /// A solve by conjugate gradients beside its iterations.
@@ -169,7 +192,7 @@ impl CostModel {
         2.0 * self.product()
     }
 
-    /// The cost of some work, with the factor that it used, if any.
+    /// The cost of some work, with the factor that it used, if any. A glance that was followed by an analysis is part of it.
     pub fn cost(&self, work: &Work, factor: Option<FactorSize>) -> f64 {
         let factorization = factor.map_or(self.least_factorization(), |size| self.factorization(size));
         let direct_solve = factor.map_or(self.least_direct_solve(), |size| self.direct_solve(size));
@@ -177,6 +200,7 @@ impl CostModel {
         let terms = [
             (work.force_evaluations, 1.0),
             (work.assemblies, self.assembly()),
+            (work.glances.saturating_sub(work.symbolic_factorizations), self.glance()),
             (work.symbolic_factorizations, self.analysis(factor)),
             (work.factorizations, factorization),
             (work.solves.saturating_sub(work.iterative_solves), direct_solve),
@@ -197,14 +221,14 @@ mod tests {
     /// Beside 1.6 products 3.9 · 3000 ns.
     #[test]
     fn a_solve_costs_by_products_and_coordinates() {
-        let costs = CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0 };
+        let costs = CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0, multiplications: None };
         assert!((costs.iterative_solve() - 1.6 * costs.product() - 11.7).abs() < 1e-9, "{}", costs.iterative_solve());
     }
 
     /// A cycle takes so long for a coordinate and so long for a spring: 25.3 · 3000 + 8.8 · 5000 = 119 900 ns, in force evaluations of 1000 ns.
     #[test]
     fn a_cycle_costs_by_coordinates_and_springs() {
-        let costs = CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0 };
+        let costs = CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0, multiplications: None };
         let cycle = costs.iteration(PreconditionerKind::Multigrid) - costs.iteration(PreconditionerKind::None);
         assert!((cycle - 119.9).abs() < 1e-9, "{cycle}");
     }
@@ -212,7 +236,7 @@ mod tests {
     /// Beside its iterations a solve takes so many products and so long for every coordinate.
     #[test]
     fn residuals_cost_products_and_coordinates() {
-        let costs = CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0 };
+        let costs = CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0, multiplications: None };
         let [products, nanoseconds] = RESIDUALS;
         let expected = products * costs.product() + 3.0 * nanoseconds;
         assert!((costs.iterative_solve() - expected).abs() < 1e-9 && expected > 3.0, "{expected}");

@@ -1,8 +1,9 @@
 //! The sparse factorizations as a time step's solvers: refill, refactor, solve, and measure the residual.
 
-use super::analysis::{FactorReport, FactorSize, NonPositivePivot};
+use super::analysis::{Analysis, FactorReport, FactorSize, NonPositivePivot};
 use super::factorization::{Cholesky, Ldlt};
 use super::norms::{backward_error, norm, scaling};
+use super::ordering::Glance;
 use super::outcome::{Definiteness, Evidence, Solution, SolveFailure};
 use super::{Held, LinearSolver};
 use crate::assembly::{SpringPattern, SystemMatrix};
@@ -66,6 +67,46 @@ impl Assembled {
     }
 }
 
+/// A sparse Cholesky factorization of which only is known what it takes at least, from a first ordering: a small part of the analysis.
+pub struct CholeskyGlance {
+    pattern: Arc<SpringPattern>,
+    glance: Glance,
+}
+
+impl CholeskyGlance {
+    /// Orders the system's particles; counts one glance.
+    ///
+    /// # Errors
+    /// When the matrix does not fit 32-bit indices, or its ordering the memory.
+    pub fn new(system: &System, work: &mut Work) -> Result<Self> {
+        work.glances += 1;
+        Self::uncounted(system)
+    }
+
+    fn uncounted(system: &System) -> Result<Self> {
+        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
+        let glance = Analysis::glance(pattern.pattern())?;
+        Ok(Self { pattern, glance })
+    }
+
+    /// Entries and operations of the factor, at least. Where a nested dissection may gain, which is tried in the analysis, as if it gained
+    /// as much as it ever does.
+    pub fn least(&self) -> FactorSize {
+        FactorSize::least(&self.glance)
+    }
+
+    /// Analyses the pattern; counts one symbolic factorization.
+    ///
+    /// # Errors
+    /// When the factor does not fit 32-bit indices.
+    pub fn plan(self, par: Par, work: &mut Work) -> Result<CholeskyPlan> {
+        let Self { pattern, glance } = self;
+        let factorization = Cholesky::plan(pattern.pattern(), glance, par)?;
+        work.symbolic_factorizations += 1;
+        Ok(CholeskyPlan { pattern, factorization })
+    }
+}
+
 /// A sparse Cholesky factorization that is known but has no memory yet: what it would take can be asked.
 pub struct CholeskyPlan {
     pattern: Arc<SpringPattern>,
@@ -78,10 +119,7 @@ impl CholeskyPlan {
     /// # Errors
     /// When the factor does not fit 32-bit indices, or its analysis the memory.
     pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
-        let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
-        let factorization = Cholesky::plan(pattern.pattern(), par)?;
-        work.symbolic_factorizations += 1;
-        Ok(Self { pattern, factorization })
+        CholeskyGlance::uncounted(system)?.plan(par, work)
     }
 
     /// Entries and operations of the factor.

@@ -4,6 +4,7 @@
 //! what can be asked of its factors.
 
 use super::analysis::{Analysis, FactorReport, FactorSize, NonPositivePivot, SOLVE_COLUMNS, supernodes};
+use super::ordering::Glance;
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::error::Result;
 use faer::dyn_stack::MemStack;
@@ -136,8 +137,8 @@ impl kind::Solve for Ldl {
 impl<K: FactorKind> Factorization<K> {
     /// As [`analyse`](Self::analyse), without the memory for the factor: [`allocate`](Self::allocate) must come before
     /// anything is factored.
-    pub(super) fn plan(pattern: &BlockPattern, par: Par) -> Result<Self> {
-        Ok(Self { analysis: Analysis::plan(pattern, par)?, kind: K::of_order(pattern.order()) })
+    pub(super) fn plan(pattern: &BlockPattern, glance: Glance, par: Par) -> Result<Self> {
+        Ok(Self { analysis: Analysis::plan(pattern, glance, par)?, kind: K::of_order(pattern.order()) })
     }
 
     /// Takes the memory for the factor.
@@ -155,7 +156,7 @@ impl<K: FactorKind> Factorization<K> {
     /// # Errors
     /// When the factor does not fit 32-bit indices or the memory.
     pub fn analyse(pattern: &BlockPattern, par: Par) -> Result<Self> {
-        let mut factorization = Self::plan(pattern, par)?;
+        let mut factorization = Self::plan(pattern, Analysis::glance(pattern)?, par)?;
         factorization.allocate()?;
         Ok(factorization)
     }

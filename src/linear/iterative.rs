@@ -94,12 +94,12 @@ impl CgSolver {
 
     fn of(system: &System, preconditioner: Preconditioner, tolerance: f64, application: Application) -> Self {
         Self {
+            costs: costs(CostModel::of(system), &preconditioner),
             method: ConjugateGradient::new(system.dofs().len(), tolerance),
             preconditioner,
             application,
             warm_start: WarmStart::new(system.dofs().len()),
             choice: None,
-            costs: CostModel::of(system),
             effort: 0.0,
             allowed: f64::INFINITY,
         }
@@ -211,6 +211,7 @@ impl CgSolver {
             return false;
         };
         preconditioner.place(&choice.places);
+        self.costs = costs(self.costs, &preconditioner);
         self.preconditioner = preconditioner;
         choice.contest.changed_to(kind);
         true
@@ -304,6 +305,14 @@ impl LinearSolver for CgSolver {
                 return accept(&report);
             }
         }
+    }
+}
+
+/// Costs where a preconditioner is at hand, of which more is known than of one that is not.
+fn costs(costs: CostModel, preconditioner: &Preconditioner) -> CostModel {
+    match preconditioner {
+        Preconditioner::Multigrid(multigrid) => costs.with_coarse_levels(multigrid.multiplications()),
+        _ => costs,
     }
 }
 

@@ -35,7 +35,7 @@ pub use automatic::AutomaticSolver;
 pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
 pub use cost::CostModel;
-pub use direct::{CholeskyPlan, CholeskySolver, LdltSolver};
+pub use direct::{CholeskyGlance, CholeskyPlan, CholeskySolver, LdltSolver};
 pub use factorization::{Cholesky, FactorKind, Factorization, Ldl, Ldlt, Llt, SolvingKind};
 pub use iterative::{Application, CgSolver};
 pub use norms::{backward_error, dot, norm};

@@ -144,6 +144,11 @@ impl ReusedMultigrid {
         self.solves = self.solves.saturating_add(1);
     }
 
+    /// See [`Multigrid::multiplications`].
+    pub fn multiplications(&self) -> f64 {
+        self.multigrid.multiplications()
+    }
+
     /// See [`Multigrid::apply`].
     pub fn apply(&mut self, r: &[f64], z: &mut [f64]) {
         self.multigrid.apply(r, z);

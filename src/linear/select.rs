@@ -2,7 +2,7 @@
 
 use super::automatic::fits;
 use super::{
-    AutomaticSolver, CgSolver, CholeskyPlan, CholeskySolver, LdltSolver, LinearSolver, PreconditionerKind, Tolerance,
+    AutomaticSolver, CgSolver, CholeskyGlance, CholeskySolver, FactorSize, LdltSolver, LinearSolver, PreconditionerKind, Tolerance,
 };
 use crate::error::{Invalid, Result};
 use crate::interrupt::Interrupt;
@@ -151,9 +151,10 @@ pub fn select(
         SolverChoice::Auto if dofs <= SMALL => Box::new(CholeskySolver::new(system, options.par, work)?),
         SolverChoice::Auto if assurance == Assurance::Unknown => {
             let springs = system.active_springs().len().max(1) as f64;
-            let plan = CholeskyPlan::new(system, options.par, work);
-            let is_worth = |plan: &CholeskyPlan| plan.size().flops <= WORTH_PROVING * springs && fits(plan.bytes());
-            match plan.ok().filter(is_worth).map(|plan| plan.solver(system)) {
+            let is_worth = |size: FactorSize| size.flops <= WORTH_PROVING * springs;
+            let glance = CholeskyGlance::new(system, work).ok().filter(|glance| is_worth(glance.least()));
+            let plan = glance.and_then(|glance| glance.plan(options.par, work).ok());
+            match plan.filter(|plan| is_worth(plan.size()) && fits(plan.bytes())).map(|plan| plan.solver(system)) {
                 Some(Ok(direct)) => Box::new(direct),
                 _ => Box::new(matrix_free()?),
             }
@@ -193,7 +194,8 @@ mod tests {
         let chosen = |system: &System, assurance| {
             let mut work = Work::default();
             let solver = select(system, &SolverOptions::default(), assurance, &mut work).unwrap();
-            (solver.name(), work.symbolic_factorizations, solver.choice().is_some())
+            assert_eq!(work.symbolic_factorizations, 0);
+            (solver.name(), work.glances, solver.choice().is_some())
         };
         let (large, too_large) = (system(500_000), system(500_001));
         assert_eq!(chosen(&large, Assurance::Unknown), ("cg", 1, false));

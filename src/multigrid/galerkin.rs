@@ -41,6 +41,8 @@ pub(super) struct Galerkin<const N: usize, const M: usize> {
     section: Vec<Block<N, M>>,
     /// A_c.
     pub coarse: BlockMatrix<M, M>,
+    /// Multiplications of numbers in `Pᵀ A P`.
+    pub multiplications: f64,
 }
 
 /// Consecutive rows of A P, and the range of rows of A_c that they add to.
@@ -74,13 +76,20 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
         };
         let sections: Vec<_> = (0..a.rows()).step_by(SECTION).map(section).collect();
         let largest = sections.iter().map(|section| product.positions(&section.rows).len()).max().unwrap_or(0);
-        Ok(Self { product, sections, section: vec![zero(); largest], coarse: BlockMatrix::zeros(Arc::new(coarse)) })
+        let multiplications = (0..a.rows()).map(|row| {
+            let of_neighbours: usize = a.columns(row).iter().map(|&node| p.row(node as usize).len()).sum();
+            let transposed = p.row(row).len() * product.row(row).len();
+            (N * N * M * of_neighbours + N * M * M * transposed) as f64
+        });
+        let multiplications = multiplications.sum();
+        let (section, coarse) = (vec![zero(); largest], BlockMatrix::zeros(Arc::new(coarse)));
+        Ok(Self { product, sections, section, coarse, multiplications })
     }
 
     /// Recomputes A_c. A motion that an aggregate does not have gets the equation x = 0.
     pub fn update(&mut self, a: &impl Rows<N>, prolongator: &Prolongator<N, M>) {
         let p = &prolongator.matrix;
-        let Self { product, sections, section, coarse: BlockMatrix { pattern, values } } = self;
+        let Self { product, sections, section, coarse: BlockMatrix { pattern, values }, .. } = self;
         values.fill(zero());
         for Section { rows, coarse } in sections {
             let positions = product.positions(rows);

@@ -263,6 +263,11 @@ impl Multigrid {
         hierarchy!(&self.0, h => h.stage.sizes(&h.finest.pattern))
     }
 
+    /// Multiplications of numbers in `Pᵀ A P` of all levels: what most of a [`rebuild`](Self::rebuild) is.
+    pub fn multiplications(&self) -> f64 {
+        hierarchy!(&self.0, h => h.stage.multiplications())
+    }
+
     /// Bytes of memory held.
     pub fn bytes(&self) -> usize {
         hierarchy!(&self.0, h => h.bytes())

@@ -152,6 +152,14 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         sizes
     }
 
+    /// Multiplications of numbers in the coarse matrices of all levels.
+    pub fn multiplications(&self) -> f64 {
+        match self {
+            Self::Coarsen(level) => level.galerkin.multiplications + level.next.multiplications(),
+            Self::Direct(_) | Self::Uncoupled(_) => 0.0,
+        }
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         match self {

@@ -9,6 +9,7 @@
 //!
 //! References are those of the study, kept in `target/study`.
 
+mod commands;
 mod motion;
 mod runs;
 #[allow(dead_code, reason = "only scenes and references of the study are used")]
@@ -17,6 +18,7 @@ mod study;
 mod table;
 
 use clap::Parser;
+use commands::Commands;
 use motion::{Motion, REPEATS, Row};
 use sprung::accuracy::reduce;
 use sprung::linear::CostModel;
@@ -47,6 +49,10 @@ struct Arguments {
     #[arg(long)]
     ready: bool,
 
+    /// Times whole commands of so many of the random scenes, and of all ready ones
+    #[arg(long, value_name = "COUNT")]
+    commands: Option<u64>,
+
     /// Says what was done for every answer, and what it has cost
     #[arg(long)]
     runs: bool,
@@ -56,13 +62,20 @@ struct Arguments {
     write: bool,
 }
 
-fn rows(scene: &Scene, store: &Store, says_runs: bool) -> Result<Vec<Row>, Box<dyn Error>> {
+fn rows(
+    scene: &Scene,
+    store: &Store,
+    commands: Option<&Commands>,
+    says_runs: bool,
+) -> Result<Vec<Row>, Box<dyn Error>> {
     let (system, start) = scene.build()?;
     let duration = scene.time.duration.unwrap_or(1.0);
     let Some(reference) = store.reference(scene, duration)? else { return Ok(Vec::new()) };
     let system = reduce(&system, &start).system;
     let costs = CostModel::of(&system);
-    Motion { system: &system, start: &start, duration, costs, reference: &reference, says_runs }.rows()
+    let file = commands.map(|commands| commands.scene(scene)).transpose()?;
+    let commands = commands.zip(file.as_ref()).map(|(commands, file)| commands.on(file));
+    Motion { system: &system, start: &start, duration, costs, reference: &reference, commands, says_runs }.rows()
 }
 
 /// The scenes of the repository and those with names of the study.
@@ -80,11 +93,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments = Arguments::parse();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let store = Store::open(&root.join("target/study/references"))?;
+    let commands = arguments.commands.map(|_| Commands::build(root)).transpose()?;
     let (mut lines, mut of_ready) = (String::new(), Vec::new());
     let wanted = |scene: &Scene| arguments.named.as_ref().is_none_or(|name| *name == scene.name);
     let ready = if arguments.ready || arguments.named.is_some() { ready()? } else { Vec::new() };
     for scene in ready.iter().filter(|scene| wanted(scene)) {
-        for row in rows(scene, &store, arguments.runs)? {
+        for row in rows(scene, &store, commands.as_ref(), arguments.runs)? {
             eprintln!("{}", line(&scene.name, &row));
             writeln!(lines, "{}", line(&scene.name, &row))?;
             of_ready.push(row);
@@ -94,7 +108,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let seeds = if arguments.named.is_some() { 0..0 } else { arguments.first..arguments.first + arguments.count };
     for seed in seeds {
         let scene = random::scene(seed).scene;
-        for row in rows(&scene, &store, arguments.runs)? {
+        let are_timed = arguments.commands.is_some_and(|count| seed < arguments.first + count);
+        for row in rows(&scene, &store, commands.as_ref().filter(|_| are_timed), arguments.runs)? {
             eprintln!("{}", line(&scene.name, &row));
             drawn.push((scene.name.clone(), row));
         }
@@ -109,17 +124,21 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let page = format!(
         "# What `--accuracy` answers\n\n\
-         Made by `cargo xtask accuracy --first {} --count {}{} --write`. Errors are relative position errors at the end of the\n\
+         Made by `cargo xtask accuracy --first {} --count {}{}{} --write`. Errors are relative position errors at the end of the\n\
          motion, against the references of [the study](study.md), of scenes whose reference is ten times better than the accuracy. Work is\n\
          counted in force evaluations of the scene: that of the run handed out, and of everything done to find and confirm it\n\
          (`effort.run` and `effort.total` of `summary.json`). The cheapest run is that of a sweep over all methods with their stiffness options\n\
          and solvers, three steps to a power of two and three tolerances to a decade, and is cheapest with hindsight: also one that\n\
          is good enough by chance counts. *Right for sure* is a run from which on all finer ones of the same way to run are good enough too, as far as\n\
-         they cost no more than the answer; also that is hindsight. Times are those of the search, with what recording asks of it, and of that run alone: of one thread, the shortest of {REPEATS}.\n\n\
+         they cost no more than the answer; also that is hindsight. Times of the search, with what recording asks of it, are set against those of\n\
+         that run alone, without any account of it; times of `sprung run --accuracy` against those of the `sprung run` that makes it{}. All are those of one thread,\n\
+         the shortest of {REPEATS}.\n\n\
          ## {} random scenes\n\n{}\nDearest first:\n\n{HEADER}{dearest}\n{ready}",
         arguments.first,
         arguments.count,
         if arguments.ready { " --ready" } else { "" },
+        arguments.commands.map_or(String::new(), |count| format!(" --commands {count}")),
+        arguments.commands.map_or(String::new(), |count| format!(", on {} of the random scenes", count.min(arguments.count))),
         arguments.count,
         table(&of_random)?,
     );

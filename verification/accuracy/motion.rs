@@ -1,5 +1,6 @@
 //! What answers cost on one scene, and the cheapest single run that would have done.
 
+use crate::commands::Timed;
 use crate::runs::Runs;
 use crate::study::reference::Reference;
 use cpu_time::ThreadTime;
@@ -44,6 +45,7 @@ pub struct Motion<'a> {
     pub duration: f64,
     pub costs: CostModel,
     pub reference: &'a Reference,
+    pub commands: Option<Timed<'a>>,
     pub says_runs: bool,
 }
 
@@ -61,8 +63,10 @@ pub struct Row {
     pub least: f64,
     /// The cost of the cheapest from which on all finer runs of its ladder are good enough too.
     pub least_for_sure: f64,
-    /// The time of the answer over that of the cheapest run.
+    /// The time of the search over that of the cheapest run alone.
     pub slower: f64,
+    /// The time of the whole command over that of the command that makes the cheapest run.
+    pub command_slower: Option<f64>,
 }
 
 /// Every way to run: methods, each with its stiffness policies and solvers, with steps of one length and adaptive ones.
@@ -194,6 +198,7 @@ impl Motion<'_> {
                 / shortest(|| {
                     trial(self.system, self.start, &configuration, pace, self.duration, &|| true).map(|_| ())
                 })?;
+            let command_slower = self.commands.map(|timed| timed.slower(accuracy, &configuration, pace)).transpose()?;
             let pace = match pace {
                 Pace::Step(_) => "",
                 Pace::Adaptive { .. } => " --rtol",
@@ -210,6 +215,7 @@ impl Motion<'_> {
                 least: cost,
                 least_for_sure: sure.get(&ask).copied().unwrap_or(cost),
                 slower,
+                command_slower,
             });
         }
         Ok(rows)

@@ -18,9 +18,10 @@ fn largest(ratios: &[f64]) -> f64 {
 
 /// The page of all cells: sizes one by one, and the cells that are far from the fastest.
 pub fn page(raced: &[Raced]) -> Result<String, std::fmt::Error> {
-    let mut text = String::from(
+    let largest_scene = raced.iter().map(|one| one.cell.particles).max().unwrap_or(0);
+    let mut text = format!(
         "# What `--solver auto` costs beside the fastest solver\n\n\
-         Made by `cargo xtask auto --largest 1000 --write`: 30 steps of `linear-backward-euler` (one matrix and one solve a step) from the start of ready scenes, with steps of 1e-4 to 1e-1 s and \
+         Made by `cargo xtask auto --largest {largest_scene} --write`: 30 steps of `linear-backward-euler` (one matrix and one solve a step) from the start of ready scenes, with steps of 1e-4 to 1e-1 s and \
          tolerances of 1e-4, 1e-7 and 1e-10, by `auto` and by each solver that could have been asked for (`llt`; `cg` with \
          `block-jacobi`, `multigrid` and no preconditioner), of which the fastest is 1. Times of one thread, each step's the shortest of two to nine rounds, in which every solver has its turn. \
          After its first steps: medians of the last 15. As a whole: all 30 with what is done before the first.\n\n\

@@ -12,6 +12,7 @@ pub struct Row {
     pub force: f64,
     pub product: f64,
     pub assembly: f64,
+    pub glance: f64,
     pub analysis: f64,
     pub factorization: f64,
     pub solve: f64,

@@ -76,7 +76,7 @@ fn a_solve_is_given_up_when_it_has_cost_too_much() {
     assert_eq!((work.cg_iterations, work.factorizations, solver.name()), (affordable as u64, 1, "llt"));
 }
 
-/// Nothing is analysed before conjugate gradients have cost more than the least that a factorization with its analysis can.
+/// Nothing is looked at before conjugate gradients have cost more than the least that a factorization with a first ordering can.
 #[test]
 fn patterns_are_analysed_when_it_may_pay() {
     let scene = chain(80);
@@ -86,7 +86,7 @@ fn patterns_are_analysed_when_it_may_pay() {
     let mut solver = AutomaticSolver::new(&scene.0, iterative, Par::Seq);
     let costs = CostModel::of(&scene.0);
     let least = costs.least_factorization() + costs.least_direct_solve();
-    assert_near(solver.patience(), least + costs.analysis(None));
+    assert_near(solver.patience(), least + costs.glance());
     let mut analysed_after = 0;
     while work.symbolic_factorizations == 0 {
         x.fill(0.0);
@@ -99,7 +99,36 @@ fn patterns_are_analysed_when_it_may_pay() {
     // They cost less than the iterations did, so they are chosen at once, and take their memory only then.
     assert!(solver.mean_effort() > solver.cost.step());
     assert!(matches!(solver.direct, Direct::Chosen(_)));
-    assert_eq!((solver.name(), solver.patience()), ("llt", f64::INFINITY));
+    assert_eq!((solver.name(), solver.patience(), work.glances), ("llt", f64::INFINITY, 1));
+}
+
+/// Factoring a lattice would take more than a few iterations at first glance, so that it is not analysed; only what they cost more than the
+/// least of an analysis and a factorization counts from then on.
+#[test]
+fn what_cannot_pay_is_not_analysed() {
+    let scene = builtin::lattice(8).unwrap().build().unwrap();
+    let (system, rows) = (&scene.0, scene.0.dofs().len());
+    let (a, b) = (operator(&scene, 1e-3), right_hand_side(rows));
+    let (mut x, mut work) = (vec![0.0; rows], Work::default());
+    let iterative = CgSolver::matrix_free(system, Some(PreconditionerKind::BlockJacobi), 1e-4).unwrap();
+    let mut solver = AutomaticSolver::new(system, iterative, Par::Seq);
+    solver.take(&a, &mut work).unwrap();
+    solver.solve(Held(&a), &b, &mut x, &mut work).unwrap();
+    solver.lost = solver.patience() + 0.1;
+    solver.take(&a, &mut work).unwrap();
+    assert_eq!((work.glances, work.symbolic_factorizations, work.factorizations), (1, 0, 0));
+    let costs = CostModel::of(system);
+    let least = CholeskyGlance::new(system, &mut work).unwrap().least();
+    assert_eq!(solver.cost, DirectCost::of(least, &costs));
+    assert_near(solver.patience(), costs.analysis(Some(least)) + solver.cost.step());
+    assert!(solver.mean_effort() < solver.cost.step());
+    assert!(solver.choice().unwrap().ends_with(&format!("would take that of {:.1} at least", solver.cost.step())));
+    assert!(solver.factor().is_none());
+    // A single matrix that costs as much as that.
+    solver.lost = solver.patience() + 0.1;
+    solver.take(&a, &mut work).unwrap();
+    assert_eq!((work.symbolic_factorizations, work.factorizations), (1, 0));
+    assert!(matches!(solver.direct, Direct::Seen(_)) && solver.factor().is_some());
 }
 
 /// Conjugate gradients stop at the tolerance that the choice was given.
@@ -149,7 +178,8 @@ fn factors_are_affordable_by_their_work_and_their_memory() {
     assert_eq!(cost(1.0).is_affordable(u64::MAX), memory::limit().is_none());
 }
 
-/// A pattern just analysed is factored at once if conjugate gradients have cost more than that in the mean, and otherwise kept in mind.
+/// A pattern just glanced at is analysed and factored at once if conjugate gradients have cost more than that in the mean, and otherwise kept in
+/// mind.
 #[test]
 fn factorizations_are_chosen_where_they_would_have_cost_less() {
     let scene = chain(80);
@@ -163,6 +193,7 @@ fn factorizations_are_chosen_where_they_would_have_cost_less() {
         solver.reconsider(&scene.0, &mut work);
         assert_eq!(solver.mean_effort() > solver.cost.step(), is_chosen);
         assert_eq!(matches!(solver.direct, Direct::Chosen(_)), is_chosen);
-        assert_eq!(matches!(solver.direct, Direct::Seen(_)), !is_chosen);
+        assert_eq!(matches!(solver.direct, Direct::Glanced(_)), !is_chosen);
+        assert_eq!((work.glances, work.symbolic_factorizations), (1, u64::from(is_chosen)));
     }
 }
