@@ -18,10 +18,7 @@ pub struct Work {
     pub force_evaluations: u64,
     /// Computations of the spring blocks of A, assembled or not.
     pub assemblies: u64,
-    /// Looks at what a factorization costs at least, which take an ordering.
-    #[serde(default)]
-    pub glances: u64,
-    /// Orderings with symbolic analysis.
+    /// Orderings, with symbolic analysis where factorizations may pay.
     pub symbolic_factorizations: u64,
     /// Numeric factorizations, refused ones included.
     pub factorizations: u64,
@@ -47,7 +44,6 @@ impl Work {
         let Self {
             force_evaluations,
             assemblies,
-            glances,
             symbolic_factorizations,
             factorizations,
             solves,
@@ -60,7 +56,6 @@ impl Work {
         } = *other;
         self.force_evaluations += force_evaluations;
         self.assemblies += assemblies;
-        self.glances += glances;
         self.symbolic_factorizations += symbolic_factorizations;
         self.factorizations += factorizations;
         self.solves += solves;
@@ -91,7 +86,6 @@ mod tests {
             warm_starts: 9 * number,
             multigrid_setups: 10 * number,
             newton_iterations: 11 * number,
-            glances: 12 * number,
         };
         let mut work = counted(5);
         work.add(&counted(2));

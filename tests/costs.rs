@@ -32,7 +32,7 @@ fn costs_are_those_that_were_measured() {
             ("product", costs.product(), row.product, CLOSE),
             ("assembly", costs.assembly(), row.assembly, CLOSE),
             ("glance", costs.glance(), row.glance, ROUGH),
-            ("analysis", costs.analysis(Some(size)), row.analysis, ROUGH),
+            ("analysis", costs.analysis(size), row.analysis, ROUGH),
             ("factorization", costs.factorization(size), row.factorization, CLOSE),
             ("solve", costs.direct_solve(size), row.solve, CLOSE),
             ("iteration", costs.iteration(PreconditionerKind::None), row.iteration_none, CLOSE),

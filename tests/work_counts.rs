@@ -46,7 +46,6 @@ fn direct_solvers_analyse_once_and_factor_once_a_step() {
         let expected = Work {
             force_evaluations: 20,
             assemblies: 20,
-            glances: u64::from(solver == SolverChoice::Auto),
             symbolic_factorizations: 1,
             factorizations: 20,
             solves: 20,

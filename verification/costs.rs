@@ -12,7 +12,8 @@ use row::Row;
 use sprung::force::Extensions;
 use sprung::integrate::{ImplicitOptions, Method};
 use sprung::linear::{
-    CgSolver, CholeskyGlance, CholeskySolver, LinearSolver, Preconditioner, PreconditionerKind, Prepare, ReusedMultigrid,
+    CgSolver, CholeskyGlance, CholeskySolver, LinearSolver, Preconditioner, PreconditionerKind, Prepare,
+    ReusedMultigrid,
 };
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::scene::{Kind, builtin};

@@ -117,7 +117,7 @@ impl AutomaticSolver {
     fn patience(&self) -> f64 {
         match &self.direct {
             Direct::Unseen => self.costs.glance() + self.cost.step(),
-            Direct::Glanced(glance) => self.costs.analysis(Some(glance.least())) + self.cost.step(),
+            Direct::Glanced(glance) => self.costs.analysis(glance.least()) + self.cost.step(),
             Direct::Seen(_) => self.cost.step(),
             Direct::Chosen(_) | Direct::Hopeless => f64::INFINITY,
         }
@@ -145,7 +145,7 @@ impl AutomaticSolver {
                 }
             }
             Direct::Glanced(glance) => {
-                if let Ok(plan) = glance.plan(self.par, work) {
+                if let Ok(plan) = glance.plan(self.par) {
                     let (size, bytes) = (plan.size(), plan.bytes());
                     self.know(Direct::Seen(Box::new(plan)), size, bytes, system, work);
                 }

@@ -51,6 +51,18 @@ pub struct CgReport {
     pub relative_residual: f64,
 }
 
+/// How far a solve has come when its iterations are done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Progress {
+    pub iterations: u64,
+    /// Digits of the residual that were gained, and those that are left to the tolerance.
+    pub gained: f64,
+    pub left: f64,
+}
+
+/// How many iterations more there may be.
+pub(super) type Ask<'a> = &'a mut dyn FnMut(Progress) -> u64;
+
 /// The method's parameters and its four work vectors.
 ///
 /// # Examples
@@ -121,13 +133,25 @@ impl ConjugateGradient {
         b: &[f64],
         x: &mut [f64],
     ) -> CgReport {
+        self.solve_or_ask(a, preconditioner, b, x, &mut |_| 0)
+    }
+
+    /// As [`solve`](Self::solve); at the iteration limit, and where those are done again, asks how many iterations more there may be.
+    pub(super) fn solve_or_ask(
+        &mut self,
+        a: &impl LinearOperator,
+        preconditioner: &mut Preconditioner,
+        b: &[f64],
+        x: &mut [f64],
+        more: Ask,
+    ) -> CgReport {
         let factor = scaling(b);
         if factor != 1.0 {
             x.iter_mut().for_each(|x| *x *= factor);
         }
         self.product.fill(0.0);
         let size = if factor == 1.0 { norm(b) } else { subtract(factor, b, &self.product, &mut self.residual).sqrt() };
-        let report = self.solve_scaled(a, preconditioner, &Scaled { factor, b, norm: size }, x);
+        let report = self.solve_scaled(a, preconditioner, &Scaled { factor, b, norm: size }, x, more);
         if factor != 1.0 {
             x.iter_mut().for_each(|x| *x /= factor);
         }
@@ -140,11 +164,13 @@ impl ConjugateGradient {
         preconditioner: &mut Preconditioner,
         b: &Scaled,
         x: &mut [f64],
+        more: Ask,
     ) -> CgReport {
         let scale = b.norm;
         let target = self.tolerance * scale;
-        let mut iterations = 0;
+        let (mut iterations, mut limit) = (0, self.iteration_limit);
         let mut residual = self.set_true_residual(a, b, x);
+        let first = residual;
         let relative = |residual: f64| if residual == 0.0 { 0.0 } else { residual / scale };
         let first_residual = relative(residual);
         let mut last = f64::INFINITY;
@@ -160,7 +186,14 @@ impl ConjugateGradient {
                 break CgOutcome::Stagnated;
             }
             last = residual;
-            let stop = self.iterate(a, preconditioner, x, target, &mut iterations);
+            let stop = self.iterate(a, preconditioner, x, target, &mut iterations, &mut |iterations, size| {
+                if iterations >= limit {
+                    let progress =
+                        Progress { iterations, gained: (first / size).log10(), left: (size / target).log10() };
+                    limit = iterations + more(progress);
+                }
+                iterations < limit
+            });
             residual = self.set_true_residual(a, b, x);
             match stop {
                 Some(CgOutcome::IterationLimit) if residual <= target => break CgOutcome::Converged,
@@ -179,6 +212,7 @@ impl ConjugateGradient {
         x: &mut [f64],
         target: f64,
         iterations: &mut u64,
+        goes_on: &mut dyn FnMut(u64, f64) -> bool,
     ) -> Option<CgOutcome> {
         let Self { residual: r, preconditioned: z, direction: p, product: q, interrupt, .. } = self;
         preconditioner.apply(r, z);
@@ -188,7 +222,7 @@ impl ConjugateGradient {
         // Further down than rounding the recurrence knows nothing of the true residual, and would end in underflow.
         let floor = target.max(f64::EPSILON * size);
         while size > floor {
-            if *iterations >= self.iteration_limit {
+            if !goes_on(*iterations, size) {
                 return Some(CgOutcome::IterationLimit);
             }
             if interrupt.is_requested() {

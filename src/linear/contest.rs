@@ -11,6 +11,7 @@
 //!
 //! A single solve may not wait for that: [`patience`](Contest::patience) ends it where a better preconditioner pays at once.
 
+use super::cg::Progress;
 use super::cost::CostModel;
 use super::preconditioner_kind::PreconditionerKind as Kind;
 use crate::system::System;
@@ -47,6 +48,9 @@ struct Seen {
     iterations: f64,
     digits: f64,
 }
+
+/// Iterations that a solve gets beyond its patience, in those that seem to be left.
+const MORE: f64 = 1.5;
 
 /// What is known of each.
 #[derive(Debug, Clone)]
@@ -95,6 +99,30 @@ impl Contest {
             .zip(PATIENCE)
             .find(|((of, _), _)| **of == kind)
             .map(|((_, &next), most)| (most, next))
+    }
+
+    /// How many iterations more a solve may take whose patience has come to its end: as many as seem to be left and half of them again, if they
+    /// cost less than to go on with any other one that follows, and otherwise none. Residuals fall the faster the longer a solve takes,
+    /// so that fewer are left than it seems.
+    pub fn more(&self, kind: Kind, progress: Progress, costs: &CostModel) -> u64 {
+        let Progress { iterations, gained, left } = progress;
+        let seem_left = iterations as f64 * left / gained.max(f64::MIN_POSITIVE);
+        let current = place(kind);
+        let of_other = |(place, &other): (usize, &Kind)| {
+            let is_seen = self.is_seen(place);
+            let iterations = match other {
+                // As few as they can well be, in those that this one seems to take.
+                Kind::BlockJacobi if !is_seen => self.blocks_at_best * seem_left,
+                _ => left * self.per_digit(place),
+            };
+            let set_ups = if is_seen { 1.0 } else { ANALYSED };
+            let set_up = if other == Kind::Multigrid { set_ups * costs.multigrid_setup() } else { 0.0 };
+            costs.preparation(other) + set_up + iterations * costs.iteration(other)
+        };
+        let others = KINDS.iter().enumerate().skip(current + 1).map(of_other);
+        let cheapest = others.fold(f64::INFINITY, f64::min);
+        let goes_on = cheapest.is_finite() && seem_left * costs.iteration(kind) <= cheapest;
+        if goes_on { (MORE * seem_left).ceil() as u64 } else { 0 }
     }
 
     /// Takes note of a solve, or of the part of one that had this preconditioner.
@@ -162,15 +190,21 @@ impl Contest {
         promised.then(|| KINDS.get(best).copied()).flatten()
     }
 
-    /// Takes note of a change.
-    pub fn changed_to(&mut self, kind: Kind) {
+    /// Takes note of a change. What is left for another one that is known already has not kept what it promised.
+    pub fn changed(&mut self, from: Kind, to: Kind) {
         self.lost = 0.0;
         // What another one has done for this matrix is not its own.
         self.now = Seen::default();
-        self.set_up = if kind == Kind::Multigrid { -1.0 } else { 0.0 };
-        if let Some(price) = self.price.get_mut(place(kind)) {
+        self.set_up = if to == Kind::Multigrid { -1.0 } else { 0.0 };
+        if self.is_seen(place(to))
+            && let Some(price) = self.price.get_mut(place(from))
+        {
             *price *= DISAPPOINTED;
         }
+    }
+
+    fn is_seen(&self, kind: usize) -> bool {
+        self.seen.get(kind).is_some_and(|seen| seen.digits > 0.0)
     }
 }
 

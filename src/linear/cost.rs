@@ -127,10 +127,9 @@ impl CostModel {
         nanoseconds(GLANCE, [1.0, self.springs]) / self.force
     }
 
-    /// An ordering with symbolic analysis; of a factor that is not known yet, the least that it can cost.
-    pub fn analysis(&self, size: Option<FactorSize>) -> f64 {
-        let entries = size.map_or(self.entries, |size| size.entries as f64);
-        nanoseconds(ANALYSIS, [1.0, entries]) / self.force
+    /// An ordering with symbolic analysis.
+    pub fn analysis(&self, size: FactorSize) -> f64 {
+        nanoseconds(ANALYSIS, [1.0, size.entries as f64]) / self.force
     }
 
     /// A solve with a factor, its residual included.
@@ -192,16 +191,16 @@ impl CostModel {
         2.0 * self.product()
     }
 
-    /// The cost of some work, with the factor that it used, if any. A glance that was followed by an analysis is part of it.
+    /// The cost of some work, with the factor that it used, if any. Without one nothing more than a glance was taken.
     pub fn cost(&self, work: &Work, factor: Option<FactorSize>) -> f64 {
         let factorization = factor.map_or(self.least_factorization(), |size| self.factorization(size));
         let direct_solve = factor.map_or(self.least_direct_solve(), |size| self.direct_solve(size));
+        let analysis = factor.map_or(self.glance(), |size| self.analysis(size));
         let others = work.cg_iterations.saturating_sub(work.multigrid_iterations);
         let terms = [
             (work.force_evaluations, 1.0),
             (work.assemblies, self.assembly()),
-            (work.glances.saturating_sub(work.symbolic_factorizations), self.glance()),
-            (work.symbolic_factorizations, self.analysis(factor)),
+            (work.symbolic_factorizations, analysis),
             (work.factorizations, factorization),
             (work.solves.saturating_sub(work.iterative_solves), direct_solve),
             (work.iterative_solves, self.iterative_solve()),
@@ -221,14 +220,16 @@ mod tests {
     /// Beside 1.6 products 3.9 · 3000 ns.
     #[test]
     fn a_solve_costs_by_products_and_coordinates() {
-        let costs = CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0, multiplications: None };
+        let costs =
+            CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0, multiplications: None };
         assert!((costs.iterative_solve() - 1.6 * costs.product() - 11.7).abs() < 1e-9, "{}", costs.iterative_solve());
     }
 
     /// A cycle takes so long for a coordinate and so long for a spring: 25.3 · 3000 + 8.8 · 5000 = 119 900 ns, in force evaluations of 1000 ns.
     #[test]
     fn a_cycle_costs_by_coordinates_and_springs() {
-        let costs = CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0, multiplications: None };
+        let costs =
+            CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0, multiplications: None };
         let cycle = costs.iteration(PreconditionerKind::Multigrid) - costs.iteration(PreconditionerKind::None);
         assert!((cycle - 119.9).abs() < 1e-9, "{cycle}");
     }
@@ -236,7 +237,8 @@ mod tests {
     /// Beside its iterations a solve takes so many products and so long for every coordinate.
     #[test]
     fn residuals_cost_products_and_coordinates() {
-        let costs = CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0, multiplications: None };
+        let costs =
+            CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0, multiplications: None };
         let [products, nanoseconds] = RESIDUALS;
         let expected = products * costs.product() + 3.0 * nanoseconds;
         assert!((costs.iterative_solve() - expected).abs() < 1e-9 && expected > 3.0, "{expected}");

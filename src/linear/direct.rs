@@ -74,16 +74,12 @@ pub struct CholeskyGlance {
 }
 
 impl CholeskyGlance {
-    /// Orders the system's particles; counts one glance.
+    /// Orders the system's particles; counts one symbolic factorization, whether the analysis follows or not.
     ///
     /// # Errors
     /// When the matrix does not fit 32-bit indices, or its ordering the memory.
     pub fn new(system: &System, work: &mut Work) -> Result<Self> {
-        work.glances += 1;
-        Self::uncounted(system)
-    }
-
-    fn uncounted(system: &System) -> Result<Self> {
+        work.symbolic_factorizations += 1;
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let glance = Analysis::glance(pattern.pattern())?;
         Ok(Self { pattern, glance })
@@ -95,14 +91,13 @@ impl CholeskyGlance {
         FactorSize::least(&self.glance)
     }
 
-    /// Analyses the pattern; counts one symbolic factorization.
+    /// Analyses the pattern.
     ///
     /// # Errors
     /// When the factor does not fit 32-bit indices.
-    pub fn plan(self, par: Par, work: &mut Work) -> Result<CholeskyPlan> {
+    pub fn plan(self, par: Par) -> Result<CholeskyPlan> {
         let Self { pattern, glance } = self;
         let factorization = Cholesky::plan(pattern.pattern(), glance, par)?;
-        work.symbolic_factorizations += 1;
         Ok(CholeskyPlan { pattern, factorization })
     }
 }
@@ -119,7 +114,7 @@ impl CholeskyPlan {
     /// # Errors
     /// When the factor does not fit 32-bit indices, or its analysis the memory.
     pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
-        CholeskyGlance::uncounted(system)?.plan(par, work)
+        CholeskyGlance::new(system, work)?.plan(par)
     }
 
     /// Entries and operations of the factor.

@@ -1,6 +1,6 @@
 //! Conjugate gradients as a time step's solver, matrix-free or on the assembled A.
 
-use super::cg::{CgOutcome, CgReport, ConjugateGradient};
+use super::cg::{CgOutcome, CgReport, ConjugateGradient, Progress};
 use super::contest::Contest;
 use super::cost::CostModel;
 use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
@@ -39,6 +39,14 @@ pub struct CgSolver {
     /// [Cost](CostModel) of set-ups, iterations and first guesses so far, and the most that it may grow to.
     effort: f64,
     allowed: f64,
+}
+
+/// Iterations of a solve.
+#[derive(Debug, Clone, Copy)]
+struct Limit {
+    /// After which it is time to look for something better.
+    patience: Option<u64>,
+    most: u64,
 }
 
 /// A choice that is not made yet, and where the particles are, for multigrid.
@@ -105,12 +113,25 @@ impl CgSolver {
         }
     }
 
-    fn run(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) -> CgReport {
-        let Self { method, preconditioner, application, .. } = self;
-        let report = match application {
-            Application::MatrixFree => method.solve(a, preconditioner, b, x),
-            Application::Assembled(matrix) => method.solve(matrix.matrix(), preconditioner, b, x),
+    /// Iterates as long as patience goes, and longer where a change would cost more, but no more than can be afforded.
+    fn run(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], limit: Limit, work: &mut Work) -> CgReport {
+        let kind = self.kind();
+        let Self { method, preconditioner, application, choice, costs, .. } = self;
+        let more = &mut |progress: Progress| match choice {
+            Some(choice) if progress.iterations < limit.most => {
+                choice.contest.more(kind, progress, costs).min(limit.most - progress.iterations)
+            }
+            _ => 0,
         };
+        let general = std::mem::replace(
+            &mut method.iteration_limit,
+            limit.patience.map_or(limit.most, |patience| patience.min(limit.most)),
+        );
+        let report = match application {
+            Application::MatrixFree => method.solve_or_ask(a, preconditioner, b, x, more),
+            Application::Assembled(matrix) => method.solve_or_ask(matrix.matrix(), preconditioner, b, x, more),
+        };
+        method.iteration_limit = general;
         work.cg_iterations += report.iterations;
         if self.preconditioner.kind() == Some(PreconditionerKind::Multigrid) {
             work.multigrid_iterations += report.iterations;
@@ -205,6 +226,7 @@ impl CgSolver {
 
     /// Changes to another preconditioner. Where there is no room for it, or it cannot count so many entries, the one at hand stays for good.
     fn change(&mut self, kind: PreconditionerKind, system: &System) -> bool {
+        let before = self.kind();
         let Some(choice) = &mut self.choice else { return false };
         let Ok(mut preconditioner) = Preconditioner::new(kind, system) else {
             self.choice = None;
@@ -213,7 +235,7 @@ impl CgSolver {
         preconditioner.place(&choice.places);
         self.costs = costs(self.costs, &preconditioner);
         self.preconditioner = preconditioner;
-        choice.contest.changed_to(kind);
+        choice.contest.changed(before, kind);
         true
     }
 
@@ -292,12 +314,10 @@ impl LinearSolver for CgSolver {
             work.warm_starts += u64::from(guessed);
             self.effort += self.costs.warm_start() * f64::from(u8::from(guessed));
         }
-        let limit = self.method.iteration_limit;
         loop {
             let patience = self.patience();
-            self.method.iteration_limit = limit.min(patience.unwrap_or(limit)).min(self.affordable());
-            let report = self.run(&a, b, x, work);
-            self.method.iteration_limit = limit;
+            let most = self.method.iteration_limit.min(self.affordable());
+            let report = self.run(&a, b, x, Limit { patience, most }, work);
             self.record(&report, x);
             let is_late = report.outcome == CgOutcome::IterationLimit
                 && patience.is_some_and(|patience| report.iterations >= patience);

@@ -341,7 +341,8 @@ mod tests {
             let vertex: Vec<u32> = (0..graph.len() as u32)
                 .flat_map(|v| pattern.dofs().rows(graph.particles[v as usize] as usize).map(move |_| v))
                 .collect();
-            let order = forward.iter().step_by(pattern.order() / graph.len()).map(|&row| vertex[row as usize]).collect();
+            let order =
+                forward.iter().step_by(pattern.order() / graph.len()).map(|&row| vertex[row as usize]).collect();
             let found = Elimination::new(&graph, order);
             if may_gain {
                 let [fewer, least] = [found.entries / entries, found.flops / flops];

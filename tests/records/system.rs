@@ -80,8 +80,7 @@ fn solvers() {
             let costs = CostModel::of(system);
             let mut work = Work::default();
             let size = CholeskyPlan::new(system, Par::Seq, &mut work).unwrap().size();
-            let solves =
-                [costs.factorization(size), costs.direct_solve(size), costs.analysis(Some(size)), costs.analysis(None)];
+            let solves = [costs.factorization(size), costs.direct_solve(size), costs.analysis(size), costs.glance()];
             let least = [costs.least_factorization(), costs.least_direct_solve(), costs.product(), costs.assembly()];
             let kinds = PreconditionerKind::ALL.map(|kind| (costs.iteration(kind), costs.preparation(kind)));
             let rest = [costs.multigrid_setup(), costs.iterative_solve(), costs.warm_start()];

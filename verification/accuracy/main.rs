@@ -138,7 +138,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         arguments.count,
         if arguments.ready { " --ready" } else { "" },
         arguments.commands.map_or(String::new(), |count| format!(" --commands {count}")),
-        arguments.commands.map_or(String::new(), |count| format!(", on {} of the random scenes", count.min(arguments.count))),
+        arguments
+            .commands
+            .map_or(String::new(), |count| format!(", on {} of the random scenes", count.min(arguments.count))),
         arguments.count,
         table(&of_random)?,
     );

@@ -39,11 +39,11 @@ fn what_does_not_pay_is_left_and_tried_later() {
     assert!(promised > 0.0);
     let expected = ((blocks + 30.0 * none) / promised).floor() as usize;
     assert_eq!(moves(&mut contest, Kind::None, 30, 100), Some((expected, Kind::BlockJacobi)));
-    contest.changed_to(Kind::BlockJacobi);
+    contest.changed(Kind::None, Kind::BlockJacobi);
     let lost = SURE * (blocks + 30.0 * with) - 30.0 * none;
     let back = moves(&mut contest, Kind::BlockJacobi, 30, 100);
     assert_eq!(back, Some(((blocks / lost).floor() as usize, Kind::None)));
-    contest.changed_to(Kind::None);
+    contest.changed(Kind::BlockJacobi, Kind::None);
     // Known by now to save nothing, they are not tried again.
     assert_eq!(moves(&mut contest, Kind::None, 30, 100), None);
 }
@@ -55,7 +55,7 @@ fn what_is_not_known_to_be_safe_promises_more() {
     let mut contest = contest();
     contest.record(Kind::None, 30, 10.0);
     contest.record(Kind::BlockJacobi, 60, 10.0);
-    contest.changed_to(Kind::Multigrid);
+    contest.changed(Kind::BlockJacobi, Kind::Multigrid);
     let of = |kind: Kind, iterations: u64| costs.preparation(kind) + iterations as f64 * costs.iteration(kind);
     // A little more than what would be called even.
     let without = of(Kind::None, 30);
@@ -93,7 +93,7 @@ fn masses_that_differ_ask_for_blocks() {
 fn blocks_that_save_much_stay() {
     let mut contest = contest();
     assert!(moves(&mut contest, Kind::None, 40, 100).is_some());
-    contest.changed_to(Kind::BlockJacobi);
+    contest.changed(Kind::None, Kind::BlockJacobi);
     assert_eq!(moves(&mut contest, Kind::BlockJacobi, 5, 1000), None);
 }
 
@@ -126,7 +126,7 @@ fn blocks_watch_over_definiteness() {
 fn multigrid_is_left_where_little_is_to_do() {
     let (mut contest, costs) = (contest(), costs());
     contest.record(Kind::None, 3, 10.0);
-    contest.changed_to(Kind::Multigrid);
+    contest.changed(Kind::None, Kind::Multigrid);
     contest.set_up(1.0);
     contest.record(Kind::Multigrid, 8, 10.0);
     assert!(SURE * costs.iteration(Kind::Multigrid) * 8.0 > costs.preparation(Kind::BlockJacobi));
@@ -140,7 +140,7 @@ fn coarse_levels_that_age_fast_are_left() {
     for (set_ups, is_left) in [(0.0, false), (1.0, true)] {
         let (mut contest, costs) = (contest(), costs());
         contest.record(Kind::BlockJacobi, 100, 10.0);
-        contest.changed_to(Kind::Multigrid);
+        contest.changed(Kind::BlockJacobi, Kind::Multigrid);
         contest.set_up(1.0);
         let left = (0..100).find_map(|_| {
             contest.record(Kind::Multigrid, 8, 10.0);
@@ -171,11 +171,24 @@ fn set_ups_are_remembered() {
         contest.next(kind, &costs, true);
         assert!((contest.set_ups - expected).abs() < 1e-12, "{}", contest.set_ups);
     }
-    for (kind, set_up, price) in
-        [(Kind::Multigrid, -1.0, 4.0), (Kind::BlockJacobi, 0.0, 4.0), (Kind::Multigrid, -1.0, 16.0)]
-    {
-        contest.changed_to(kind);
-        assert_eq!((contest.set_up, contest.price[place(kind)], contest.lost), (set_up, price, 0.0));
+}
+
+/// What is left for one that is known must promise four times as much the next time; what is left for a trial has not disappointed.
+#[test]
+fn disappointments_are_remembered() {
+    let mut contest = contest();
+    contest.record(Kind::None, 20, 10.0);
+    for (from, to, set_up, price) in [
+        (Kind::None, Kind::BlockJacobi, 0.0, [1.0; 3]),
+        (Kind::BlockJacobi, Kind::Multigrid, -1.0, [1.0; 3]),
+        (Kind::Multigrid, Kind::BlockJacobi, 0.0, [1.0, 1.0, 4.0]),
+        (Kind::BlockJacobi, Kind::Multigrid, -1.0, [1.0, 4.0, 4.0]),
+        (Kind::Multigrid, Kind::None, 0.0, [1.0, 4.0, 16.0]),
+    ] {
+        contest.record(from, 20, 10.0);
+        contest.lost = 7.0;
+        contest.changed(from, to);
+        assert_eq!((contest.set_up, contest.price, contest.lost), (set_up, price, 0.0));
     }
 }
 
@@ -214,12 +227,50 @@ fn trials_begin_where_they_have_cost_as_much_not_to_be_made() {
         let border = DISAPPOINTED * if best == Kind::BlockJacobi { trial + cost } else { trial };
         for (part, moves) in [(0.999, None), (1.001, Some(best))] {
             let mut contest = contest();
-            contest.changed_to(best);
             before(&mut contest);
+            contest.price[place(best)] = DISAPPOINTED;
             contest.lost = part * border - lost;
             let found = contest.next(kind, &costs, true);
             assert!((contest.lost / (part * border) - 1.0).abs() < 1e-9, "{} {border}", contest.lost);
             assert_eq!(found, moves, "{part}");
         }
+    }
+}
+
+/// A solve that has gained 8 digits in 64 iterations and lacks a quarter of one seems to need two more, and gets three, which cost less than
+/// making blocks. Of one that lacks as many as it has gained blocks, or multigrid, promise to cost less.
+#[test]
+fn solves_that_are_nearly_done_go_on() {
+    let (contest, costs) = (contest(), costs());
+    let more = |kind, gained, left| contest.more(kind, Progress { iterations: 64, gained, left }, &costs);
+    let (none, with) = (costs.iteration(Kind::None), costs.iteration(Kind::BlockJacobi));
+    assert!(2.0 * none < costs.preparation(Kind::BlockJacobi) + 1.2 * with);
+    assert_eq!([more(Kind::None, 8.0, 0.25), more(Kind::None, 4.0, 4.0)], [3, 0]);
+    assert_eq!(more(Kind::BlockJacobi, 8.0, 0.25), 3);
+    // Blocks go on as long as what seems to be left costs less than a trial of multigrid that takes an iteration a digit.
+    let trial = ANALYSED * costs.multigrid_setup() + costs.preparation(Kind::Multigrid);
+    let goes_on = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0].map(|left| {
+        let is_cheaper = 64.0 * left * with <= trial + left * costs.iteration(Kind::Multigrid);
+        assert_eq!(more(Kind::BlockJacobi, 1.0, left), if is_cheaper { 96 * left as u64 } else { 0 }, "{left}");
+        is_cheaper
+    });
+    assert!(goes_on[0] && !goes_on[6]);
+    // After multigrid comes nothing, and who has gained nothing does not go on.
+    assert_eq!([more(Kind::Multigrid, 8.0, 0.25), more(Kind::None, 0.0, 8.0), more(Kind::None, -1.0, 9.0)], [0; 3]);
+}
+
+/// Of what is known its own iterations count, and one set-up.
+#[test]
+fn what_is_known_decides_whether_a_solve_goes_on() {
+    let costs = costs();
+    let with = costs.iteration(Kind::BlockJacobi);
+    let cycle = costs.iteration(Kind::Multigrid);
+    let once = costs.preparation(Kind::Multigrid) + costs.multigrid_setup();
+    for per_digit in [1.0, 2.0, 5.0, 20.0, 50.0] {
+        let mut contest = contest();
+        contest.record(Kind::Multigrid, (10.0 * per_digit) as u64, 10.0);
+        let progress = Progress { iterations: 100, gained: 5.0, left: 5.0 };
+        let goes_on = 100.0 * with <= once + 5.0 * per_digit * cycle;
+        assert_eq!(contest.more(Kind::BlockJacobi, progress, &costs), if goes_on { 150 } else { 0 }, "{per_digit}");
     }
 }
