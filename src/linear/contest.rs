@@ -9,7 +9,8 @@
 //!
 //! A matrix that may be indefinite is never without a preconditioner: its blocks may show it, where conjugate gradients do not come across it.
 //!
-//! A single solve may not wait for that: [`patience`](Contest::patience) ends it where a better preconditioner pays at once.
+//! A single solve may not wait for that: [`patience`](Contest::patience) ends it where a better preconditioner pays at once, unless
+//! [little seems to be left](Contest::more) of it.
 
 use super::cg::Progress;
 use super::cost::CostModel;

@@ -191,7 +191,7 @@ impl CostModel {
         2.0 * self.product()
     }
 
-    /// The cost of some work, with the factor that it used, if any. Without one nothing more than a glance was taken.
+    /// The cost of some work, with the factor that it used, if any. Without one an ordering counts as a glance.
     pub fn cost(&self, work: &Work, factor: Option<FactorSize>) -> f64 {
         let factorization = factor.map_or(self.least_factorization(), |size| self.factorization(size));
         let direct_solve = factor.map_or(self.least_direct_solve(), |size| self.direct_solve(size));

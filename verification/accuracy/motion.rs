@@ -123,7 +123,8 @@ impl Motion<'_> {
         for (configuration, adaptive) in ways() {
             // Costs and errors, infinite where a run does not come to its end.
             let mut ladder: Vec<(f64, f64)> = Vec::new();
-            for j in 0.. {
+            // A tolerance of one is none.
+            for j in u32::from(adaptive).. {
                 let most = best.values().map(|single| single.cost).fold(0.0, f64::max);
                 let pace = if adaptive {
                     Pace::Adaptive { rtol: 10f64.powf(-f64::from(j) / PER_DECADE), first_step: None }
