@@ -42,7 +42,7 @@ pub fn answer<A: Audience>(
     let grid = Grid::new(duration, interval, system.particles());
     let task = Task { system, start, duration, costs, grid, go_on };
     let mut search = Search::new(&task, requirement, audience);
-    let rates = Rates::of(system, start, &costs)?;
+    let rates = Rates::of(system, start)?;
     search.spend(rates.cost);
     let verdict = match requirement.method {
         Some(method) => alone::answer(&mut search, method, &rates)?,

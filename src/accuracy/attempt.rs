@@ -205,6 +205,33 @@ mod tests {
     use super::*;
     use crate::accuracy::price::of;
     use crate::system::fixtures::oscillator;
+    use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+    use nalgebra::Vector3;
+
+    /// A path bends at 1 s, 2 s and 4 s. From 0.5 s on a motion of half a second does not come to the first, nor one from the last on to any.
+    #[test]
+    fn kinks_count_where_the_motion_passes_them() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        let offsets = [0.0, 1.0, 0.0].map(|x| Vector3::new(x, 0.0, 0.0)).to_vec();
+        let motion = Motion::Path { times: vec![1.0, 2.0, 4.0], offsets };
+        builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+        let (system, state) = &builder.build().unwrap();
+        let grid = Grid::new(1.0, 0.5, 2);
+        for (time, duration, expected) in [
+            (0.5, 0.5, false),
+            (0.5, 0.75, true),
+            (2.0, 1.0, false),
+            (2.0, 2.0, false),
+            (2.0, 2.5, true),
+            (4.0, 9.0, false),
+        ] {
+            let start = &State { time, ..state.clone() };
+            let task = Task { system, start, duration, costs: CostModel::of(system), grid, go_on: &|| true };
+            assert_eq!(task.has_kinks(), expected, "{time} {duration}");
+        }
+    }
 
     /// Twenty steps of a vibration: what appeared and vanished of its energy counts by its amplitude, for one step.
     #[test]

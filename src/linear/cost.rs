@@ -216,6 +216,7 @@ impl CostModel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::linear::OrderingMethod;
 
     /// Beside 1.6 products 3.9 · 3000 ns.
     #[test]
@@ -242,5 +243,34 @@ mod tests {
         let [products, nanoseconds] = RESIDUALS;
         let expected = products * costs.product() + 3.0 * nanoseconds;
         assert!((costs.iterative_solve() - expected).abs() < 1e-9 && expected > 3.0, "{expected}");
+    }
+
+    /// A first ordering by springs: 2700 + 150 · 5000 ns. An analysis by entries of the factor: 2700 + 6.5 · 100 000 ns. Of work without a factor an
+    /// ordering counts as the one, with it as the other.
+    #[test]
+    fn orderings_cost_by_springs_and_by_entries() {
+        let costs =
+            CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0, multiplications: None };
+        let size = FactorSize { entries: 100_000, flops: 1e6, ordering: OrderingMethod::MinimumDegree };
+        assert!((costs.glance() - 752.7).abs() < 1e-9 && (costs.analysis(size) - 652.7).abs() < 1e-9);
+        let work = Work { symbolic_factorizations: 2, ..Work::default() };
+        assert_eq!(
+            [None, Some(size)].map(|size| costs.cost(&work, size)),
+            [2.0 * costs.glance(), 2.0 * costs.analysis(size)]
+        );
+    }
+
+    /// 357 · 3000 + 99 · 5000 ns by sizes, 130 · 3000 + 0.29 · 10⁶ ns by multiplications; one dense level has no others.
+    #[test]
+    fn coarse_levels_cost_by_multiplications_where_these_are_known() {
+        let costs =
+            CostModel { springs: 5000.0, dofs: 3000.0, entries: 20_000.0, force: 1000.0, multiplications: None };
+        let known = costs.with_coarse_levels(1e6);
+        assert!((costs.multigrid_setup() - 1566.0).abs() < 1e-9, "{}", costs.multigrid_setup());
+        assert!((known.multigrid_setup() - 680.0).abs() < 1e-9, "{}", known.multigrid_setup());
+        for (dofs, has_levels) in [(400.0, false), (401.0, true)] {
+            let setups = [costs, known].map(|costs| CostModel { dofs, ..costs }.multigrid_setup());
+            assert!(setups.iter().all(|&cost| (cost > 0.0) == has_levels), "{dofs}: {setups:?}");
+        }
     }
 }

@@ -117,11 +117,9 @@ impl CgSolver {
     fn run(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], limit: Limit, work: &mut Work) -> CgReport {
         let kind = self.kind();
         let Self { method, preconditioner, application, choice, costs, .. } = self;
-        let more = &mut |progress: Progress| match choice {
-            Some(choice) if progress.iterations < limit.most => {
-                choice.contest.more(kind, progress, costs).min(limit.most - progress.iterations)
-            }
-            _ => 0,
+        let more = &mut |progress: Progress| {
+            let left = limit.most.saturating_sub(progress.iterations);
+            choice.as_ref().map_or(0, |choice| choice.contest.more(kind, progress, costs).min(left))
         };
         let general = std::mem::replace(
             &mut method.iteration_limit,

@@ -113,7 +113,7 @@ impl Case {
         let mut told = Told { runs: Vec::new(), before: self.spent };
         let mut search = Search::new(&task, &requirement, &mut told);
         search.spend(self.spent);
-        let price = self.price.unwrap_or_else(|| Price::of(&Rates::of(system, start, &costs).unwrap(), duration));
+        let price = self.price.unwrap_or_else(|| Price::of(&Rates::of(system, start).unwrap(), duration));
         let mut led = way(&mut search, price).unwrap();
         let horizon = search.horizon.map(|horizon| [horizon.known, horizon.most, horizon.spread]);
         let found = search.answer(self.verdict.clone());

@@ -273,4 +273,14 @@ fn what_is_known_decides_whether_a_solve_goes_on() {
         let goes_on = 100.0 * with <= once + 5.0 * per_digit * cycle;
         assert_eq!(contest.more(Kind::BlockJacobi, progress, &costs), if goes_on { 150 } else { 0 }, "{per_digit}");
     }
+    // Without a preconditioner twelve iterations are left. Blocks may take six tenths of them, or what they are known to.
+    let progress = Progress { iterations: 24, gained: 8.0, left: 4.0 };
+    let blocks = costs.preparation(Kind::BlockJacobi);
+    for per_digit in [None, Some(0.5), Some(1.0), Some(2.0), Some(3.0)] {
+        let mut contest = contest();
+        per_digit.into_iter().for_each(|per_digit| contest.record(Kind::BlockJacobi, (10.0 * per_digit) as u64, 10.0));
+        let of_blocks = per_digit.map_or(0.6 * 12.0, |per_digit| 4.0 * per_digit);
+        let goes_on = 12.0 * costs.iteration(Kind::None) <= blocks + of_blocks * with;
+        assert_eq!(contest.more(Kind::None, progress, &costs), if goes_on { 18 } else { 0 }, "{per_digit:?}");
+    }
 }

@@ -183,3 +183,46 @@ fn coarse_levels_of_long_chains_are_as_good() {
     });
     assert!(iterations[0] < 100 && iterations[1] < 2 * iterations[0], "{iterations:?}");
 }
+
+/// A cloth whose solve takes a few more than the fifty iterations after which it is time for blocks: little is left, so it goes on as it is,
+/// as far as that can be afforded.
+#[test]
+fn solves_that_are_nearly_done_keep_their_preconditioner() {
+    let scene = builtin::cloth(16).unwrap().build().unwrap();
+    let rows = scene.0.dofs().len();
+    let b = right_hand_side(rows);
+    let solve = |kind, dt: f64, more: Option<f64>| {
+        let a = operator(&scene, dt);
+        let mut work = Work::default();
+        let mut solver = matrix_free(&scene.0, kind);
+        solver.take(&a, &mut work).unwrap();
+        more.into_iter().for_each(|more| solver.allow(more));
+        let is_done = solver.solve(Held(&a), &b, &mut vec![0.0; rows], &mut work).is_ok();
+        (is_done, work.cg_iterations, solver.preconditioner())
+    };
+    let alone = |dt| solve(Some(PreconditionerKind::None), dt, None).1;
+    let mut steps = (0..600).map(|k| 1e-4 * 1.02f64.powi(k)).map(|dt| (dt, alone(dt)));
+    let (dt, iterations) = steps.find(|(_, count)| (53..=58).contains(count)).unwrap();
+    assert_eq!(solve(None, dt, None), (true, iterations, Some("none")));
+    let costs = CostModel::of(&scene.0);
+    let price = |iterations: f64| costs.iterative_solve() + iterations * costs.iteration(PreconditionerKind::None);
+    for affordable in [51, 52] {
+        let (is_done, done, kind) = solve(None, dt, Some(price(affordable as f64 + 0.5)));
+        assert_eq!((is_done, done, kind), (false, affordable, Some("none")));
+    }
+}
+
+/// The coarse levels at hand are priced by their multiplications.
+#[test]
+fn coarse_levels_are_priced_as_they_are() {
+    let scene = builtin::cloth(16).unwrap().build().unwrap();
+    let sizes = CostModel::of(&scene.0);
+    let known = sizes.with_coarse_levels(crate::multigrid::Multigrid::new(&scene.0).unwrap().multiplications());
+    assert!(known.multigrid_setup() > 0.0 && known != sizes);
+    for (kind, expected) in [(PreconditionerKind::BlockJacobi, sizes), (PreconditionerKind::Multigrid, known)] {
+        assert_eq!(matrix_free(&scene.0, Some(kind)).costs, expected);
+        let mut solver = matrix_free(&scene.0, None);
+        solver.change(kind, &scene.0);
+        assert_eq!(solver.costs, expected);
+    }
+}

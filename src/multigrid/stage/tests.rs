@@ -143,6 +143,19 @@ fn reference<const N: usize, const M: usize>(
         }
     }
 
+    // Pᵀ A P block by block: A P, and P from the left.
+    let (nodes, sparse) = (a.pattern(), &level.prolongator.matrix.pattern);
+    let mut multiplications = 0;
+    for row in 0..order / N {
+        let mut products: Vec<u32> =
+            nodes.columns(row).iter().flat_map(|&k| sparse.columns(k as usize)).copied().collect();
+        multiplications += N * N * M * products.len();
+        products.sort_unstable();
+        products.dedup();
+        multiplications += N * M * M * sparse.columns(row).len() * products.len();
+    }
+    assert_eq!(stage.multiplications() - level.next.multiplications(), multiplications as f64);
+
     // P = (I − ω D⁻¹A) T.
     let p = columns(order / N, count, |aggregate| level.prolongator.column(aggregate));
     assert_near(&p, &((&identity - 2.0 / 3.0 * &inverse_diagonal * &scaled) * &t), SINGLE, "P");
