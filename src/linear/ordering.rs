@@ -45,8 +45,8 @@ pub(super) struct Ordering {
     pub inverse: Vec<u32>,
 }
 
-/// What a minimum degree ordering shows of a pattern: for surfaces what a factorization takes, for volumes what it takes at least. A
-/// tenth of what an analysis with a dissection takes.
+/// What a minimum degree ordering shows of a pattern: for surfaces what a factorization takes, for volumes what it takes at least. A sixth to a
+/// ninth of what an analysis with a dissection takes.
 pub(super) struct Glance {
     graph: ParticleGraph,
     method: OrderingMethod,
