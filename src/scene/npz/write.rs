@@ -120,6 +120,7 @@ impl<W: Write> NpzWriter<W> {
     }
 
     /// Begins an array of doubles of this shape, whose bytes, least significant first, are written to what is returned.
+    #[cfg(feature = "report")]
     pub(crate) fn doubles(
         &mut self,
         name: &str,
