@@ -184,6 +184,8 @@ mod tests {
             [4.0, 2.0, -1.0, 3.0, 0.7, -2.0],
             [1e-9, 2e-9, 3e-9, 4e-9, 5e-9, 6e-9],
             [1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
+            // The largest twice: at a double root of the cubic.
+            [3.0, 0.0, 0.0, 3.0, 0.0, 0.0],
             [0.0; 6],
         ] {
             let [xx, xy, xz, yy, yz, zz] = entries;
