@@ -94,9 +94,14 @@ pub struct Analysis {
 }
 
 impl Analysis {
+    /// Asks for the memory that ordering and analysis take.
+    pub(super) fn ensure_room(pattern: &BlockPattern) -> Result<()> {
+        memory::ensure(ANALYSIS * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")
+    }
+
     /// A first look at what a factorization takes.
     pub(super) fn glance(pattern: &BlockPattern) -> Result<Glance> {
-        memory::ensure(ANALYSIS * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")?;
+        Self::ensure_room(pattern)?;
         Ok(Glance::of(pattern))
     }
 
@@ -106,7 +111,7 @@ impl Analysis {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             ..Default::default()
         };
-        let start = Instant::now();
+        let (start, glanced) = (Instant::now(), glance.took());
         let Ordering { method, forward, inverse } = glance.order(pattern);
         let ordering = SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, forward.len()));
         let symbolic = factorize_symbolic_cholesky(pattern.symbolic(), Side::Lower, ordering, params)
@@ -117,7 +122,8 @@ impl Analysis {
             .or(symbolic.factorize_numeric_ldlt_scratch::<f64>(par, Spec::default()))
             .or(symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(par, Spec::default()))
             .or(symbolic.solve_in_place_scratch::<f64>(SOLVE_COLUMNS, par));
-        let times = FactorTimes { analysis_seconds: start.elapsed().as_secs_f64(), ..FactorTimes::default() };
+        let times =
+            FactorTimes { analysis_seconds: (glanced + start.elapsed()).as_secs_f64(), ..FactorTimes::default() };
         let (memory, symbolic) = (MemBuffer::new(StackReq::EMPTY), Arc::new(symbolic));
         Ok(Self { ordering: method, times, symbolic, values: Vec::new(), memory, scratch, par })
     }

@@ -92,7 +92,7 @@ impl CostModel {
     }
 
     /// With [so many multiplications](crate::multigrid::Multigrid::multiplications) in the coarse matrices of multigrid: in random networks they
-    /// are three times as many as sizes tell.
+    /// are two to three times as many as sizes tell.
     #[must_use]
     pub fn with_coarse_levels(self, multiplications: f64) -> Self {
         Self { multiplications: Some(multiplications), ..self }

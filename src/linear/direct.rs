@@ -94,9 +94,11 @@ impl CholeskyGlance {
     /// Analyses the pattern.
     ///
     /// # Errors
-    /// When the factor does not fit 32-bit indices.
+    /// When the factor does not fit 32-bit indices, or its analysis the memory.
     pub fn plan(self, par: Par) -> Result<CholeskyPlan> {
         let Self { pattern, glance } = self;
+        // The glance may be old, and memory taken since.
+        Analysis::ensure_room(pattern.pattern())?;
         let factorization = Cholesky::plan(pattern.pattern(), glance, par)?;
         Ok(CholeskyPlan { pattern, factorization })
     }

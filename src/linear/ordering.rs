@@ -14,11 +14,12 @@ mod volume;
 use crate::assembly::BlockPattern;
 use feral_amd::CscPattern;
 use serde::Serialize;
+use std::time::{Duration, Instant};
 
 /// Operations from which a nested dissection is tried: below, a whole factorization takes less time than the dissection.
 const DISSECTION_FLOPS: f64 = 1e8;
 
-/// The power of the number of vertices by which a dissection takes fewer operations than a minimum degree, at most: lattices of 10³ to 60³
+/// The power of the number of vertices by which a dissection takes fewer operations than a minimum degree, at most, as measured: lattices of 10³ to 60³
 /// take 1.7 to 14.1 times fewer, networks of 3000 to 10⁵ particles 1.8 to 3.5 times.
 const DISSECTION_GAIN: f64 = 0.22;
 
@@ -53,10 +54,12 @@ pub(super) struct Glance {
     elimination: Elimination,
     /// Whether a dissection is tried.
     may_gain: bool,
+    took: Duration,
 }
 
 impl Glance {
     pub fn of(pattern: &BlockPattern) -> Self {
+        let start = Instant::now();
         let graph = ParticleGraph::new(pattern);
         let natural = || (0..graph.len() as u32).collect();
         let (method, order) = match graph.minimum_degree() {
@@ -65,11 +68,16 @@ impl Glance {
         };
         let elimination = Elimination::new(&graph, order);
         let may_gain = elimination.flops > DISSECTION_FLOPS && graph.is_like_a_volume(&elimination);
-        Self { graph, method, elimination, may_gain }
+        Self { graph, method, elimination, may_gain, took: start.elapsed() }
     }
 
     pub fn method(&self) -> OrderingMethod {
         self.method
+    }
+
+    /// The time that it has taken.
+    pub fn took(&self) -> Duration {
+        self.took
     }
 
     /// Entries and operations of a factor, at least.
@@ -81,7 +89,7 @@ impl Glance {
 
     /// The cheapest ordering that the methods find.
     pub fn order(self, pattern: &BlockPattern) -> Ordering {
-        let Self { graph, mut method, mut elimination, may_gain } = self;
+        let Self { graph, mut method, mut elimination, may_gain, .. } = self;
         if may_gain && let Some(order) = graph.nested_dissection() {
             let dissection = Elimination::new(&graph, order);
             if dissection.flops < elimination.flops {

@@ -1,6 +1,6 @@
 //! Whole commands, timed: `sprung run` with an accuracy, beside the one that makes the cheapest single run.
 
-use crate::motion::REPEATS;
+use crate::timing::shortest;
 use sprung::accuracy::{Configuration, Pace};
 use sprung::integrate::Equations;
 use sprung::scene::Scene;
@@ -53,15 +53,14 @@ impl Commands {
 impl Timed<'_> {
     /// The time of the answer over that of the cheapest run.
     pub fn slower(&self, accuracy: f64, single: &Configuration, pace: Pace) -> Result<f64, Box<dyn Error>> {
-        let answer = self.shortest(&["--accuracy".into(), format!("{accuracy:e}")])?;
-        Ok(answer / self.shortest(&words(single, pace))?)
+        let answer = self.time(&["--accuracy".into(), format!("{accuracy:e}")])?;
+        Ok(answer / self.time(&words(single, pace))?)
     }
 
     /// In s. A run may end unconfirmed: that is its answer.
-    fn shortest(&self, words: &[String]) -> Result<f64, Box<dyn Error>> {
-        let mut least = f64::INFINITY;
-        for _ in 0..REPEATS {
-            let out = self.commands.folder.path().join("out");
+    fn time(&self, words: &[String]) -> Result<f64, Box<dyn Error>> {
+        let out = self.commands.folder.path().join("out");
+        shortest(|| {
             if out.exists() {
                 fs::remove_dir_all(&out)?;
             }
@@ -69,12 +68,12 @@ impl Timed<'_> {
             command.args(["--quiet", "run", "--threads", "1"]).arg(self.scene).args(words).arg("--out").arg(&out);
             let clock = Instant::now();
             let output = command.output()?;
-            least = least.min(clock.elapsed().as_secs_f64());
+            let time = clock.elapsed().as_secs_f64();
             if !out.join("summary.json").exists() {
                 return Err(format!("{command:?}: {}", String::from_utf8_lossy(&output.stderr)).into());
             }
-        }
-        Ok(least)
+            Ok(time)
+        })
     }
 }
 

@@ -16,10 +16,11 @@ mod runs;
 #[path = "../study/mod.rs"]
 mod study;
 mod table;
+mod timing;
 
 use clap::Parser;
 use commands::Commands;
-use motion::{Motion, REPEATS, Row};
+use motion::{Motion, Row};
 use sprung::accuracy::reduce;
 use sprung::linear::CostModel;
 use sprung::scene::Scene;
@@ -29,6 +30,7 @@ use std::path::Path;
 use study::store::Store;
 use study::{named, random};
 use table::{HEADER, line, table};
+use timing::REPEATS;
 
 /// Compares the cost of answers with that of the cheapest single run.
 #[derive(Parser)]

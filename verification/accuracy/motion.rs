@@ -3,6 +3,7 @@
 use crate::commands::Timed;
 use crate::runs::Runs;
 use crate::study::reference::Reference;
+use crate::timing::shortest;
 use cpu_time::ThreadTime;
 use sprung::accuracy::{Configuration, Pace, Requirement, Verdict, answer, relative_position_error, trial};
 use sprung::integrate::{Equations, ImplicitOptions, Method, Status, StiffnessPolicy};
@@ -26,9 +27,6 @@ const FEWEST_STEPS: f64 = 4.0;
 
 /// The finest tolerance.
 const FINEST: f64 = 1e-11;
-
-/// Times are the shortest of so many.
-pub const REPEATS: usize = 3;
 
 /// A single run that is good enough: what it costs.
 #[derive(Debug, Clone)]
@@ -195,10 +193,9 @@ impl Motion<'_> {
         for (ask, accuracy, found, error) in answers {
             let Some(Single { configuration, pace, cost }) = best.get(&ask).cloned() else { continue };
             let requirement = self.requirement(accuracy);
-            let slower = shortest(|| answer(self.system, self.start, &requirement, &mut (), &|| true).map(|_| ()))?
-                / shortest(|| {
-                    trial(self.system, self.start, &configuration, pace, self.duration, &|| true).map(|_| ())
-                })?;
+            let searched = || answer(self.system, self.start, &requirement, &mut (), &|| true).map(|_| ());
+            let ran = || trial(self.system, self.start, &configuration, pace, self.duration, &|| true).map(|_| ());
+            let slower = shortest(|| time(searched))? / shortest(|| time(ran))?;
             let command_slower = self.commands.map(|timed| timed.slower(accuracy, &configuration, pace)).transpose()?;
             let pace = match pace {
                 Pace::Step(_) => "",
@@ -224,12 +221,8 @@ impl Motion<'_> {
 }
 
 /// In s.
-fn shortest(mut work: impl FnMut() -> sprung::Result<()>) -> sprung::Result<f64> {
-    let mut least = f64::INFINITY;
-    for _ in 0..REPEATS {
-        let clock = ThreadTime::now();
-        work()?;
-        least = least.min(clock.elapsed().as_secs_f64());
-    }
-    Ok(least)
+fn time(work: impl FnOnce() -> sprung::Result<()>) -> sprung::Result<f64> {
+    let clock = ThreadTime::now();
+    work()?;
+    Ok(clock.elapsed().as_secs_f64())
 }
