@@ -87,7 +87,7 @@ pub(super) fn attempt<A: Audience>(
     let Task { system, start, duration, grid, .. } = *task;
     let mut state = start.clone();
     // A run that blows up shows in the comparison with another.
-    let options_of_monitor = MonitorOptions { stops_unstable: false, ..MonitorOptions::default() };
+    let options_of_monitor = MonitorOptions { stops_unstable: false, ..MonitorOptions::LEDGER };
     let mut monitor = Monitor::new(system, &state, options_of_monitor)?;
     let meter = Meter::new(task.costs, limit, task.go_on);
     let mut watch = Watch {

@@ -106,11 +106,7 @@ impl<'s> Follower<'s> {
             },
             before: start.positions.clone(),
             extensions: Extensions::at(system, &start.positions)?,
-            monitor: Monitor::new(
-                system,
-                start,
-                MonitorOptions { stops_unstable: false, ..MonitorOptions::default() },
-            )?,
+            monitor: Monitor::new(system, start, MonitorOptions { stops_unstable: false, ..MonitorOptions::LEDGER })?,
             first: FirstLosses::default(),
         };
         follower.look_at(0, start)?;

@@ -35,7 +35,7 @@ fn ladder(rungs: usize) -> SystemBuilder {
 /// rounding of sums in another order.
 #[test]
 fn verlet_and_its_account_in_parts_are_those_of_the_whole() {
-    let options = MonitorOptions { forces: true, stops_unstable: true };
+    let options = MonitorOptions { forces: true, ..MonitorOptions::default() };
     let dt = 2e-3;
     // So long that every part has several batches of springs.
     let ladder = ladder(60);

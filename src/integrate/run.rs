@@ -104,7 +104,7 @@ pub fn run(
 /// # builder.hold(0);
 /// let (system, mut state) = builder.build()?;
 /// let mut stepper = Method::Verlet.stepper(&system, &state, &ImplicitOptions::default())?;
-/// let mut monitor = Monitor::new(&system, &state, MonitorOptions { forces: false, stops_unstable: true })?;
+/// let mut monitor = Monitor::new(&system, &state, MonitorOptions::LEDGER)?;
 /// let schedule = Schedule::duration(1e-3, 1.0);
 /// let outcome = run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, |_, _, _| ControlFlow::Continue(()));
 /// assert_eq!(outcome.status().name(), "completed");

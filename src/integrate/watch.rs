@@ -10,7 +10,8 @@ pub trait Watch {
     /// Whether it can compute the forces of this system, on this thread.
     fn takes_forces(&self, system: &System) -> bool;
 
-    /// As [`set_total_force`](crate::force::set_total_force) and then [`see`](Self::see), to the bit, in one pass.
+    /// As [`set_total_force`](crate::force::set_total_force) and then [`see`](Self::see), to the bit, in one pass, but for the forces on
+    /// particles that are fixed: whatever they are, nothing follows.
     ///
     /// # Errors
     /// A spring whose ends coincide.

@@ -28,7 +28,7 @@ impl AtomicFile {
             return Err(Error::io(target, io::ErrorKind::IsADirectory.into()));
         }
         let folder = folder_of(&target);
-        if folder.exists() && !folder.is_dir() {
+        if is_something_else(folder) {
             return Err(Error::io(folder, io::ErrorKind::NotADirectory.into()));
         }
         std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
@@ -130,6 +130,11 @@ fn folder_of(target: &Path) -> &Path {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
     }
+}
+
+/// Whether there is something at a path that is no folder: one look, for what is there may go away.
+pub(super) fn is_something_else(path: &Path) -> bool {
+    path.metadata().is_ok_and(|found| !found.is_dir())
 }
 
 /// The name of an unfinished file that can be gone on with.

@@ -5,7 +5,7 @@
 //! folder is locked, for then nobody is at work on it. What it left behind *finished* is removed by the owner of the names when
 //! something takes its place, not before: a run that fails early leaves the results of the last one whole.
 
-use super::atomic::{is_part, is_temporary};
+use super::atomic::{is_part, is_something_else, is_temporary};
 use crate::error::{Error, Result};
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ impl OutputFolder {
     /// # Errors
     /// [`Error::Io`] when the folder cannot be made, or when another process is at work in it.
     pub fn claim(path: &Path, goes_on: bool) -> Result<Self> {
-        if path.exists() && !path.is_dir() {
+        if is_something_else(path) {
             return Err(Error::io(path, std::io::ErrorKind::NotADirectory.into()));
         }
         std::fs::create_dir_all(path).map_err(|source| Error::io(path, source))?;

@@ -39,6 +39,11 @@ fn policies(method: Method) -> Vec<StiffnessPolicy> {
     }
 }
 
+/// What a monitor of a method does, and all figures that need no forces.
+fn all_figures(method: Method, policy: StiffnessPolicy) -> MonitorOptions {
+    MonitorOptions { forces: MonitorOptions::of(method, policy).forces, ..MonitorOptions::default() }
+}
+
 /// Eight steps with a monitor.
 fn steps(method: Method, factors: &[f64]) {
     hold(&format!("integrate_{}", method.name()), |seed| {
@@ -53,7 +58,7 @@ fn steps(method: Method, factors: &[f64]) {
                 let mut state = subject.state.clone();
                 let key = format!("{} {factor} {}", subject.name, policy.name());
                 let Ok(mut stepper) = method.stepper(&subject.system, &state, &options) else { continue };
-                let mut monitor = Monitor::new(&subject.system, &state, MonitorOptions::of(method, policy)).unwrap();
+                let mut monitor = Monitor::new(&subject.system, &state, all_figures(method, policy)).unwrap();
                 let schedule = Schedule::steps(factor * subject.dt, 8);
                 let mut seen = Vec::new();
                 let outcome = run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, |_, state, monitor| {
@@ -92,7 +97,7 @@ fn controlled(method: Method) {
                 let mut state = subject.state.clone();
                 let mut stepper = method.adaptive_stepper(&subject.system, &state, &options).unwrap().unwrap();
                 let how = Adaptivity { sampling: Sampling::Steps, first_step: Some(subject.dt), ..how };
-                let chosen = MonitorOptions::of(method, StiffnessPolicy::OnDemand);
+                let chosen = all_figures(method, StiffnessPolicy::OnDemand);
                 let mut monitor = Monitor::new(&subject.system, &state, chosen).unwrap();
                 let mut seen = Vec::new();
                 let outcome = run_adaptive_monitored(

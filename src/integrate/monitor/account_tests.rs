@@ -31,7 +31,7 @@ fn with(state: &State, kinetic: f64, time: f64) -> State {
 fn energy_from_nowhere_ends_a_run() {
     let (system, start) = free();
     for stops in [true, false] {
-        let options = MonitorOptions { forces: false, stops_unstable: stops };
+        let options = MonitorOptions { stops_unstable: stops, ..MonitorOptions::default() };
         let mut monitor = Monitor::new(&system, &start, options).unwrap();
         let enter = |monitor: &mut Monitor, steps: u64, kinetic| {
             monitor.enter(steps, &with(&start, kinetic, steps as f64), 1.0, None)
@@ -235,7 +235,7 @@ fn forces_are_looked_at_now_and_then() {
         builder.particle([0.0; 3], 1.0);
         builder.build().unwrap()
     };
-    let options = MonitorOptions { forces: true, stops_unstable: false };
+    let options = MonitorOptions { forces: true, stops_unstable: false, ..MonitorOptions::default() };
     let mut monitor = Monitor::new(&system, &state, options).unwrap();
     for steps in 1..=17 {
         state.velocities[0].y += if steps <= 8 { 1.0 } else { 5.0 };

@@ -6,7 +6,7 @@
 //! A method that evaluates forces where a step ends can have both in one pass, which gathers once and computes lengths once.
 
 use super::Sides;
-use super::sums::{BLOCK, Constants, Span, Sums};
+use super::sums::{Block, Damping, Kept, Span, Sums};
 use crate::force::batch::{BATCH, Batch as Forces, Coincident, List};
 use crate::force::run::Run;
 use crate::spring::{Extension, Spring};
@@ -23,67 +23,53 @@ pub(super) struct Step<'a> {
     pub inverse: f64,
 }
 
-/// The springs from `first` on, as many as there are spans; compiled for every kind of processor that [`pulp`] tells apart.
-pub(super) struct Block<'a> {
+/// The springs of a block, which begins with `first`; compiled for every kind of processor that [`pulp`] tells apart.
+pub(super) struct Pass<'a> {
     pub step: Step<'a>,
-    /// The longest step that resolves each spring, in s; negative for driven ones. Empty where nothing is damped.
-    pub resolved: &'a [f64],
-    pub constants: &'a [Constants],
     pub first: usize,
-    pub spans: &'a mut [Span],
+    pub block: &'a mut Block,
 }
 
-impl pulp::NullaryFnOnce for Block<'_> {
-    type Output = Sums;
+impl pulp::NullaryFnOnce for Pass<'_> {
+    type Output = ();
 
     #[inline(always)]
-    fn call(self) -> Sums {
-        let Self { step, resolved, constants, first, spans } = self;
-        let Step { system, at: moment, .. } = step;
-        let is_damped = !resolved.is_empty();
+    fn call(self) {
+        let Self { step, first, block: Block { kept, damping, mobility, sums } } = self;
+        let Step { system, at, .. } = step;
         // Of a system that is not a part of another all springs count.
         let all_count = system.peers().is_none();
-        let (mut slots, mut batch) = (Slots::new(), Batch::new());
-        let of_block = first..first + spans.len();
-        let (springs, pairs) = (&system.springs()[of_block.clone()], &system.pairs()[of_block]);
-        for (number, spans) in spans.chunks_mut(BATCH).enumerate() {
-            let at = number * BATCH;
-            let of_batch = at..at + spans.len();
-            if (spans.len() < BATCH && number > 0) || !all_count {
-                // Springs that are not there, or do not count here, are at rest and without stiffness: they add nothing. A first batch is new.
-                batch = Batch::new();
+        let each = system.springs()[first..].chunks(BATCH).zip(system.pairs()[first..].chunks(BATCH));
+        let (mut slots, mut lists) = (Slots::new(), Lists::new());
+        for (number, (kept, (springs, pairs))) in kept.iter_mut().zip(each).enumerate() {
+            let first = first + number * BATCH;
+            if (springs.len() < BATCH && number > 0) || !all_count {
+                // Springs that are not there, or do not count here, are at rest: they add nothing. First lists are new.
+                lists = Lists::new();
             }
-            let each = springs[of_batch.clone()].iter().zip(&pairs[of_batch.clone()]).zip(&constants[of_batch.clone()]);
-            for (slot, ((spring, pair), constants)) in each.enumerate() {
-                if all_count || system.counts(first + at + slot) {
-                    batch.gather(slot, &moment, spring, *pair);
-                    batch.set_constants(slot, constants);
+            for (slot, (spring, pair)) in springs.iter().zip(pairs).enumerate() {
+                if all_count || system.counts(first + slot) {
+                    lists.gather(slot, &at, spring, *pair);
                 }
             }
-            batch.set_spans();
+            lists.set_spans();
+            let now = lists.now();
             if system.has_spring_law() {
-                batch.set_energies_by_law(system, first + at, spans.len());
+                slots.add_energies_by_law(system, first, springs.len(), kept, &now);
             } else {
-                batch.set_energies();
+                slots.add_energies(kept, &now);
             }
-            if is_damped {
-                batch.gather_before(spans, &springs[of_batch.clone()], &resolved[of_batch]);
-            }
-            slots.add(&batch, &step, is_damped);
-            batch.leave(spans);
+            slots.add(&step, kept, &now, damping.get(number), mobility.get(number));
         }
-        slots.sums()
+        *sums = slots.sums();
     }
 }
 
-/// All springs of a system, with the forces that they put on their ends added to `force`; for systems all of whose springs are active
-/// and count, without a law of the caller's own.
+/// All springs of a system, with the forces that they put on their ends added to `force`; for systems all of whose springs count,
+/// without a law of the caller's own, and whose fixed ends do not coincide. What springs do to ends that are fixed is added too.
 pub(super) struct WithForces<'a> {
     pub step: Step<'a>,
-    pub resolved: &'a [f64],
-    pub constants: &'a [Constants],
-    pub spans: &'a mut [Span],
-    pub sums: &'a mut [Sums],
+    pub blocks: &'a mut [Block],
     pub force: &'a mut [Vector3<f64>],
 }
 
@@ -92,32 +78,26 @@ impl pulp::NullaryFnOnce for WithForces<'_> {
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        let Self { step, resolved, constants, spans, sums, force } = self;
+        let Self { step, blocks, force } = self;
         let Step { system, at, .. } = step;
-        let is_damped = !resolved.is_empty();
         let mut ends = system.pairs().iter().copied().zip(system.springs());
-        let (mut forces, mut run, mut batch) = (Forces::new(), Run::new(), Batch::new());
-        for (block, (spans, sums)) in spans.chunks_mut(BLOCK).zip(sums).enumerate() {
+        let (mut forces, mut run) = (Forces::new(), Run::new());
+        for Block { kept, damping, mobility, sums } in blocks {
             let mut slots = Slots::new();
-            for (number, spans) in spans.chunks_mut(BATCH).enumerate() {
-                let first = block * BLOCK + number * BATCH;
-                let of_batch = first..first + spans.len();
-                if spans.len() < BATCH && first > 0 {
-                    (forces, batch) = (Forces::new(), Batch::new());
+            for (number, kept) in kept.iter_mut().enumerate() {
+                if ends.len() < BATCH {
+                    // Springs that are not there are at rest.
+                    forces = Forces::new();
                 }
                 let count = forces.gather::<true>(&at, &mut ends);
                 forces.set_pulls()?;
                 forces.add_forces(count, 0, force, &mut run);
-                batch.take(&forces);
-                for (slot, constants) in constants[of_batch.clone()].iter().enumerate() {
-                    batch.set_constants(slot, constants);
-                }
-                batch.set_energies();
-                if is_damped {
-                    batch.gather_before(spans, &system.springs()[of_batch.clone()], &resolved[of_batch]);
-                }
-                slots.add(&batch, &step, is_damped);
-                batch.leave(spans);
+                // No length is zero.
+                let rate = std::array::from_fn(|slot| forces.product[slot] * forces.inverse[slot]);
+                let Forces { length, inverse: reciprocal, speed, rest_length, .. } = &forces;
+                let now = Now { length, reciprocal, rate: &rate, speed, rest_length };
+                slots.add_energies(kept, &now);
+                slots.add(&step, kept, &now, damping.get(number), mobility.get(number));
             }
             *sums = slots.sums();
         }
@@ -126,27 +106,30 @@ impl pulp::NullaryFnOnce for WithForces<'_> {
     }
 }
 
-/// The numbers of a batch.
-struct Batch {
+/// The springs of a batch where a step ends.
+struct Now<'a> {
+    length: &'a List,
+    /// 1/l; zero where that is none.
+    reciprocal: &'a List,
+    rate: &'a List,
+    /// Δv².
+    speed: &'a List,
+    rest_length: &'a List,
+}
+
+/// What the numbers of a batch are computed in.
+struct Lists {
     /// l², d·Δv and Δv².
     squared: List,
     product: List,
     speed: List,
     rest_length: List,
-    stiffness: List,
-    mobility: List,
     length: List,
-    /// 1/l.
     reciprocal: List,
     rate: List,
-    elastic: List,
-    before: [List; 2],
-    /// b, zero for springs whose dissipation is counted elsewhere.
-    damping: List,
-    resolved: List,
 }
 
-impl Batch {
+impl Lists {
     #[inline(always)]
     fn new() -> Self {
         let (zeros, ones) = ([0.0; BATCH], [1.0; BATCH]);
@@ -155,15 +138,9 @@ impl Batch {
             product: zeros,
             speed: zeros,
             rest_length: ones,
-            stiffness: zeros,
-            mobility: zeros,
             length: ones,
             reciprocal: ones,
             rate: zeros,
-            elastic: zeros,
-            before: [ones, zeros],
-            damping: zeros,
-            resolved: zeros,
         }
     }
 
@@ -179,69 +156,21 @@ impl Batch {
     }
 
     #[inline(always)]
-    fn set_constants(&mut self, slot: usize, constants: &Constants) {
-        self.stiffness[slot] = constants.stiffness;
-        self.mobility[slot] = constants.mobility;
-    }
-
-    /// In place of [`gather`](Self::gather) and [`set_spans`](Self::set_spans): what forces have been computed from. No length is zero.
-    #[inline(always)]
-    fn take(&mut self, forces: &Forces) {
-        self.speed = forces.speed;
-        self.rest_length = forces.rest_length;
-        self.length = forces.length;
-        self.reciprocal = forces.inverse;
-        for slot in 0..BATCH {
-            self.rate[slot] = forces.product[slot] * forces.inverse[slot];
-        }
-    }
-
-    #[inline(always)]
     fn set_spans(&mut self) {
         for slot in 0..BATCH {
             let length = self.squared[slot].sqrt();
-            let reciprocal = 1.0 / length;
+            // Fixed ends may lie at one place: such a spring has no direction.
+            let reciprocal = if length > 0.0 { 1.0 / length } else { 0.0 };
             self.length[slot] = length;
             self.reciprocal[slot] = reciprocal;
-            self.rate[slot] = if length > 0.0 { self.product[slot] * reciprocal } else { 0.0 };
+            self.rate[slot] = self.product[slot] * reciprocal;
         }
     }
 
     #[inline(always)]
-    fn set_energies(&mut self) {
-        for slot in 0..BATCH {
-            let change = self.length[slot] - self.rest_length[slot];
-            self.elastic[slot] = 0.5 * self.stiffness[slot] * change * change;
-        }
-    }
-
-    /// Of `count` springs from `first` on that have a law of the caller's own, with the stiffness of their tangents.
-    fn set_energies_by_law(&mut self, system: &System, first: usize, count: usize) {
-        for (slot, spring) in (first..first + count).enumerate().filter(|&(_, spring)| system.counts(spring)) {
-            let length = self.length[slot];
-            let tangent = system.spring_at(spring, length);
-            self.stiffness[slot] = tangent.stiffness / tangent.rest_length;
-            self.elastic[slot] = system.elastic_energy(spring, &Extension { direction: Vector3::zeros(), length });
-        }
-    }
-
-    /// Where springs were at the last state, and what their damping needs.
-    #[inline(always)]
-    fn gather_before(&mut self, spans: &[Span], springs: &[Spring], resolved: &[f64]) {
-        for (slot, ((span, spring), &resolved)) in spans.iter().zip(springs).zip(resolved).enumerate() {
-            let [length, rate] = &mut self.before;
-            (length[slot], rate[slot]) = (span.length, span.rate);
-            self.damping[slot] = if resolved >= 0.0 { spring.damping } else { 0.0 };
-            self.resolved[slot] = resolved;
-        }
-    }
-
-    /// Leaves what the next step will find.
-    #[inline(always)]
-    fn leave(&self, spans: &mut [Span]) {
-        for ((span, &length), &rate) in spans.iter_mut().zip(&self.length).zip(&self.rate) {
-            *span = Span { length, rate };
-        }
+    fn now(&self) -> Now<'_> {
+        let Self { length, reciprocal, rate, speed, rest_length, .. } = self;
+        Now { length, reciprocal, rate, speed, rest_length }
     }
 }
 
@@ -263,49 +192,83 @@ impl Slots {
     }
 
     #[inline(always)]
-    fn add(&mut self, batch: &Batch, step: &Step, is_damped: bool) {
+    fn add_energies(&mut self, kept: &Kept, now: &Now) {
         for slot in 0..BATCH {
-            self.elastic[slot] += batch.elastic[slot];
-        }
-        if step.dt > 0.0 {
-            self.add_motion(batch, step);
-            if is_damped {
-                self.add_dissipation(batch, step);
-            }
+            let change = now.length[slot] - now.rest_length[slot];
+            self.elastic[slot] += 0.5 * kept.stiffness[slot] * change * change;
         }
     }
 
-    /// What springs that turn, and ends that pass each other, make of the step.
+    /// Of `count` springs from `first` on that have a law of the caller's own, with the stiffness of their tangents.
+    fn add_energies_by_law(&mut self, system: &System, first: usize, count: usize, kept: &mut Kept, now: &Now) {
+        for (slot, spring) in (first..first + count).enumerate().filter(|&(_, spring)| system.counts(spring)) {
+            let length = now.length[slot];
+            let tangent = system.spring_at(spring, length);
+            kept.stiffness[slot] = tangent.stiffness / tangent.rest_length;
+            self.elastic[slot] += system.elastic_energy(spring, &Extension { direction: Vector3::zeros(), length });
+        }
+    }
+
+    /// Adds what the step made of the springs, and leaves what the next one will find.
     #[inline(always)]
-    fn add_motion(&mut self, batch: &Batch, step: &Step) {
+    fn add(&mut self, step: &Step, kept: &mut Kept, now: &Now, damping: Option<&Damping>, mobility: Option<&List>) {
+        if step.dt > 0.0 {
+            self.add_reach(step, now);
+            if let Some(mobility) = mobility {
+                self.add_turning(step, kept, now, mobility);
+            }
+            if let Some(damping) = damping {
+                self.add_dissipation(step, kept, now, damping);
+            }
+        }
+        (kept.length, kept.rate) = (*now.length, *now.rate);
+    }
+
+    /// Ends that pass each other.
+    #[inline(always)]
+    fn add_reach(&mut self, step: &Step, now: &Now) {
         let square = step.dt * step.dt;
         for slot in 0..BATCH {
-            let (rate, reciprocal) = (batch.rate[slot], batch.reciprocal[slot]);
-            let lift = 0.5 * square * (batch.speed[slot] - rate * rate) * reciprocal;
-            let half = 0.5 * batch.stiffness[slot];
+            let reciprocal = now.reciprocal[slot];
+            let passed = square * now.speed[slot] * reciprocal * reciprocal;
+            self.reach[slot] = self.reach[slot].max(passed);
+        }
+    }
+
+    /// What springs that turn make of the step.
+    #[inline(always)]
+    fn add_turning(&mut self, step: &Step, kept: &Kept, now: &Now, mobility: &List) {
+        let square = step.dt * step.dt;
+        for (slot, mobility) in mobility.iter().enumerate() {
+            let (rate, reciprocal) = (now.rate[slot], now.reciprocal[slot]);
+            let lift = 0.5 * square * (now.speed[slot] - rate * rate) * reciprocal;
+            let half = 0.5 * kept.stiffness[slot];
             let energy = half * lift * lift;
             self.lifted[slot] += energy;
             // The quotient with v⊥² cancelled.
             let across = lift * square * reciprocal;
-            self.lifted_twice[slot] += energy * half * batch.mobility[slot] * across;
-            let passed = square * batch.speed[slot] * reciprocal * reciprocal;
-            self.reach[slot] = if passed > self.reach[slot] { passed } else { self.reach[slot] };
+            self.lifted_twice[slot] += energy * half * mobility * across;
         }
     }
 
     #[inline(always)]
-    fn add_dissipation(&mut self, batch: &Batch, step: &Step) {
-        let [lengths, rates] = &batch.before;
-        for slot in 0..BATCH {
-            let before = Span { length: lengths[slot], rate: rates[slot] };
-            let Sides { mean, slope, bend } = Sides::of(&before, batch.length[slot], batch.rate[slot], step.inverse);
-            let damping = batch.damping[slot] * step.dt;
+    fn add_dissipation(&mut self, step: &Step, kept: &Kept, now: &Now, of: &Damping) {
+        // Added to sums at once, they would be stored by masks, which some processors take ten times as long for.
+        let mut terms = [[0.0; 2]; BATCH];
+        for (slot, terms) in terms.iter_mut().enumerate() {
+            let before = Span { length: kept.length[slot], rate: kept.rate[slot] };
+            let Sides { mean, slope, bend } = Sides::of(&before, now.length[slot], now.rate[slot], step.inverse);
+            let damping = of.damping[slot] * step.dt;
             let certain = damping * mean * mean;
             let resolved = damping * (slope * slope * (1.0 / 12.0) + bend * bend * 0.2);
             let is_damped = damping > 0.0;
-            self.certain[slot] += if is_damped { certain } else { 0.0 };
-            self.dissipated[slot] += if is_damped { certain } else { 0.0 };
-            self.dissipated[slot] += if is_damped & (step.dt <= batch.resolved[slot]) { resolved } else { 0.0 };
+            let is_resolved = is_damped & (step.dt <= of.resolved[slot]);
+            *terms = [if is_damped { certain } else { 0.0 }, if is_resolved { resolved } else { 0.0 }];
+        }
+        for (slot, [certain, resolved]) in terms.iter().enumerate() {
+            self.certain[slot] += certain;
+            self.dissipated[slot] += certain;
+            self.dissipated[slot] += resolved;
         }
     }
 

@@ -43,22 +43,35 @@ use springs::Springs;
 pub struct MonitorOptions {
     /// Whether forces are evaluated at every new state, for [`Figures::defect`].
     pub forces: bool,
+    /// Whether springs that turn are looked at, for [`Figures::lifted`] and [`Figures::lifted_twice`].
+    pub turning: bool,
+    /// Whether the paths of particles are, for [`Figures::third`] and [`Figures::slip`].
+    pub paths: bool,
     /// Whether energy from nowhere ends the run.
     pub stops_unstable: bool,
 }
 
 impl MonitorOptions {
-    /// What the indicators of a method need: forces, where only its linearisation is in question. The others solve their equations,
-    /// or have none; without transverse stiffness there is nothing that brakes.
+    /// The energy ledger alone, and what costs nothing beside it.
+    pub const LEDGER: Self = Self { forces: false, turning: false, paths: false, stops_unstable: true };
+
+    /// What the indicators of a method need; the other figures stay zero. Forces, where only its linearisation is in question: the others
+    /// solve their equations, or have none; without transverse stiffness there is nothing that brakes.
     pub fn of(method: Method, stiffness: StiffnessPolicy) -> Self {
         let brakes = stiffness != StiffnessPolicy::Always(Stiffness::Axial);
-        Self { forces: method == Method::LinearBackwardEuler && brakes, ..Self::default() }
+        Self {
+            forces: method == Method::LinearBackwardEuler && brakes,
+            turning: matches!(method, Method::W2 | Method::Rodas4),
+            paths: matches!(method, Method::W2 | Method::Bdf2 | Method::SymplecticEuler),
+            ..Self::LEDGER
+        }
     }
 }
 
+/// All figures that need no forces.
 impl Default for MonitorOptions {
     fn default() -> Self {
-        Self { forces: false, stops_unstable: true }
+        Self { turning: true, paths: true, ..Self::LEDGER }
     }
 }
 
@@ -145,8 +158,8 @@ impl<'s> Monitor<'s> {
         let [springs, particles] = [system.springs().len() as u64, system.particles() as u64];
         memory::ensure(SPRING * springs + PARTICLE * particles, "what accompanies a run")?;
         let drive = Drive::new(system, state);
-        let mut springs = Springs::new(system, state, drive.springs());
-        let mut particles = Particles::new(system, state);
+        let mut springs = Springs::new(system, state, drive.springs(), options.turning);
+        let mut particles = Particles::new(system, state, options.paths);
         let sums = (springs.pass(&state.moment(), 0.0), particles.pass(state, 0.0, None));
         let ledger = Ledger::new(&sums.0, &sums.1, drive.energy(state));
         let growth = Growth::new(system, &ledger, state);

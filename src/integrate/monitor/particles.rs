@@ -17,7 +17,7 @@ use crate::system::{Axes, State, System};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-/// Particles that one thread treats at a stretch. Sums are made block by block, whatever the number of threads.
+/// Particles of a block.
 const BLOCK: usize = 4096;
 
 /// Sums over particles at a state, and over the step that led to it: energies in J, squares of the figures above.
@@ -121,20 +121,32 @@ impl Sums {
 /// A particle at the last state.
 #[derive(Debug, Clone, Copy)]
 struct Trace {
-    position: Vector3<f64>,
     velocity: Vector3<f64>,
     /// By which the last step changed it.
     change: Vector3<f64>,
+}
+
+/// Where a particle has come from.
+#[derive(Debug, Clone, Copy)]
+struct Path {
+    position: Vector3<f64>,
     /// By which the last step changed the position, and by how much more than the one before.
     step: Vector3<f64>,
     more: Vector3<f64>,
 }
 
+/// Particles that one thread treats at a stretch, at the last state. Sums are made block by block, whatever the number of threads.
+struct Block {
+    traces: Vec<Trace>,
+    /// Empty where they are not asked for.
+    paths: Vec<Path>,
+    sums: Sums,
+}
+
 /// All particles at the last state.
 pub(super) struct Particles<'s> {
     system: &'s System,
-    traces: Vec<Trace>,
-    sums: Vec<Sums>,
+    blocks: Vec<Block>,
     /// Whether nothing is held, so that the centre of mass goes its own way.
     is_loose: bool,
     /// Length of the last step, in s; zero before the first.
@@ -143,32 +155,38 @@ pub(super) struct Particles<'s> {
 }
 
 impl<'s> Particles<'s> {
-    pub fn new(system: &'s System, state: &State) -> Self {
-        let zero = Vector3::zeros();
-        let trace = |(&position, &velocity)| Trace { position, velocity, change: zero, step: zero, more: zero };
-        let own = state.positions.iter().zip(&state.velocities).take(system.own_particles());
-        let traces: Vec<Trace> = own.map(trace).collect();
-        let sums = vec![Sums::default(); traces.len().div_ceil(BLOCK)];
+    /// At a state; `follows` says whether paths are looked at.
+    pub fn new(system: &'s System, state: &State, follows: bool) -> Self {
+        let (zero, own) = (Vector3::zeros(), system.own_particles());
+        let block = |(positions, velocities): (&[Vector3<f64>], &[Vector3<f64>])| {
+            let positions = if follows { positions } else { &[] };
+            Block {
+                traces: velocities.iter().map(|&velocity| Trace { velocity, change: zero }).collect(),
+                paths: positions.iter().map(|&position| Path { position, step: zero, more: zero }).collect(),
+                sums: Sums::default(),
+            }
+        };
+        let positions = state.positions[..own].chunks(BLOCK);
+        let blocks = positions.zip(state.velocities[..own].chunks(BLOCK)).map(block).collect();
         let [prescribed] = system.total([system.prescribed().iter().count() as f64]);
         let is_loose = prescribed == 0.0 && !system.has_external_forces();
-        Self { system, traces, sums, is_loose, last: 0.0, steps: 0 }
+        Self { system, blocks, is_loose, last: 0.0, steps: 0 }
     }
 
     /// Goes on to a state that a step of dt seconds led to; `force` is the one there, where it is known.
     pub fn pass(&mut self, state: &State, dt: f64, force: Option<&[Vector3<f64>]>) -> Sums {
-        let Self { system, traces, sums, is_loose, last, steps } = self;
+        let Self { system, blocks, is_loose, last, steps } = self;
         let step = Step { system, state, force, is_loose: *is_loose, dt, last: *last, steps: *steps };
-        let block = |(number, (traces, sums)): (usize, (&mut [Trace], &mut Sums))| {
-            *sums = step.block(number * BLOCK, traces);
-        };
-        if sums.len() > 1 {
-            traces.par_chunks_mut(BLOCK).zip(sums.par_iter_mut()).enumerate().for_each(block);
+        let pass = |(number, block): (usize, &mut Block)| step.pass(number * BLOCK, block);
+        if blocks.len() > 1 {
+            blocks.par_iter_mut().enumerate().for_each(pass);
         } else {
-            traces.chunks_mut(BLOCK).zip(sums.iter_mut()).enumerate().for_each(block);
+            blocks.iter_mut().enumerate().for_each(pass);
         }
         *last = dt;
         *steps += u64::from(dt > 0.0);
-        sums.iter().fold(Sums::default(), Sums::add).of_all(system).about_the_centre()
+        let sums = blocks.iter().map(|block| &block.sums);
+        sums.fold(Sums::default(), Sums::add).of_all(system).about_the_centre()
     }
 }
 
@@ -185,43 +203,47 @@ struct Step<'a> {
 }
 
 impl Step<'_> {
-    /// The particles from `first` on, as many as there are traces.
-    fn block(&self, first: usize, traces: &mut [Trace]) -> Sums {
+    /// Goes over the particles of a block, which begins with `first`.
+    fn pass(&self, first: usize, block: &mut Block) {
         let Self { system, state, force, is_loose, dt, last, steps } = *self;
         let (gravity, masses) = (system.gravity(), system.masses());
         let ratio = if last > 0.0 { dt / last } else { 0.0 };
         let mut sums = Sums::default();
-        for (p, trace) in (first..).zip(traces) {
+        let mut paths = block.paths.iter_mut();
+        for (p, trace) in (first..).zip(&mut block.traces) {
             let (x, v, mass) = (state.positions[p], state.velocities[p], masses[p]);
             sums.kinetic += 0.5 * mass * v.norm_squared();
             sums.weight += mass * gravity.dot(&x);
             if is_loose {
                 sums.whole.enter(mass, &v);
             }
+            let before = std::mem::replace(&mut trace.velocity, v);
             if dt > 0.0 {
-                let change = v - trace.velocity;
+                let change = v - before;
                 let bend = if last > 0.0 { change - trace.change * ratio } else { Vector3::zeros() };
-                let slip = (x - trace.position) - (v + trace.velocity) * (0.5 * dt);
-                let way = x - trace.position;
-                let more = if steps > 0 { way - trace.step * ratio } else { Vector3::zeros() };
-                let third = if steps > 1 { more - trace.more * (ratio * ratio) } else { Vector3::zeros() };
                 let free = system.dofs().free_axes(p);
                 let square = |vector: &Vector3<f64>| norm_squared(vector, free);
                 sums.change += square(&change);
                 sums.bend += square(&bend);
-                sums.third += square(&third);
-                sums.slip += square(&slip);
+                if let Some(path) = paths.next() {
+                    let way = x - path.position;
+                    let slip = way - (v + before) * (0.5 * dt);
+                    let more = if steps > 0 { way - path.step * ratio } else { Vector3::zeros() };
+                    let third = if steps > 1 { more - path.more * (ratio * ratio) } else { Vector3::zeros() };
+                    sums.third += square(&third);
+                    sums.slip += square(&slip);
+                    *path = Path { position: x, step: way, more };
+                }
                 if let Some(force) = force {
                     let inertia = change * (mass / dt);
                     sums.defect += square(&(inertia - force[p]));
                     sums.inertia += square(&inertia);
                 }
                 sums.speed += square(&v);
-                (trace.change, trace.step, trace.more) = (change, way, more);
+                trace.change = change;
             }
-            (trace.position, trace.velocity) = (x, v);
         }
-        sums
+        block.sums = sums;
     }
 }
 

@@ -23,13 +23,12 @@
 //! kinks. Here they count for what they store.
 
 use super::Sides;
-use super::batch::{Block, Step, WithForces};
-use super::sums::{BLOCK, Constants, Span, Sums};
+use super::batch::{Pass, Step, WithForces};
+use super::sums::{BLOCK, Block, Span, Sums};
 use crate::error::DegenerateSpring;
-use crate::force::batch::Coincident;
-use crate::force::{first_degenerate, has_only_active, set_other_forces};
+use crate::force::batch::{BATCH, Coincident};
+use crate::force::{first_degenerate, set_other_forces, set_total_force};
 use crate::integrate::watch::Watch;
-use crate::spring::Spring;
 use crate::system::{Axes, Moment, State, System};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -37,33 +36,41 @@ use rayon::prelude::*;
 /// All springs at the last state.
 pub(super) struct Springs<'s> {
     system: &'s System,
-    spans: Vec<Span>,
-    /// The longest step that resolves each spring, in s; negative for driven ones. Empty where nothing is damped.
-    resolved: Vec<f64>,
-    /// What each is, apart from its damping.
-    constants: Vec<Constants>,
-    sums: Vec<Sums>,
+    blocks: Vec<Block>,
+    /// The springs between fixed particles.
+    idle: Vec<u32>,
     /// Of a pass that has been made along with a step, before the step is entered.
     ahead: Option<Sums>,
 }
 
 impl<'s> Springs<'s> {
-    /// At a state; `driven` are those that are accounted for elsewhere.
-    pub fn new(system: &'s System, state: &State, driven: impl Iterator<Item = usize>) -> Self {
-        let count = system.springs().len();
-        let is_damped = system.springs().iter().any(|spring| spring.damping > 0.0);
-        let mut resolved = Vec::new();
-        if is_damped {
-            resolved = (0..count).map(|spring| resolved_step(system, spring)).collect();
-            driven.for_each(|spring| resolved[spring] = -1.0);
+    /// At a state; `driven` are those that are accounted for elsewhere, `turning` whether springs that turn are looked at.
+    pub fn new(system: &'s System, state: &State, driven: impl Iterator<Item = usize>, turning: bool) -> Self {
+        let springs = system.springs();
+        let is_damped = springs.iter().any(|spring| spring.damping > 0.0);
+        let mut blocks: Vec<Block> =
+            springs.chunks(BLOCK).map(|springs| Block::new(springs.len(), is_damped, turning)).collect();
+        for (number, spring) in springs.iter().enumerate() {
+            let Block { kept, damping, mobility, .. } = &mut blocks[number / BLOCK];
+            let (batch, slot) = (number % BLOCK / BATCH, number % BATCH);
+            if system.counts(number) {
+                kept[batch].stiffness[slot] = spring.stiffness / spring.rest_length;
+            }
+            if let Some(of_batch) = damping.get_mut(batch) {
+                (of_batch.damping[slot], of_batch.resolved[slot]) = (spring.damping, resolved_step(system, number));
+            }
+            if let Some(of_batch) = mobility.get_mut(batch) {
+                of_batch[slot] = mobility_of(system, number);
+            }
         }
-        let (spans, sums) = (vec![Span::default(); count], vec![Sums::default(); count.div_ceil(BLOCK)]);
-        let constants = |(number, spring): (usize, &Spring)| Constants {
-            stiffness: spring.stiffness / spring.rest_length,
-            mobility: mobility(system, number),
-        };
-        let constants = system.springs().iter().enumerate().map(constants).collect();
-        let mut springs = Self { system, spans, resolved, constants, sums, ahead: None };
+        if is_damped {
+            driven.for_each(|spring| {
+                blocks[spring / BLOCK].damping[spring % BLOCK / BATCH].damping[spring % BATCH] = 0.0
+            });
+        }
+        let mut active = system.active_springs().iter().peekable();
+        let idle = (0..springs.len() as u32).filter(|spring| active.next_if_eq(&spring).is_none()).collect();
+        let mut springs = Self { system, blocks, idle, ahead: None };
         springs.pass(&state.moment(), 0.0);
         springs
     }
@@ -76,17 +83,13 @@ impl<'s> Springs<'s> {
     /// Goes on to where a step of dt seconds led to.
     pub fn pass(&mut self, at: &Moment<'_>, dt: f64) -> Sums {
         let step = self.step(at, dt);
-        let Self { spans, resolved, constants, sums, .. } = self;
-        let block = |(number, (spans, sums)): (usize, (&mut [Span], &mut Sums))| {
-            let first = number * BLOCK;
-            let resolved = resolved.get(first..).unwrap_or_default();
-            let constants = &constants[first..first + spans.len()];
-            *sums = pulp::Arch::new().dispatch(Block { step, resolved, constants, first, spans });
+        let pass = |(number, block): (usize, &mut Block)| {
+            pulp::Arch::new().dispatch(Pass { step, first: number * BLOCK, block });
         };
-        if sums.len() > 1 {
-            spans.par_chunks_mut(BLOCK).zip(sums.par_iter_mut()).enumerate().for_each(block);
+        if self.blocks.len() > 1 {
+            self.blocks.par_iter_mut().enumerate().for_each(pass);
         } else {
-            spans.chunks_mut(BLOCK).zip(sums.iter_mut()).enumerate().for_each(block);
+            self.blocks.iter_mut().enumerate().for_each(pass);
         }
         self.total()
     }
@@ -99,24 +102,35 @@ impl<'s> Springs<'s> {
     }
 
     fn total(&self) -> Sums {
-        self.sums.iter().fold(Sums::default(), Sums::add).of_all(self.system)
+        self.blocks.iter().map(|block| &block.sums).fold(Sums::default(), Sums::add).of_all(self.system)
+    }
+
+    /// Whether fixed ends of a spring coincide, which is no error.
+    fn has_fixed_without_length(&self, positions: &[Vector3<f64>]) -> bool {
+        self.idle.iter().any(|&spring| {
+            let [i, j] = self.system.pair(spring as usize);
+            positions[i] == positions[j]
+        })
     }
 }
 
 impl Watch for Springs<'_> {
     fn takes_forces(&self, system: &System) -> bool {
         std::ptr::eq(self.system, system)
-            && has_only_active(system)
             && !system.has_spring_law()
             && system.peers().is_none()
             && system.several_shares().is_none()
     }
 
     fn set_force(&mut self, at: &Moment<'_>, dt: f64, force: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
+        if self.has_fixed_without_length(at.positions) {
+            set_total_force(self.system, at, force)?;
+            self.see(at, dt);
+            return Ok(());
+        }
         set_other_forces(self.system, at, force);
         let step = self.step(at, dt);
-        let Self { spans, resolved, constants, sums, .. } = self;
-        let done = pulp::Arch::new().dispatch(WithForces { step, resolved, constants, spans, sums, force });
+        let done = pulp::Arch::new().dispatch(WithForces { step, blocks: &mut self.blocks, force });
         done.map_err(|Coincident| first_degenerate(self.system, at.positions))?;
         self.ahead = Some(self.total());
         Ok(())
@@ -128,14 +142,14 @@ impl Watch for Springs<'_> {
 }
 
 /// 1/μ, the reciprocal of the reduced mass of the ends of a spring, in 1/kg.
-fn mobility(system: &System, spring: usize) -> f64 {
+fn mobility_of(system: &System, spring: usize) -> f64 {
     let inverse = |p: usize| if system.dofs().free_axes(p) == Axes::NONE { 0.0 } else { 1.0 / system.masses()[p] };
     system.pair(spring).into_iter().map(inverse).sum()
 }
 
 /// The longest step that resolves the motion of a spring between its ends, in s.
 pub(super) fn resolved_step(system: &System, spring: usize) -> f64 {
-    let mobility = mobility(system, spring);
+    let mobility = mobility_of(system, spring);
     let spring = &system.springs()[spring];
     let vibration = (spring.stiffness / spring.rest_length * mobility).sqrt();
     1.0 / vibration.max(spring.damping * mobility)

@@ -1,9 +1,13 @@
 //! What a pass over the springs keeps of each, and what it adds up.
 
+use crate::force::batch::{BATCH, List};
 use crate::system::System;
 
-/// Springs that one thread treats at a stretch. Sums are made block by block, whatever the number of threads.
-pub(super) const BLOCK: usize = 4096;
+/// Springs of a block.
+pub(super) const BLOCK: usize = BATCHES * BATCH;
+
+/// The same in batches.
+const BATCHES: usize = 128;
 
 /// Sums over springs at a state, and over the step that led to it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -44,7 +48,7 @@ impl Sums {
     }
 }
 
-/// A spring at the last state.
+/// A spring at one state.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Span {
     /// l, in m.
@@ -53,11 +57,48 @@ pub(super) struct Span {
     pub rate: f64,
 }
 
-/// What a pass needs of a spring and would have to divide for.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Constants {
+/// Springs that one thread treats at a stretch, and their sums. These are made block by block, whatever the number of threads.
+#[derive(Debug)]
+pub(super) struct Block {
+    pub kept: Vec<Kept>,
+    /// Empty where nothing is damped.
+    pub damping: Vec<Damping>,
+    /// 1/μ of the ends of each spring, in 1/kg; empty where springs that turn are not asked for.
+    pub mobility: Vec<List>,
+    pub sums: Sums,
+}
+
+/// What is kept of the springs of a batch, list by list, so that a pass loads several at once. Springs that are not there, and those that
+/// count elsewhere, have no stiffness.
+#[derive(Debug, Clone)]
+pub(super) struct Kept {
     /// k/l0, in N/m.
-    pub stiffness: f64,
-    /// 1/μ of its ends, in 1/kg.
-    pub mobility: f64,
+    pub stiffness: List,
+    /// l at the last state, in m, and n·Δv, in m/s.
+    pub length: List,
+    pub rate: List,
+}
+
+/// What the damping of a batch needs.
+#[derive(Debug, Clone)]
+pub(super) struct Damping {
+    /// b, in N·s/m; zero for springs whose dissipation is counted elsewhere.
+    pub damping: List,
+    /// The longest step that resolves each spring, in s.
+    pub resolved: List,
+}
+
+impl Block {
+    /// Of so many springs.
+    pub fn new(springs: usize, is_damped: bool, turning: bool) -> Self {
+        let batches = springs.div_ceil(BATCH);
+        let kept = Kept { stiffness: [0.0; BATCH], length: [1.0; BATCH], rate: [0.0; BATCH] };
+        let damping = Damping { damping: [0.0; BATCH], resolved: [0.0; BATCH] };
+        Self {
+            kept: vec![kept; batches],
+            damping: vec![damping; if is_damped { batches } else { 0 }],
+            mobility: vec![[0.0; BATCH]; if turning { batches } else { 0 }],
+            sums: Sums::default(),
+        }
+    }
 }

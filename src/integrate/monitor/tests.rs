@@ -5,7 +5,7 @@ use super::particles::Particles;
 use super::springs::{Springs, resolved_step};
 use super::{Figures, Monitor, MonitorOptions, Warning, percent};
 use crate::integrate::watch::Watch;
-use crate::integrate::{ImplicitOptions, Method, Schedule, run_monitored};
+use crate::integrate::{ImplicitOptions, Method, Schedule, StiffnessPolicy, run_monitored};
 use crate::spring::Spring;
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
 use nalgebra::Vector3;
@@ -33,7 +33,7 @@ fn a_rate_that_is_a_parabola_is_integrated_exactly() {
     let (system, start) = pair(0.7);
     let [r0, r1, r2, h] = [0.3, -2.0, 5.0, 0.02];
     let rate = |t: f64| r0 + r1 * t + r2 * t * t;
-    let mut springs = Springs::new(&system, &at(&start, 1.0, r0), std::iter::empty());
+    let mut springs = Springs::new(&system, &at(&start, 1.0, r0), std::iter::empty(), true);
     let sums = springs.enter(&at(&start, 1.0 + h * (r0 + h * (r1 / 2.0 + h * r2 / 3.0)), rate(h)), h);
     // ∫ (r₀ + r₁t + r₂t²)² dt.
     let integral =
@@ -52,7 +52,7 @@ fn unresolved_springs_dissipate_what_is_certain() {
     approx::assert_relative_eq!(longest, (0.5 * 1.2 / 6.0f64).sqrt(), max_relative = 1e-14);
     approx::assert_relative_eq!(resolved_step(&pair(70.0).0, 0), 1.2 / 70.0, max_relative = 1e-14);
     for (h, is_resolved) in [(0.999 * longest, true), (1.001 * longest, false)] {
-        let mut springs = Springs::new(&system, &at(&start, 1.0, 0.3), std::iter::empty());
+        let mut springs = Springs::new(&system, &at(&start, 1.0, 0.3), std::iter::empty(), true);
         let sums = springs.enter(&at(&start, 1.05, -0.2), h);
         assert_eq!(sums.dissipated > sums.certain, is_resolved, "{h}");
     }
@@ -64,7 +64,7 @@ fn turning_is_measured_across_springs() {
     let (system, start) = pair(0.0);
     let mut state = start.clone();
     state.velocities[1] = Vector3::new(0.4, 3.0, 0.0);
-    let sums = Springs::new(&system, &start, std::iter::empty()).enter(&state, 0.1);
+    let sums = Springs::new(&system, &start, std::iter::empty(), true).enter(&state, 0.1);
     let lift = 0.5 * 0.3 * 0.3;
     let energy = 0.5 * 12.0 * lift * lift;
     approx::assert_relative_eq!(sums.lifted, energy, max_relative = 1e-12);
@@ -72,7 +72,7 @@ fn turning_is_measured_across_springs() {
     approx::assert_relative_eq!(sums.lifted_twice, energy * energy / (0.6 * 9.0), max_relative = 1e-12);
     approx::assert_relative_eq!(sums.reach, 0.01 * (9.0 + 0.16), max_relative = 1e-12);
     // Along the spring nothing turns.
-    let sums = Springs::new(&system, &start, std::iter::empty()).enter(&at(&start, 1.0, 7.0), 0.1);
+    let sums = Springs::new(&system, &start, std::iter::empty(), true).enter(&at(&start, 1.0, 7.0), 0.1);
     assert!(sums.lifted.abs() < 1e-12 && sums.lifted_twice.abs() < 1e-12);
 }
 
@@ -113,7 +113,7 @@ fn changes_of_velocity_are_measured_on_free_coordinates() {
     builder.particle([1.0, 0.0, 0.0], 3.0);
     builder.constrain(Constraint { axes: Axes::of(&[1]), ..Constraint::hold([1]) });
     let (system, start) = builder.build().unwrap();
-    let mut particles = Particles::new(&system, &start);
+    let mut particles = Particles::new(&system, &start, true);
     let mut state = start.clone();
     state.velocities = vec![Vector3::new(0.0, 0.0, 2.0), Vector3::new(1.0, 50.0, 2.0)];
     let force = [Vector3::new(0.0, 0.0, 38.0), Vector3::new(30.0, 7.0, 60.0)];
@@ -142,7 +142,7 @@ fn sums_do_not_depend_on_threads() {
     let figures = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let options = MonitorOptions { forces: true, stops_unstable: false };
+            let options = MonitorOptions { forces: true, stops_unstable: false, ..MonitorOptions::default() };
             let mut monitor = Monitor::new(&system, &start, options).unwrap();
             let mut state = start.clone();
             for step in 1..=3 {
@@ -160,32 +160,85 @@ fn sums_do_not_depend_on_threads() {
     assert_eq!(figures(1), figures(3));
 }
 
-/// A pass along with the forces is a pass of its own, and the forces are those of one, to the bit; 4 % 32 springs are left for the last
-/// batch.
+/// A pass along with the forces is a pass of its own, and the forces are those of one, to the bit; not all batches are full.
 #[test]
 fn a_pass_along_with_forces_is_one_of_its_own() {
     let (system, mut state) = crate::scene::builtin::cloth(40).unwrap().build().unwrap();
     assert!(system.springs().len() > 2 * 4096 && !system.springs().len().is_multiple_of(32));
+    disturb(&mut state);
+    same_along_and_alone(&system, &state);
+    let mut later = state.clone();
+    later.positions[41] = later.positions[42];
+    let mut along = Springs::new(&system, &state, std::iter::empty(), true);
+    let failure = along.set_force(&later.moment(), 1e-5, &mut vec![Vector3::zeros(); system.particles()]).unwrap_err();
+    assert_eq!(failure.pair, [41, 42]);
+}
+
+/// So it is where springs stand between fixed particles, and where these have come to lie at one place, which is no error.
+#[test]
+fn springs_between_fixed_particles_are_seen_along_with_forces() {
+    let scene = crate::scene::builtin::lattice(5).unwrap();
+    let (system, mut state) = scene.build().unwrap();
+    let fixed: Vec<usize> = system.prescribed().iter().map(|(dof, ..)| dof.particle).collect();
+    assert!(system.active_springs().len() < system.springs().len());
+    disturb(&mut state);
+    state.prescribe(&system);
+    same_along_and_alone(&system, &state);
+    let joined = |&number: &usize| system.pair(number).iter().all(|end| fixed.contains(end));
+    let [i, j] = system.pair((0..system.springs().len()).find(joined).unwrap());
+    state.positions[i] = state.positions[j];
+    same_along_and_alone(&system, &state);
+}
+
+fn disturb(state: &mut State) {
     for (p, (x, v)) in state.positions.iter_mut().zip(&mut state.velocities).enumerate() {
         *v = Vector3::new((p as f64).sin(), 0.3 * (p as f64).cos(), 0.1);
         *x += *v * 1e-3;
     }
+}
+
+/// A pass along with the forces and one after the other, at a state and a little later.
+fn same_along_and_alone(system: &System, state: &State) {
     let mut later = state.clone();
     later.positions.iter_mut().zip(&state.velocities).for_each(|(x, v)| *x += v * 1e-5);
-    let [mut along, mut alone] = [(); 2].map(|()| Springs::new(&system, &state, [3].into_iter()));
-    assert!(along.takes_forces(&system) && !along.takes_forces(&system.clone()));
+    let [mut along, mut alone] = [(); 2].map(|()| Springs::new(system, state, [3].into_iter(), true));
+    assert!(along.takes_forces(system) && !along.takes_forces(&system.clone()));
     let mut forces = [(); 2].map(|()| vec![Vector3::repeat(7.0); system.particles()]);
-    for state in [&state, &later] {
+    for state in [state, &later] {
         along.set_force(&state.moment(), 1e-5, &mut forces[0]).unwrap();
-        crate::force::set_total_force(&system, &state.moment(), &mut forces[1]).unwrap();
-        assert!(forces[0] == forces[1]);
+        crate::force::set_total_force(system, &state.moment(), &mut forces[1]).unwrap();
+        let moves = |p: &usize| system.dofs().free_axes(*p) != Axes::NONE;
+        assert!((0..system.particles()).filter(moves).all(|p| forces[0][p] == forces[1][p]));
         let sums = along.enter(state, 1e-5);
         assert_eq!(sums, alone.pass(&state.moment(), 1e-5));
         assert!(sums.elastic > 0.0 && sums.dissipated > 0.0 && sums.lifted > 0.0 && sums.reach > 0.0);
     }
-    later.positions[41] = later.positions[42];
-    let failure = along.set_force(&later.moment(), 1e-5, &mut forces[0]).unwrap_err();
-    assert_eq!(failure.pair, [41, 42]);
+}
+
+/// What a method's indicators are made of is looked at, and what is not asked for stays zero.
+#[test]
+fn figures_of_a_method_are_those_that_its_indicators_need() {
+    let (system, mut start) = crate::scene::builtin::cloth(5).unwrap().build().unwrap();
+    disturb(&mut start);
+    for method in Method::ALL {
+        let needed = MonitorOptions::of(method, StiffnessPolicy::OnDemand);
+        let all = MonitorOptions { forces: needed.forces, ..MonitorOptions::default() };
+        let [of_method, of_all] = [needed, all].map(|options| {
+            let mut state = start.clone();
+            let options = MonitorOptions { stops_unstable: false, ..options };
+            let mut monitor = Monitor::new(&system, &state, options).unwrap();
+            let mut stepper = method.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+            let schedule = Schedule::steps(2e-4, 40);
+            run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, |_, _, _| ControlFlow::Continue(()));
+            monitor.figures(&state)
+        });
+        assert!(of_method.estimate(method).is_some_and(|estimate| estimate > 0.0 || method == Method::Dop853));
+        assert_eq!(of_method.estimate(method), of_all.estimate(method), "{}", method.name());
+        assert_eq!(of_method.warnings(method, None), of_all.warnings(method, None), "{}", method.name());
+        assert!([of_all.lifted, of_all.third, of_all.slip].iter().all(|&figure| figure > 0.0));
+        assert_eq!([of_method.lifted, of_method.lifted_twice].map(|figure| figure > 0.0), [needed.turning; 2]);
+        assert_eq!([of_method.third, of_method.slip].map(|figure| figure > 0.0), [needed.paths; 2]);
+    }
 }
 
 /// What steps of Verlet's method let a monitor see on the way differs from what it sees after them by the fourth order of the step.

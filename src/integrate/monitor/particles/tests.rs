@@ -17,7 +17,7 @@ fn two() -> (System, State) {
 #[test]
 fn third_differences_begin_with_the_third_step() {
     let (system, mut state) = two();
-    let mut particles = Particles::new(&system, &state);
+    let mut particles = Particles::new(&system, &state, true);
     state.velocities[0].x = 1.0;
     let still = particles.pass(&state, 0.0, None);
     assert_eq!([still.change, still.bend, still.third, still.slip, still.speed], [0.0; 5]);
@@ -36,7 +36,7 @@ fn third_differences_begin_with_the_third_step() {
 fn positions_are_compared_with_the_mean_velocity() {
     let (system, mut state) = two();
     state.velocities = vec![Vector3::new(1.0, 0.0, 0.0), Vector3::new(0.0, 50.0, 2.0)];
-    let mut particles = Particles::new(&system, &state);
+    let mut particles = Particles::new(&system, &state, true);
     particles.pass(&state, 0.0, None);
     state.positions[0] += Vector3::new(3.0, 1.0, 0.0);
     state.positions[1] += Vector3::new(0.0, 9.0, 0.5);
@@ -50,6 +50,23 @@ fn positions_are_compared_with_the_mean_velocity() {
     assert_eq!(sums.carried, Carried::default());
 }
 
+/// Without their paths all else is the same.
+#[test]
+fn paths_are_looked_at_where_they_are_asked_for() {
+    let (system, start) = two();
+    let mut state = start.clone();
+    let mut both = [true, false].map(|follows| Particles::new(&system, &start, follows));
+    for dt in [0.5, 0.25, 1.0] {
+        for (x, v) in state.positions.iter_mut().zip(&mut state.velocities) {
+            *v = Vector3::new(v.x * v.x + 1.0, 3.0, 0.5 * v.z - 2.0);
+            *x += *v;
+        }
+        let [with, without] = both.each_mut().map(|particles| particles.pass(&state, dt, None));
+        assert!(with.slip > 0.0);
+        assert_eq!(without, Sums { third: 0.0, slip: 0.0, ..with });
+    }
+}
+
 /// Every particle counts in its own block, by its own number.
 #[test]
 fn blocks_follow_one_another() {
@@ -60,7 +77,7 @@ fn blocks_follow_one_another() {
     });
     let (system, mut state) = builder.build().unwrap();
     state.velocities.iter_mut().enumerate().for_each(|(p, v)| v.y = p as f64);
-    let sums = Particles::new(&system, &state).pass(&state, 0.0, None);
+    let sums = Particles::new(&system, &state, true).pass(&state, 0.0, None);
     // The sum of the squares of all numbers below.
     assert_eq!(sums.kinetic, ((count - 1) * count * (2 * count - 1) / 6) as f64);
 }
