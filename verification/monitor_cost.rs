@@ -5,7 +5,9 @@
 //! ```
 
 use sprung::force::Energy;
-use sprung::integrate::{ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, run, run_monitored};
+use sprung::integrate::{
+    ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, StiffnessPolicy, run, run_monitored,
+};
 use sprung::scene::{Kind, builtin};
 use sprung::{State, System};
 use std::hint::black_box;
@@ -59,7 +61,7 @@ fn measure(system: &System, start: &State, method: Method) -> sprung::Result<[f6
         for (kind, fastest) in fastest.iter_mut().enumerate() {
             let mut state = start.clone();
             let mut stepper = method.stepper(system, &state, &ImplicitOptions::default())?;
-            let options = MonitorOptions { forces: method == Method::LinearBackwardEuler, ..Default::default() };
+            let options = MonitorOptions::of(method, StiffnessPolicy::OnDemand);
             let mut monitor = Monitor::new(system, &state, options)?;
             let begin = Instant::now();
             let go_on = ControlFlow::Continue(());

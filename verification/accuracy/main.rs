@@ -83,10 +83,14 @@ fn rows(
 /// The scenes of the repository and those with names of the study.
 fn ready() -> Result<Vec<Scene>, Box<dyn Error>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/scenes");
-    let mut paths: Vec<_> = std::fs::read_dir(folder)?.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    let mut paths: Vec<_> = std::fs::read_dir(&folder)?.filter_map(|entry| Some(entry.ok()?.path())).collect();
     paths.sort();
     paths.retain(|path| path.extension().is_some_and(|end| end == "toml" || end == "json"));
     let mut scenes = paths.iter().map(Scene::load).collect::<Result<Vec<_>, _>>()?;
+    for mesh in scenes.iter_mut().filter_map(|scene| scene.mesh.as_mut()) {
+        // Commands are given copies of the scenes, which stand elsewhere.
+        mesh.file = folder.join(&mesh.file).to_string_lossy().into_owned();
+    }
     scenes.extend(named::scenes()?);
     Ok(scenes)
 }

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 ///
 /// Sums over the steps of norms over the free coordinates, h being the length of a step and X the extent of the scene at the end,
 /// `‖x − centroid‖`. Of a scene that nothing holds `way`, `exchanged` and `lost` are about the centre of mass: what the whole
-/// scene does as one body is no error's business.
+/// scene does as one body is no error's business. What a monitor was not asked to look at ([`MonitorOptions`](super::MonitorOptions))
+/// stays zero.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Figures {
@@ -27,8 +28,7 @@ pub struct Figures {
     pub third: f64,
     /// `Σ ‖x' − x − ½h (v + v')‖/X`: positions against the trapezoidal rule of their velocities.
     pub slip: f64,
-    /// `Σ ‖M (v' − v)/h − F(x', v')‖ / Σ ‖M (v' − v)/h‖` over the steps whose forces were evaluated: what linearising left out; zero where
-    /// they were not asked for.
+    /// `Σ ‖M (v' − v)/h − F(x', v')‖ / Σ ‖M (v' − v)/h‖` over the steps whose forces were evaluated: what linearising left out.
     pub defect: f64,
     /// `Σ h ‖v‖/X`: the way of the particles; seen from the centre of mass where nothing holds the scene.
     pub way: f64,
