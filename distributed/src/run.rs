@@ -222,10 +222,8 @@ impl<'r> Running<'r> {
     ) -> Ended<'r> {
         let Self { run, header, part, schedule, folder, .. } = self;
         let system = &part.system;
-        let options = MonitorOptions {
-            forces: run.method.method() == Method::LinearBackwardEuler,
-            stops_unstable: !run.allow_unstable,
-        };
+        let needed = MonitorOptions::of(run.method.method(), run.method.policy());
+        let options = MonitorOptions { stops_unstable: !run.allow_unstable, ..needed };
         let every = run.checkpoint.map(NonZeroU64::get).or(found.as_ref().map(|found| found.every));
         let clock = Instant::now();
         let (mut reached, mut earlier, mut spent) = (0, Statistics::default(), 0.0);
