@@ -105,6 +105,7 @@ fn remove(file: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::OutputFolder;
+    use crate::output::AtomicFile;
 
     /// Of two that claim a folder one gets it; unfinished files go, those of others stay.
     #[test]
@@ -151,6 +152,20 @@ mod tests {
         put(".sprung-energy.csv.part");
         OutputFolder::claim(&path, true).unwrap().tidy();
         assert!(!exists(".sprung-energy.csv.part"));
+    }
+
+    /// A file can neither be claimed nor hold other files, and that is said in one way.
+    #[test]
+    fn a_file_is_no_folder() {
+        let parent = tempfile::tempdir().unwrap();
+        let file = parent.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        let claimed = OutputFolder::claim(&file, false).map(|_| ()).unwrap_err();
+        let written = AtomicFile::create(file.join("inside")).map(|_| ()).unwrap_err();
+        assert_eq!(
+            [claimed, written].map(|error| error.to_string()),
+            [(); 2].map(|()| format!("{}: not a directory", file.display()))
+        );
     }
 
     /// A file that is not there is removed already; one that cannot be removed is an error.

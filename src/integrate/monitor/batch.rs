@@ -43,10 +43,8 @@ impl pulp::NullaryFnOnce for Pass<'_> {
         let (mut slots, mut lists) = (Slots::new(), Lists::new());
         for (number, (kept, (springs, pairs))) in kept.iter_mut().zip(each).enumerate() {
             let first = first + number * BATCH;
-            if (springs.len() < BATCH && number > 0) || !all_count {
-                // Springs that are not there, or do not count here, are at rest: they add nothing. First lists are new.
-                lists = Lists::new();
-            }
+            // Where springs are not there, or do not count here, something of batches before is left: without stiffness and damping it adds
+            // nothing to sums, and what is largest has been seen.
             for (slot, (spring, pair)) in springs.iter().zip(pairs).enumerate() {
                 if all_count || system.counts(first + slot) {
                     lists.gather(slot, &at, spring, *pair);
@@ -85,10 +83,6 @@ impl pulp::NullaryFnOnce for WithForces<'_> {
         for Block { kept, damping, mobility, sums } in blocks {
             let mut slots = Slots::new();
             for (number, kept) in kept.iter_mut().enumerate() {
-                if ends.len() < BATCH {
-                    // Springs that are not there are at rest.
-                    forces = Forces::new();
-                }
                 let count = forces.gather::<true>(&at, &mut ends);
                 forces.set_pulls()?;
                 forces.add_forces(count, 0, force, &mut run);

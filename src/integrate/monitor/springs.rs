@@ -50,12 +50,10 @@ impl<'s> Springs<'s> {
         let is_damped = springs.iter().any(|spring| spring.damping > 0.0);
         let mut blocks: Vec<Block> =
             springs.chunks(BLOCK).map(|springs| Block::new(springs.len(), is_damped, turning)).collect();
-        for (number, spring) in springs.iter().enumerate() {
+        for (number, spring) in springs.iter().enumerate().filter(|(number, _)| system.counts(*number)) {
             let Block { kept, damping, mobility, .. } = &mut blocks[number / BLOCK];
             let (batch, slot) = (number % BLOCK / BATCH, number % BATCH);
-            if system.counts(number) {
-                kept[batch].stiffness[slot] = spring.stiffness / spring.rest_length;
-            }
+            kept[batch].stiffness[slot] = spring.stiffness / spring.rest_length;
             if let Some(of_batch) = damping.get_mut(batch) {
                 (of_batch.damping[slot], of_batch.resolved[slot]) = (spring.damping, resolved_step(system, number));
             }

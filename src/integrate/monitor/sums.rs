@@ -82,7 +82,7 @@ pub(super) struct Kept {
 /// What the damping of a batch needs.
 #[derive(Debug, Clone)]
 pub(super) struct Damping {
-    /// b, in N·s/m; zero for springs whose dissipation is counted elsewhere.
+    /// b, in N·s/m; zero for springs that are not there, and those whose dissipation is counted elsewhere.
     pub damping: List,
     /// The longest step that resolves each spring, in s.
     pub resolved: List,
