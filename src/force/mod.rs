@@ -13,8 +13,9 @@ mod total;
 pub use crate::error::DegenerateSpring;
 pub use energy::{Energy, angular_momentum, linear_momentum};
 pub use extensions::Extensions;
+use total::has_only_active;
 pub use total::set_total_force;
-pub(crate) use total::{first_degenerate, has_only_active, set_other_forces};
+pub(crate) use total::{coincide, first_degenerate, set_other_forces};
 
 use crate::spring::{Extension, Spring};
 use crate::system::{Moment, System};

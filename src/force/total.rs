@@ -45,7 +45,7 @@ pub fn set_total_force(system: &System, at: &Moment<'_>, force: &mut [Vector3<f6
 }
 
 /// Whether every spring is active.
-pub(crate) fn has_only_active(system: &System) -> bool {
+pub(super) fn has_only_active(system: &System) -> bool {
     system.active_springs().len() == system.springs().len()
 }
 
@@ -74,11 +74,16 @@ fn add<'a>(
     added.map_err(|Coincident| first_degenerate(system, at.positions))
 }
 
+/// Whether two particles lie at one place, or so near that the square of their distance is none.
+pub(crate) fn coincide(positions: &[Vector3<f64>], [i, j]: [usize; 2]) -> bool {
+    (positions[i] - positions[j]).norm_squared() == 0.0
+}
+
 /// The first spring whose ends coincide, where there is one.
 #[cold]
 pub(crate) fn first_degenerate(system: &System, positions: &[Vector3<f64>]) -> DegenerateSpring {
-    let coincide = |(_, [i, j]): &(usize, [usize; 2])| (positions[*i] - positions[*j]).norm_squared() == 0.0;
-    let (spring, pair) = system.active().map(|(spring, pair, _)| (spring, pair)).find(coincide).unwrap_or_default();
+    let mut active = system.active().map(|(spring, pair, _)| (spring, pair));
+    let (spring, pair) = active.find(|(_, pair)| coincide(positions, *pair)).unwrap_or_default();
     DegenerateSpring { spring, pair }
 }
 

@@ -2,7 +2,7 @@
 //! against the cheapest single run that a sweep over all methods, options, solvers and steps finds.
 //!
 //! ```sh
-//! cargo xtask accuracy --write                 # the page; with --ready too, whose sweeps take an hour
+//! cargo xtask accuracy --write                 # the page, a quarter of an hour; --ready for ready scenes too
 //! cargo xtask accuracy --count 20 --first 500  # other random scenes
 //! cargo xtask accuracy --named cloth-of-6      # one scene with a name, answer by answer
 //! ```

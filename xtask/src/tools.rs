@@ -17,7 +17,7 @@ pub enum Tool {
     Study(Words),
     /// Linear systems solved as exactly as the motion needs, on the scenes of the study: verification/exactness.md; ten minutes
     Exactness(Words),
-    /// What --accuracy answers on random scenes, and what that costs: verification/accuracy.md; an hour with ready scenes
+    /// What --accuracy answers on random scenes, and what that costs: verification/accuracy.md; a quarter of an hour
     Accuracy(Words),
     /// Cloths that swing down by several methods: the table of verification/motion.md; minutes
     Motion(Words),

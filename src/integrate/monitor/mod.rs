@@ -132,7 +132,7 @@ pub struct Monitor<'s> {
 /// the same steps, and an evaluation at every one would cost a tenth of a short step.
 const LOOKS: u64 = 8;
 
-/// Bytes of what is kept of a spring and of a particle, at most.
+/// Bytes of what is kept of a spring and of a particle, at most; the last batch of springs is filled up.
 const SPRING: u64 = 100;
 const PARTICLE: u64 = 400;
 
@@ -371,5 +371,7 @@ impl Forces {
 
 #[cfg(test)]
 mod account_tests;
+#[cfg(all(test, feature = "scene"))]
+mod along_tests;
 #[cfg(all(test, feature = "scene"))]
 mod tests;

@@ -27,7 +27,7 @@ use super::batch::{Pass, Step, WithForces};
 use super::sums::{BLOCK, Block, Span, Sums};
 use crate::error::DegenerateSpring;
 use crate::force::batch::{BATCH, Coincident};
-use crate::force::{first_degenerate, set_other_forces, set_total_force};
+use crate::force::{coincide, first_degenerate, set_other_forces, set_total_force};
 use crate::integrate::watch::Watch;
 use crate::system::{Axes, Moment, State, System};
 use nalgebra::Vector3;
@@ -44,27 +44,25 @@ pub(super) struct Springs<'s> {
 }
 
 impl<'s> Springs<'s> {
-    /// At a state; `driven` are those that are accounted for elsewhere, `turning` whether springs that turn are looked at.
+    /// At a state; `driven` are those whose damping is accounted for elsewhere, ascending, `turning` whether springs that turn are looked at.
     pub fn new(system: &'s System, state: &State, driven: impl Iterator<Item = usize>, turning: bool) -> Self {
         let springs = system.springs();
         let is_damped = springs.iter().any(|spring| spring.damping > 0.0);
         let mut blocks: Vec<Block> =
             springs.chunks(BLOCK).map(|springs| Block::new(springs.len(), is_damped, turning)).collect();
+        let mut driven = driven.peekable();
         for (number, spring) in springs.iter().enumerate().filter(|(number, _)| system.counts(*number)) {
             let Block { kept, damping, mobility, .. } = &mut blocks[number / BLOCK];
             let (batch, slot) = (number % BLOCK / BATCH, number % BATCH);
             kept[batch].stiffness[slot] = spring.stiffness / spring.rest_length;
+            let is_driven = driven.next_if_eq(&number).is_some();
             if let Some(of_batch) = damping.get_mut(batch) {
-                (of_batch.damping[slot], of_batch.resolved[slot]) = (spring.damping, resolved_step(system, number));
+                of_batch.damping[slot] = if is_driven { 0.0 } else { spring.damping };
+                of_batch.resolved[slot] = resolved_step(system, number);
             }
             if let Some(of_batch) = mobility.get_mut(batch) {
                 of_batch[slot] = mobility_of(system, number);
             }
-        }
-        if is_damped {
-            driven.for_each(|spring| {
-                blocks[spring / BLOCK].damping[spring % BLOCK / BATCH].damping[spring % BATCH] = 0.0
-            });
         }
         let mut active = system.active_springs().iter().peekable();
         let idle = (0..springs.len() as u32).filter(|spring| active.next_if_eq(&spring).is_none()).collect();
@@ -105,10 +103,7 @@ impl<'s> Springs<'s> {
 
     /// Whether fixed ends of a spring coincide, which is no error.
     fn has_fixed_without_length(&self, positions: &[Vector3<f64>]) -> bool {
-        self.idle.iter().any(|&spring| {
-            let [i, j] = self.system.pair(spring as usize);
-            positions[i] == positions[j]
-        })
+        self.idle.iter().any(|&spring| coincide(positions, self.system.pair(spring as usize)))
     }
 }
 
