@@ -3,6 +3,7 @@
 //! ```sh
 //! cargo xtask auto --largest 1000 --write      # the page; minutes
 //! cargo xtask auto --kind cloth --size 1000    # one scene, solver by solver
+//! cargo xtask auto --kept cells.json --write   # all sizes, hours: what is in the file already is not done again
 //! ```
 //!
 //! A cell of the grid is a scene, a step and a tolerance. From the same start 30 steps are done with every solver, on one thread; a
@@ -17,7 +18,7 @@ use clap::Parser;
 use race::{Cell, Raced};
 use sprung::scene::{Kind, builtin};
 use std::error::Error;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Particles of the grid's scenes.
 const PARTICLES: [usize; 4] = [100, 1000, 10_000, 100_000];
@@ -52,6 +53,10 @@ struct Arguments {
     #[arg(long, value_name = "PARTICLES", default_value_t = 100_000)]
     largest: usize,
 
+    /// Reads the cells done before from this file, and adds those done now
+    #[arg(long, value_name = "FILE")]
+    kept: Option<PathBuf>,
+
     /// Writes the page
     #[arg(long)]
     write: bool,
@@ -60,7 +65,11 @@ struct Arguments {
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments = Arguments::parse();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    let mut raced: Vec<Raced> = Vec::new();
+    let kept = arguments.kept.as_deref();
+    let mut raced: Vec<Raced> = match kept {
+        Some(file) if file.exists() => serde_json::from_slice(&std::fs::read(file)?)?,
+        _ => Vec::new(),
+    };
     let sizes = PARTICLES.into_iter().filter(|&size| size <= arguments.largest);
     for particles in sizes.filter(|size| arguments.size.is_none_or(|wanted| wanted == *size)) {
         for (kind, power) in KINDS {
@@ -70,14 +79,19 @@ fn main() -> Result<(), Box<dyn Error>> {
             let (system, start) = builtin(kind, (particles as f64).powf(power).round() as usize)?.build()?;
             for dt in STEPS {
                 for tolerance in TOLERANCES {
-                    let cell = Cell { kind: kind.name(), particles, dt, tolerance };
+                    let cell = Cell { kind: kind.name().into(), particles, dt, tolerance };
+                    if raced.iter().any(|one| one.cell == cell) {
+                        continue;
+                    }
                     let one = pool.install(|| cell.race(&system, &start).map_err(|error| error.to_string()))?;
                     eprintln!("{}", one.line());
                     raced.push(one);
+                    kept.map_or(Ok(()), |file| std::fs::write(file, serde_json::to_vec_pretty(&raced)?))?;
                 }
             }
         }
     }
+    raced.sort_by_key(|one| one.cell.particles);
     let page = table::page(&raced)?;
     if arguments.write {
         std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/auto.md"), &page)?;

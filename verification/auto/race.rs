@@ -1,6 +1,7 @@
 //! One cell of the grid: the same 30 steps with every solver.
 
 use cpu_time::ThreadTime;
+use serde::{Deserialize, Serialize};
 use sprung::integrate::{ImplicitOptions, Method};
 use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions, Tolerance};
 use sprung::{State, System};
@@ -19,16 +20,16 @@ const LONG_ENOUGH: Duration = Duration::from_secs(2);
 const SLOW: f64 = 3.0;
 
 /// What is asked of solvers.
-#[derive(Clone, Copy)]
+#[derive(Clone, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    pub kind: &'static str,
+    pub kind: String,
     pub particles: usize,
     pub dt: f64,
     pub tolerance: f64,
 }
 
 /// What a solver took, in s of its thread.
-#[derive(Clone)]
+#[derive(Serialize, Deserialize)]
 pub struct Time {
     pub solver: String,
     /// The median of the last steps.
@@ -38,6 +39,7 @@ pub struct Time {
 }
 
 /// A cell, and what every solver took.
+#[derive(Serialize, Deserialize)]
 pub struct Raced {
     pub cell: Cell,
     pub auto: Time,
@@ -91,30 +93,32 @@ impl Runner {
         Time { solver: self.configuration.name.clone(), step: last[LAST / 2], whole: self.whole() }
     }
 
-    /// Does all steps once more; `false` where one fails or they take longer than the limit.
-    fn run(&mut self, cell: &Cell, system: &System, start: &State, limit: f64) -> sprung::Result<bool> {
+    /// Does all steps once more; `false` where one fails, as for want of memory, or they take longer than the limit.
+    fn run(&mut self, cell: &Cell, system: &System, start: &State, limit: f64) -> bool {
         let Configuration { solver, preconditioner, .. } = self.configuration;
         let tolerance = Tolerance::Fixed(cell.tolerance);
         let linear = SolverOptions { solver, preconditioner, tolerance, ..SolverOptions::default() };
         let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
         let mut state = start.clone();
         let before = ThreadTime::now();
-        let mut stepper = Method::LinearBackwardEuler.stepper(system, &state, &options)?;
+        let Ok(mut stepper) = Method::LinearBackwardEuler.stepper(system, &state, &options) else {
+            return false;
+        };
         let mut times = vec![before.elapsed().as_secs_f64()];
         for _ in 0..STEPS {
             let before = ThreadTime::now();
             if stepper.step(&mut state, cell.dt).is_err() {
-                return Ok(false);
+                return false;
             }
             times.push(before.elapsed().as_secs_f64());
             if times.iter().sum::<f64>() > limit {
-                return Ok(false);
+                return false;
             }
         }
         let words = stepper.linear_solver().map(|solver| [Some(solver.name()), solver.preconditioner()]);
         self.solved_with = words.into_iter().flatten().flatten().collect::<Vec<_>>().join(" ");
         self.shortest.iter_mut().zip(times).for_each(|(shortest, time)| *shortest = shortest.min(time));
-        Ok(true)
+        true
     }
 }
 
@@ -131,7 +135,7 @@ impl Cell {
             for mut runner in runners {
                 let fastest = followed.iter().map(Runner::whole).fold(runner.whole(), f64::min);
                 let is_auto = followed.is_empty();
-                if runner.run(&self, system, start, if is_auto { f64::INFINITY } else { SLOW * fastest })? {
+                if runner.run(&self, system, start, if is_auto { f64::INFINITY } else { SLOW * fastest }) {
                     followed.push(runner);
                 } else if is_auto {
                     return Err(sprung::Error::Unsupported(format!("a step of {} breaks down", self.kind)));
@@ -162,7 +166,7 @@ impl Raced {
 
     /// One line.
     pub fn line(&self) -> String {
-        let Cell { kind, particles, dt, tolerance } = self.cell;
+        let Cell { kind, particles, dt, tolerance } = &self.cell;
         let [(step, best), (whole, best_whole)] = self.ratios();
         format!(
             "| {kind} {particles} | {dt:.0e} | {tolerance:.0e} | {} | {:.3} | {step:.2} | {best} | {whole:.2} | {best_whole} |",
