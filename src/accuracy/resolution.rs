@@ -16,7 +16,7 @@
 
 use super::extent;
 use crate::error::Result;
-use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+use crate::force::{Extensions, set_accelerations};
 use crate::linear::{Assurance, CostModel, MatrixAndSolver, SolverOptions, Tolerance, select};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
@@ -53,17 +53,7 @@ pub(super) fn unresolved(
         return Ok((f64::INFINITY, costs.cost(&work, None)));
     }
     let mut acceleration = vec![Vector3::zeros(); system.particles()];
-    add_elastic_force(system, &extensions, &mut acceleration);
-    add_damping_force(system, &extensions, &state.velocities, &mut acceleration);
-    add_weight(system, &mut acceleration);
-    for (a, mass) in acceleration.iter_mut().zip(system.masses()) {
-        *a /= *mass;
-    }
-    for (dof, ..) in system.prescribed().iter() {
-        if let Some(a) = acceleration.get_mut(dof.particle) {
-            a[dof.axis] = 0.0;
-        }
-    }
+    set_accelerations(system, &extensions, &state.moment(), &mut acceleration);
     let displacement = filter.displacement(state.velocities.clone(), acceleration, &mut work);
     let relative = displacement.map(|d| d / extent(&state.positions, &state.positions));
     let factor = filter.equations.factor().map(|factor| factor.size);

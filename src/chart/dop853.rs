@@ -5,7 +5,7 @@
 
 use super::Deadline;
 use crate::accuracy::extent;
-use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+use crate::force::{Extensions, set_accelerations};
 use crate::system::{Motion, State, System};
 use ivp::dense::StepInterpolant;
 use ivp::ivp::FirstOrderSystem;
@@ -27,7 +27,7 @@ struct Motions<'s> {
 struct Scratch {
     state: State,
     extensions: Extensions,
-    force: Vec<Vector3<f64>>,
+    accelerations: Vec<Vector3<f64>>,
     reduced: Vec<f64>,
 }
 
@@ -37,7 +37,7 @@ impl FirstOrderSystem for Motions<'_> {
         let n = system.dofs().len();
         let ((x, v), (dx, dv)) = (y.split_at(n), dy.split_at_mut(n));
         dx.copy_from_slice(v);
-        let Scratch { state, extensions, force, reduced } = &mut *self.scratch.borrow_mut();
+        let Scratch { state, extensions, accelerations, reduced } = &mut *self.scratch.borrow_mut();
         set_state(system, t, x, v, state);
         system.prescribed().set_velocities(self.middle, &mut state.velocities);
         if extensions.update(system, &state.positions).is_err() {
@@ -45,14 +45,8 @@ impl FirstOrderSystem for Motions<'_> {
             dv.fill(f64::NAN);
             return;
         }
-        force.fill(Vector3::zeros());
-        add_elastic_force(system, extensions, force);
-        add_damping_force(system, extensions, &state.velocities, force);
-        add_weight(system, force);
-        for (f, mass) in force.iter_mut().zip(system.masses()) {
-            *f /= *mass;
-        }
-        system.dofs().gather(force, reduced);
+        set_accelerations(system, extensions, &state.moment(), accelerations);
+        system.dofs().gather(accelerations, reduced);
         dv.copy_from_slice(reduced);
     }
 }
@@ -133,7 +127,7 @@ fn interval(
     let scratch = Scratch {
         state: state.clone(),
         extensions: Extensions::at(system, &state.positions).ok()?,
-        force: vec![Vector3::zeros(); system.particles()],
+        accelerations: vec![Vector3::zeros(); system.particles()],
         reduced: vec![0.0; system.dofs().len()],
     };
     let motions = Motions { system, middle: 0.5 * (from + to), scratch: RefCell::new(scratch) };

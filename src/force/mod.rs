@@ -92,6 +92,29 @@ pub fn add_external_forces(system: &System, at: &Moment<'_>, force: &mut [Vector
     }
 }
 
+/// Adds all forces, `f_el + f_d + m g + f_ext`, at positions of which the extensions are known.
+pub fn add_all_forces(system: &System, extensions: &Extensions, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    add_elastic_force(system, extensions, force);
+    add_damping_force(system, extensions, at.velocities, force);
+    add_weight(system, force);
+    add_external_forces(system, at, force);
+}
+
+/// Sets `accelerations`, in m/s², to those of all forces: `M⁻¹ f` of free coordinates, zero of prescribed ones.
+pub fn set_accelerations(
+    system: &System,
+    extensions: &Extensions,
+    at: &Moment<'_>,
+    accelerations: &mut [Vector3<f64>],
+) {
+    accelerations.fill(Vector3::zeros());
+    add_all_forces(system, extensions, at, accelerations);
+    for (p, (a, mass)) in accelerations.iter_mut().zip(system.masses()).enumerate() {
+        let free = system.dofs().free_axes(p);
+        *a = Vector3::from_fn(|axis, _| if free.contains(axis) { a[axis] / mass } else { 0.0 });
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -33,7 +33,7 @@ use super::leaps::{Found, Trial, search};
 use super::nearby::Nearby;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
-use crate::force::{Extensions, add_elastic_force, add_weight};
+use crate::force::{Extensions, add_elastic_force, add_external_forces, add_weight};
 use crate::linear::{BlockJacobi, DiagonalPart, Ldlt};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
@@ -232,6 +232,7 @@ impl<'s> Turning<'s> {
         let matrix = SystemMatrix::zeros(pattern);
         let mut force = vec![Vector3::zeros(); system.particles()];
         add_weight(system, &mut force);
+        add_external_forces(system, &state.moment(), &mut force);
         add_elastic_force(system, &extensions, &mut force);
         let displacement = vec![Vector3::zeros(); system.particles()];
         let reduced = vec![0.0; system.dofs().len()];

@@ -42,7 +42,7 @@
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::{Extensions, add_damping_force, add_elastic_force, add_external_forces, add_weight};
+use crate::force::{Extensions, add_all_forces, add_damping_force};
 use crate::linear::LinearSolver;
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
@@ -229,7 +229,7 @@ impl<'s> WMethod<'s> {
         state.copy_from(&self.next);
     }
 
-    /// Sets s to `f_el + f_d + g` at a point of the step.
+    /// Sets s to all forces at a point of the step.
     fn set_force(&mut self, at: Point) -> Result<(), StepFailure> {
         let Self { linear, extensions, velocities, middle, next, s, .. } = self;
         let at = match at {
@@ -240,10 +240,7 @@ impl<'s> WMethod<'s> {
         linear.statistics.work.force_evaluations += 1;
         extensions.update(linear.system, at.positions)?;
         s.fill(Vector3::zeros());
-        add_elastic_force(linear.system, extensions, s);
-        add_damping_force(linear.system, extensions, at.velocities, s);
-        add_weight(linear.system, s);
-        add_external_forces(linear.system, &at, s);
+        add_all_forces(linear.system, extensions, &at, s);
         Ok(())
     }
 }

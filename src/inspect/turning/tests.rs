@@ -2,6 +2,8 @@
 
 use super::*;
 use crate::inspect::tests::chain;
+use crate::system::{ExternalForce, Moment};
+use nalgebra::Vector3;
 
 /// A particle between two walls that flies across its springs at 10⁹ m/s: no step that is tried is short enough.
 #[test]
@@ -20,4 +22,23 @@ fn forces_are_evaluated_once() {
     let (system, state) = chain(1, 1.0);
     let turning = Turning::new(&system, &state, Par::Seq).unwrap();
     assert_eq!((turning.work.force_evaluations, turning.work.symbolic_factorizations), (1, 1));
+}
+
+/// Wind that pushes as gravity would limits steps as gravity does.
+#[test]
+fn external_forces_turn_springs_too() {
+    #[derive(Debug)]
+    struct Wind;
+
+    impl ExternalForce for Wind {
+        fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+            force.iter_mut().take(at.positions.len()).for_each(|f| f.y -= 90.0);
+        }
+    }
+
+    let (system, state) = chain(1, 1.0);
+    let limit = |system: &System| Turning::new(system, &state, Par::Seq).unwrap().largest_step(Stiffness::Axial, 1.0);
+    let calm = limit(&system);
+    let blown = limit(&system.clone().with_external_force(Wind));
+    assert!(calm == LargestStep::Every && matches!(blown, LargestStep::UpTo { .. }), "{calm:?} {blown:?}");
 }

@@ -19,7 +19,7 @@
 //! digit.)
 
 use super::tension::Tensions;
-use crate::force::{add_damping_force, add_elastic_force, add_external_forces, add_weight};
+use crate::force::set_accelerations;
 use crate::integrate::exactness::mass_norm;
 use crate::integrate::implicit::LinearSystem;
 use crate::integrate::newton::{Newton, NewtonOptions};
@@ -74,15 +74,7 @@ impl<'s> Iteration<'s> {
         let system = linear.system;
         linear.statistics.work.force_evaluations += 1;
         linear.set_extensions(&state.positions)?;
-        accelerations.fill(Vector3::zeros());
-        add_elastic_force(system, &linear.extensions, accelerations);
-        add_damping_force(system, &linear.extensions, &state.velocities, accelerations);
-        add_weight(system, accelerations);
-        add_external_forces(system, &state.moment(), accelerations);
-        for (p, (a, mass)) in accelerations.iter_mut().zip(system.masses()).enumerate() {
-            let free = system.dofs().free_axes(p);
-            *a = Vector3::from_fn(|axis, _| if free.contains(axis) { a[axis] / mass } else { 0.0 });
-        }
+        set_accelerations(system, &linear.extensions, &state.moment(), accelerations);
         Ok(())
     }
 
