@@ -24,3 +24,10 @@ pub(super) fn eigenpair(a: &dyn LinearOperator, vector: Vec<f64>) -> Eigenpair {
     }
     Eigenpair { value, residual: norm(&product), vector }
 }
+
+/// A vector made one of length one; `None` where it has none.
+pub(super) fn unit(mut u: Vec<f64>) -> Option<Vec<f64>> {
+    let length = norm(&u);
+    u.iter_mut().for_each(|u| *u /= length);
+    (length > 0.0 && length.is_finite()).then_some(u)
+}

@@ -8,11 +8,11 @@
 //! The springs to blame are those of u. It comes near the eigenvector of λ_min, but is not it: what is found later is more exact.
 
 use super::culprits::{Culprit, Direction, direction};
-use super::eigenpair::{Eigenpair, eigenpair};
+use super::eigenpair::{Eigenpair, eigenpair, unit};
 use super::lanczos::lowest_vector;
 use crate::assembly::SymmetricMatrix;
 use crate::force::Extensions;
-use crate::linear::{Ldlt, norm};
+use crate::linear::Ldlt;
 use crate::operator::LinearOperator;
 use crate::spring::Stiffness;
 use crate::system::System;
@@ -98,12 +98,6 @@ pub(super) fn first_answer(
         best = next;
     }
     (definite == (best.value > 0.0)).then(|| answer(definite, best))
-}
-
-fn unit(mut u: Vec<f64>) -> Option<Vec<f64>> {
-    let length = norm(&u);
-    u.iter_mut().for_each(|u| *u /= length);
-    (length > 0.0 && length.is_finite()).then_some(u)
 }
 
 #[cfg(test)]

@@ -41,7 +41,7 @@ pub(super) fn upper_end(n: usize, steps: usize, apply: &mut Product<'_>) -> End 
     End { value, residual: tridiagonal.beta * tridiagonal.last_entry(value) }
 }
 
-/// The Ritz vector of the low end, not normalised, from twice so many products: the recurrence is run again to add up its vectors,
+/// The Ritz vector of the low end, a unit vector, from twice so many products: the recurrence is run again to add up its vectors,
 /// so that none is kept. `None` where a product is not finite.
 pub(super) fn lowest_vector(n: usize, steps: usize, apply: &mut Product<'_>) -> Option<Vec<f64>> {
     let eigen = recurrence(n, steps, apply, &mut |_, _| ())?.eigen()?;

@@ -202,7 +202,9 @@ impl AdaptiveStepper for Bdf2<'_> {
         // Without an estimate before it the past says nothing about errors: the step starts anew.
         if ratio == 0.0 || !self.estimate.is_known() {
             ratio = 0.0;
-            self.iteration.accelerations(state, self.estimate.start())?;
+            self.iteration.accelerations(state, self.estimate.begin())?;
+        } else {
+            self.estimate.go_on();
         }
         self.advance(state, dt, ratio)?;
         Ok(self.estimate.of_step(&self.history, state, &self.next, dt, ratio))

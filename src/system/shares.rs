@@ -19,9 +19,10 @@ pub(crate) struct Share {
     pub springs: Arc<[u32]>,
 }
 
-/// The shares of a system for the numbers of threads that have asked, each made once.
+/// The shares of a system for the numbers of threads that have asked, each made once: how many were asked for, and what there is, which
+/// may be less where many springs end in one particle.
 #[derive(Debug, Default)]
-pub(super) struct Shares(Mutex<Vec<Arc<[Share]>>>);
+pub(super) struct Shares(Mutex<Vec<(usize, Arc<[Share]>)>>);
 
 /// A copy may become another system, and makes its own.
 impl Clone for Shares {
@@ -36,11 +37,11 @@ impl System {
     pub(crate) fn shares(&self) -> Arc<[Share]> {
         let count = count(self);
         let mut known = self.shares.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(shares) = known.iter().find(|shares| shares.len() == count) {
+        if let Some((_, shares)) = known.iter().find(|(asked, _)| *asked == count) {
             return shares.clone();
         }
         let shares: Arc<[Share]> = shares(self, count).into();
-        known.push(shares.clone());
+        known.push((count, shares.clone()));
         shares
     }
 
@@ -135,6 +136,19 @@ mod tests {
                 assert_eq!(system.shares().len(), expected);
             }
         });
+        // A hub that comes last is a share of its own, and there are fewer than were asked for; they are made once too.
+        let mut builder = SystemBuilder::new();
+        let spokes = 6 * LEAST_SPRINGS;
+        for i in 0..=spokes {
+            builder.particle([i as f64, 0.0, 0.0], 1.0);
+        }
+        for i in 0..spokes {
+            builder.spring(i, spokes, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+        }
+        let (hub, _) = builder.build().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(5).build().unwrap();
+        let [first, second] = pool.install(|| [hub.shares(), hub.shares()]);
+        assert!(first.len() < 5 && std::sync::Arc::ptr_eq(&first, &second), "{}", first.len());
         // One system may be asked on any number of threads.
         let system = chain(4 * LEAST_SPRINGS, &[]);
         for threads in [2, 3, 2] {

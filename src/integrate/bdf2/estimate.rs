@@ -34,7 +34,8 @@ pub(super) struct Estimate {
     /// v[t₋, t₋₋] and t₋ − t₋₋, seen from the next step; `None` where that is not known.
     span: Option<f64>,
     slopes: Vec<Vector3<f64>>,
-    /// v[t, t] at the start of a step without a past.
+    /// v[t, t] at the start of a step without a past, and whether the step that is tried is one.
+    begins: bool,
     accelerations: Vec<Vector3<f64>>,
     positions: Vec<Vector3<f64>>,
     velocities: Vec<Vector3<f64>>,
@@ -47,7 +48,8 @@ impl Estimate {
     pub fn new(system: &System) -> Self {
         let zeros = || vec![Vector3::zeros(); system.particles()];
         let free = (0..system.particles()).map(|p| system.dofs().free_axes(p)).collect();
-        Self { span: None, slopes: zeros(), accelerations: zeros(), positions: zeros(), velocities: zeros(), free }
+        let [slopes, accelerations, positions, velocities] = [zeros(), zeros(), zeros(), zeros()];
+        Self { span: None, slopes, begins: false, accelerations, positions, velocities, free }
     }
 
     /// Whether the step before is known well enough for an estimate.
@@ -57,26 +59,30 @@ impl Estimate {
 
     /// Says that steps are taken whose estimates nobody asks for.
     pub fn forget(&mut self) {
-        self.span = None;
+        (self.span, self.begins) = (None, false);
     }
 
-    /// Where accelerations at the start of a step without a past are to be written, zero where coordinates are prescribed. Makes
-    /// the step after it a known one.
-    pub fn start(&mut self) -> &mut [Vector3<f64>] {
-        self.span = Some(0.0);
+    /// Says that the step which is tried next has a past, as long as it is not rejected.
+    pub fn go_on(&mut self) {
+        self.begins = false;
+    }
+
+    /// Says that it has none. Returns where accelerations at its start are to be written, zero where coordinates are prescribed; the step
+    /// after it is a known one.
+    pub fn begin(&mut self) -> &mut [Vector3<f64>] {
+        self.begins = true;
         &mut self.accelerations
     }
 
     /// Takes note that the step from a state is done; `history` still has the one before it.
     pub fn record(&mut self, history: &History, state: &State, ratio: f64) {
-        if self.span.is_none() {
-            return;
-        }
         match history.length().filter(|_| ratio > 0.0) {
-            None => {
+            None if self.begins => {
                 self.span = Some(0.0);
                 self.slopes.copy_from_slice(&self.accelerations);
             }
+            None => self.span = None,
+            Some(_) if self.span.is_none() => {}
             Some(last) => {
                 self.span = Some(last);
                 let before = &history.before().velocities;
@@ -143,7 +149,7 @@ mod tests {
             let h = step[1] - step[0];
             let ratio = history.length().map_or(0.0, |last| h / last);
             if ratio == 0.0 {
-                estimate.start()[0].x = acceleration;
+                estimate.begin()[0].x = acceleration;
             }
             let found = estimate.of_step(&history, &state, &next, h, ratio);
             errors.push([found.positions[0].x, found.velocities[0].x]);
@@ -191,8 +197,16 @@ mod tests {
         estimate.record(&history, &start, 0.0);
         history.record(&start, &start, 1.0);
         assert!(!estimate.is_known());
-        estimate.start();
+        // A step that was tried without a past is known once it is done.
+        estimate.begin();
+        assert!(!estimate.is_known());
+        estimate.record(&history, &start, 0.0);
         assert!(estimate.is_known());
+        estimate.go_on();
+        estimate.record(&history, &start, 0.0);
+        assert!(!estimate.is_known());
+        estimate.begin();
+        estimate.record(&history, &start, 0.0);
         estimate.forget();
         assert!(!estimate.is_known());
     }
@@ -204,7 +218,7 @@ mod tests {
         let (mut estimate, mut history) = (Estimate::new(&system), History::new(&system, &start));
         history.record(&at(0.0, |t| t), &at(1.0, |t| t), 1.0);
         for (ratio, span, slope) in [(0.0, 0.0, 5.0), (0.5, 1.0, 2.0)] {
-            estimate.start()[0].x = 5.0;
+            estimate.begin()[0].x = 5.0;
             estimate.record(&history, &at(1.0, |t| 2.0 * t), ratio);
             assert_eq!((estimate.span, estimate.slopes[0].x), (Some(span), slope));
         }
