@@ -272,7 +272,8 @@ impl Stepper<'_> {
                 let duration = schedule.elapsed(schedule.len()) - schedule.elapsed(first);
                 // A later part of a run begins with a step that the forces suggest.
                 let first_step = (first == 0).then_some(dt);
-                let how = Adaptivity { duration, rtol: *rtol, first_step, sampling: Sampling::Every(dt) };
+                let part_of = Some(schedule.duration_of_whole());
+                let how = Adaptivity { duration, rtol: *rtol, first_step, sampling: Sampling::Every(dt), part_of };
                 let observe = |count, state: &State, monitor: &Monitor| observe(first + count, state, monitor);
                 run_adaptive_monitored(&mut **stepper, system, state, &how, monitor, observe)
             }

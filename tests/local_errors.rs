@@ -132,7 +132,8 @@ fn rests(stiffness: f64, damping: f64) {
             let stepper = method.adaptive_stepper(&system, &start, &options).expect("a stepper");
             let mut stepper = stepper.expect("an estimate");
             let mut state = start.clone();
-            let how = Adaptivity { duration: 2.0, rtol, first_step: Some(0.02), sampling: Sampling::Steps };
+            let how =
+                Adaptivity { duration: 2.0, rtol, first_step: Some(0.02), sampling: Sampling::Steps, part_of: None };
             let go_on = |_, _: &State, _: &Monitor| ControlFlow::Continue(());
             let outcome = run_adaptive_monitored(&mut *stepper, &system, &mut state, &how, &mut monitor, go_on);
             assert_eq!(

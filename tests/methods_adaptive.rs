@@ -43,7 +43,7 @@ const SCENES: [&str; 8] = [
 ];
 
 fn adaptivity(duration: f64, rtol: f64) -> Adaptivity {
-    Adaptivity { duration, rtol, first_step: Some(0.01), sampling: Sampling::Steps }
+    Adaptivity { duration, rtol, first_step: Some(0.01), sampling: Sampling::Steps, part_of: None }
 }
 
 #[test]
@@ -249,4 +249,102 @@ fn a_run_can_be_stopped() {
     let outcome =
         run_adaptive(&mut *stepper, &system, &mut state, &adaptivity(1.0, 1e-3), |_, _| ControlFlow::Break(()));
     assert_eq!((outcome.status(), outcome.steps), (Status::Interrupted, 1));
+}
+
+fn methods() -> impl Iterator<Item = Method> {
+    Method::ALL.into_iter().filter(|method| method.estimates_errors())
+}
+
+/// One particle has no extent, and at rest no speed: errors are relative to the way that it is about to fall.
+#[test]
+fn a_particle_falls_from_rest() {
+    let mut builder = SystemBuilder::new();
+    builder.gravity(0.0, 0.0, -9.81);
+    builder.particle([3.0, 4.0, 5.0], 2.0);
+    let (system, start) = builder.build().unwrap();
+    for method in methods() {
+        let how = Adaptivity { first_step: None, ..adaptivity(1.0, 1e-3) };
+        let (state, ..) = run_by(method, &system, &start, &ImplicitOptions::default(), &how);
+        let error = (state.positions[0].z - (5.0 - 4.905)).abs() / 4.905;
+        assert!(error < 1e-3, "{}: {error:e}", method.name());
+    }
+}
+
+/// A particle of 1 kg flies at 4 m/s through the end that holds its spring of 1 N/m, of a rest length of 1 m: at that moment the scene has no extent.
+/// With u its distance less 1 m, `ü = −u` on either side. From u = 1, u̇ = −4 it is `u = cos t − 4 sin t` up to u = −1, and from
+/// there, mirrored, `u = −cos s + w sin s` with `w² = 16 + 1 − 1`.
+#[test]
+fn two_particles_may_pass_each_other() {
+    let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([2.0, 0.0, 0.0], 1.0);
+    builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+    builder.hold(0);
+    builder.velocities[1].x = -4.0;
+    let (system, start) = builder.build().unwrap();
+    let meeting = {
+        let (mut low, mut high) = (0.0f64, 1.0f64);
+        for _ in 0..60 {
+            let t = 0.5 * (low + high);
+            if t.cos() - 4.0 * t.sin() > -1.0 { low = t } else { high = t }
+        }
+        low
+    };
+    let s = 1.0 - meeting;
+    let exact = -(1.0 - s.cos() + 4.0 * s.sin());
+    for method in methods() {
+        for rtol in [1e-2, 1e-4] {
+            let how = Adaptivity { first_step: None, ..adaptivity(1.0, rtol) };
+            let (state, ..) = run_by(method, &system, &start, &ImplicitOptions::default(), &how);
+            let error = (state.positions[1].x / exact - 1.0).abs();
+            assert!(error < rtol, "{}, {rtol:e}: {error:e}", method.name());
+        }
+    }
+}
+
+/// After steps whose estimates nobody asked for, and a step that was rejected, the next one is what it would be without that.
+#[test]
+fn a_rejected_step_leaves_no_trace() {
+    let (system, start) = stiff(1e4, 0.0, 2);
+    for method in methods() {
+        let [plain, rejected] = [false, true].map(|rejects| {
+            let mut state = start.clone();
+            let mut stepper = method.adaptive_stepper(&system, &state, &ImplicitOptions::default()).unwrap().unwrap();
+            for _ in 0..3 {
+                stepper.step(&mut state, 1e-3).unwrap();
+            }
+            if rejects {
+                stepper.try_step(&state, 2e-3).unwrap();
+                stepper.reject();
+            }
+            // Of another length than the steps before: w2 keeps the matrix of equal ones.
+            let estimate = stepper.try_step(&state, 0.7e-3).unwrap();
+            (estimate.positions.to_vec(), estimate.velocities.to_vec())
+        });
+        assert!(plain.1.iter().any(|e| e.norm() > 0.0));
+        let apart = |a: &[Vector3<f64>], b: &[Vector3<f64>]| distance(a, b) / norm(a);
+        let apart = [apart(&plain.0, &rejected.0), apart(&plain.1, &rejected.1)];
+        assert!(apart.iter().all(|&apart| apart < 1e-6), "{}: {apart:?}", method.name());
+    }
+}
+
+/// 1566 intervals of a sixtieth of a second are 26.1 s up to rounding, in one run and in parts.
+#[test]
+fn the_end_is_one_sample() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    let (system, start) = builder.build().unwrap();
+    let interval = 1.0 / 60.0;
+    for (from, duration, samples) in [(0.0, 26.1, 1566), (30.0, 10.0, 600), (50.0, 10.0, 600), (1000.0, 0.35, 21)] {
+        let mut state = State { time: from, ..start.clone() };
+        let mut stepper =
+            Method::Rodas4.adaptive_stepper(&system, &state, &ImplicitOptions::default()).unwrap().unwrap();
+        let how = Adaptivity::new(duration, 1e-2).unwrap().sampled_every(interval).unwrap();
+        let mut count = 0;
+        run_adaptive(&mut *stepper, &system, &mut state, &how, |number, _| {
+            count = number;
+            ControlFlow::Continue(())
+        });
+        assert_eq!(count, samples, "{from} {duration}");
+    }
 }

@@ -25,7 +25,7 @@ fn steps_end_at_kinks_and_go_on() {
         let mut state = start.clone();
         let options = ImplicitOptions::default();
         let mut stepper = method.adaptive_stepper(&system, &start, &options).unwrap().unwrap();
-        let how = Adaptivity { duration: 1.0, rtol, first_step: None, sampling: Sampling::Steps };
+        let how = Adaptivity { duration: 1.0, rtol, first_step: None, sampling: Sampling::Steps, part_of: None };
         let outcome = run_adaptive(&mut *stepper, &system, &mut state, &how, |_, _| ControlFlow::Continue(()));
         assert!(outcome.end.is_ok(), "{}: {outcome:?}", method.name());
         state

@@ -66,7 +66,7 @@ fn controlled(
 ) -> Vec<u64> {
     let mut state = start.clone();
     let mut stepper = method.adaptive_stepper(system, &state, options).unwrap().unwrap();
-    let how = Adaptivity { duration: 0.4, rtol, first_step: Some(0.01), sampling };
+    let how = Adaptivity { duration: 0.4, rtol, first_step: Some(0.01), sampling, part_of: None };
     let mut observed = 0;
     let outcome = run_adaptive(&mut *stepper, system, &mut state, &how, |_, _| {
         observed += 1;

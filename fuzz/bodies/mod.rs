@@ -150,7 +150,13 @@ pub fn runs(data: &[u8]) {
             };
             let outcome = match rtol.zip(method.adaptive_stepper(&system, &state, &options).ok()?) {
                 Some((rtol, mut stepper)) => {
-                    let how = Adaptivity { duration: 6.0 * dt, rtol, first_step: None, sampling: Sampling::Steps };
+                    let how = Adaptivity {
+                        duration: 6.0 * dt,
+                        rtol,
+                        first_step: None,
+                        sampling: Sampling::Steps,
+                        part_of: None,
+                    };
                     run_adaptive_monitored(&mut *stepper, &system, &mut state, &how, &mut monitor, watch)
                 }
                 None => {

@@ -58,7 +58,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, method: Method, ra
                 pace = finer(pace);
                 continue;
             }
-            Went::Wrong => return Ok(Verdict::Unconfirmed("no run came to the end".into())),
+            Went::Wrong => return Ok(Verdict::Unconfirmed("no run that could confirm it came to the end".into())),
             Went::TooFar => return Ok(Verdict::Unconfirmed("it would take too many steps".into())),
         };
         if let Some(coarse) = &coarse {

@@ -8,7 +8,7 @@ use super::{Configuration, Pace};
 use crate::error::Result;
 use crate::integrate::{
     Adaptivity, Dop853, Method, Monitor, MonitorOptions, Outcome, Sampling, Schedule, Statistics, Status, TimeStepper,
-    run_adaptive_monitored, run_equal_monitored, run_monitored,
+    run_adaptive_monitored, run_equal_monitored, run_monitored, run_steps_monitored, steps_between_kinks,
 };
 use crate::linear::{CostModel, FactorReport, LinearSolver};
 use crate::system::{State, System};
@@ -42,7 +42,7 @@ pub(super) struct Attempt<R> {
     pub cost: f64,
     pub solver: SolverReport,
     pub course: Course,
-    /// How many springs of a one-dimensional system have passed the length zero.
+    /// How many springs have passed the length zero on a straight line.
     pub reversed: usize,
     pub records: R,
 }
@@ -74,12 +74,12 @@ pub(super) struct Tried<R> {
     pub strayed: f64,
 }
 
-/// Runs a configuration as far as `limit` force evaluations go.
+/// Runs a configuration as far as `limit` force evaluations go. No step of the runs that this one is compared with is above `longest`, in s.
 pub(super) fn attempt<A: Audience>(
     task: &Task<'_>,
     configuration: Configuration,
     pace: Pace,
-    limit: f64,
+    [limit, longest]: [f64; 2],
     audience: &mut A,
     progress: &mut dyn FnMut(&mut A, f64, f64),
 ) -> Result<Tried<A::Records>> {
@@ -108,7 +108,7 @@ pub(super) fn attempt<A: Audience>(
             let mut metered = Metered { stepper: &mut *stepper, meter: &meter };
             let sampling = Sampling::Every(grid.spacing);
             let see = |number, state: &State, monitor: &Monitor| watch.see(number, state, monitor);
-            let lengths = [dt, duration];
+            let lengths = [dt, longest, duration];
             let outcome = run_equal_monitored(&mut metered, system, &mut state, lengths, sampling, &mut monitor, see);
             (outcome, stepper)
         }
@@ -116,17 +116,23 @@ pub(super) fn attempt<A: Audience>(
             let mut stepper = method.stepper(system, start, options)?;
             let mut metered = Metered { stepper: &mut *stepper, meter: &meter };
             let mut between = Between::new(grid.spacing, dt, start);
-            let schedule = Schedule::duration(dt, duration);
-            let outcome = run_monitored(&mut metered, &mut state, &schedule, &mut monitor, |_, state, monitor| {
+            let see = |_, state: &State, monitor: &Monitor| {
                 between.see(system, state, watch.end, |number, sample| watch.see(number, sample, monitor))
-            });
+            };
+            let outcome = if task.has_kinks() {
+                let span = [start.time, start.time + duration];
+                let steps = steps_between_kinks(system.prescribed(), span, [dt, longest]);
+                run_steps_monitored(&mut metered, &mut state, steps, &mut monitor, see)
+            } else {
+                run_monitored(&mut metered, &mut state, &Schedule::duration(dt, duration), &mut monitor, see)
+            };
             (outcome, stepper)
         }
         Pace::Adaptive { rtol, first_step } => {
             let mut stepper = method.adaptive_stepper(system, start, options)?.ok_or_else(|| {
                 crate::Error::Unsupported(format!("{} has no error estimate for adaptive steps", method.name()))
             })?;
-            let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Every(grid.spacing) };
+            let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Every(grid.spacing), part_of: None };
             let mut metered = Metered { stepper: &mut *stepper, meter: &meter };
             let outcome = run_adaptive_monitored(
                 &mut metered,
@@ -241,7 +247,8 @@ mod tests {
         let grid = Grid::new(4.0, 0.5, 2);
         let task = Task { system, start, duration: 4.0, costs: CostModel::of(system), grid, go_on: &go_on };
         for (method, loses, gains) in [(Method::BackwardEuler, true, false), (Method::ForwardEuler, false, true)] {
-            let tried = attempt(&task, of(method), Pace::Step(0.2), f64::INFINITY, &mut (), &mut |_, _, _| {}).unwrap();
+            let tried =
+                attempt(&task, of(method), Pace::Step(0.2), [f64::INFINITY, 0.2], &mut (), &mut |_, _, _| {}).unwrap();
             let mut state = start.clone();
             let mut monitor = Monitor::new(system, &state, MonitorOptions::default()).unwrap();
             let mut stepper = method.stepper(system, &state, &Default::default()).unwrap();

@@ -15,6 +15,9 @@ const SAMPLES: [usize; 2] = [8, 64];
 /// The part of the way over which the largest difference counts for that at the end.
 const LAST_PART: f64 = 0.25;
 
+/// The sine of the angle up to which two vectors lie on a line.
+const ALIGNED: f64 = 1e-9;
+
 /// Positions at every `every`-th of a run's samples and at its end.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Course {
@@ -39,17 +42,23 @@ impl Course {
         self.positions.last().map_or(&[], Vec::as_slice)
     }
 
-    /// How many springs of a one-dimensional system, whose ends are these pairs, point the other way at some time than at the start.
+    /// How many springs, whose ends are these pairs, pass the length zero on a straight line, on the way from the positions in which the run began.
+    /// So do those of a motion in one dimension, also where it is written in more.
     pub fn reversed(&self, pairs: &[[u32; 2]], start: &[Vector3<f64>]) -> usize {
-        let along = |positions: &[Vector3<f64>], [i, j]: [u32; 2]| -> Option<f64> {
-            Some(positions.get(j as usize)?.x - positions.get(i as usize)?.x)
+        pairs.iter().filter(|&&pair| self.is_reversed(pair, start)).count()
+    }
+
+    fn is_reversed(&self, [i, j]: [u32; 2], start: &[Vector3<f64>]) -> bool {
+        let along = |positions: &[Vector3<f64>]| match (positions.get(i as usize), positions.get(j as usize)) {
+            (Some(i), Some(j)) => j - i,
+            _ => Vector3::zeros(),
         };
-        let is_reversed = |positions: &[Vector3<f64>], pair| {
-            along(start, pair).zip(along(positions, pair)).is_some_and(|(before, now)| before * now < 0.0)
-        };
-        let reversed =
-            pairs.iter().filter(|&&pair| self.positions.iter().any(|positions| is_reversed(positions, pair)));
-        reversed.count()
+        let first = along(start);
+        // Most springs of motions in space have turned at the end, and need not be followed.
+        if !is_aligned(&first, &along(self.end())) {
+            return false;
+        }
+        self.positions.iter().map(|positions| along(positions)).any(|d| d.dot(&first) < 0.0 && is_aligned(&first, &d))
     }
 
     /// `self + factor (self − coarser)`, what is left when an error of known order is taken off.
@@ -73,6 +82,11 @@ impl Course {
         let end = relative_position_error(other.end(), self.end(), start);
         Difference { times: self.times.clone(), distances, end: if end.is_nan() { f64::INFINITY } else { end } }
     }
+}
+
+/// Whether two vectors lie on a line, up to rounding.
+fn is_aligned(a: &Vector3<f64>, b: &Vector3<f64>) -> bool {
+    a.cross(b).norm() <= ALIGNED * a.norm() * b.norm()
 }
 
 /// How far two runs were apart, relative to the extent at the end.
@@ -172,6 +186,27 @@ mod tests {
             for pair in [[0, 1], [1, 0]] {
                 assert_eq!(course.reversed(&[pair], &at(5.0, 6.0)), expected, "{then:?}");
             }
+        }
+    }
+
+    /// Along a line that is no axis; not where it turns round, nor beside it.
+    #[test]
+    fn springs_pass_the_length_zero_on_any_line() {
+        let start = [Vector3::zeros(), Vector3::new(0.3, -0.7, 0.9)];
+        let line = start[1];
+        let aside = Vector3::new(0.7, 0.3, 0.0) * 1e-6;
+        for (then, end, expected) in [
+            (-line, line * 2.0, 1),
+            (line * 1e-3, -line * 1e-9, 1),
+            (-line, line + aside, 0),
+            (-line + aside, line, 0),
+            (line * 0.1, line, 0),
+            (Vector3::zeros(), line, 0),
+        ] {
+            let mut course = Course::default();
+            course.push(1.0, &[start[0], then]);
+            course.push(2.0, &[start[0], end]);
+            assert_eq!(course.reversed(&[[0, 1]], &start), expected, "{then} {end}");
         }
     }
 }

@@ -64,7 +64,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price, othe
                 tolerance *= 0.1;
                 continue;
             }
-            Went::Wrong => return Ok(Verdict::Unconfirmed("no run came to the end".into())),
+            Went::Wrong => return Ok(Verdict::Unconfirmed("no run that could confirm it came to the end".into())),
             Went::TooFar => return Ok(Verdict::Unconfirmed("it would take too many steps".into())),
         };
         if let Some(other) = other.take().filter(|_| coarse.is_none()) {

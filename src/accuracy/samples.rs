@@ -1,7 +1,7 @@
 //! The times at which runs are seen, whatever their steps, so that they can be recorded and compared.
 
 use super::course::most_samples;
-use crate::integrate::hermite;
+use crate::integrate::{hermite, is_end};
 use crate::system::{State, System};
 use std::ops::ControlFlow;
 
@@ -54,10 +54,8 @@ impl Between {
         end: f64,
         mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
-        let is_end = state.time >= end;
-        // A time within rounding of the end is the end.
-        let slack = if is_end { 1e-9 * self.spacing } else { 0.0 };
-        while self.next() < state.time - slack || (self.next() == state.time && !is_end) {
+        let ends = state.time >= end;
+        while self.next() <= state.time && !(ends && is_end(self.next(), [self.start, end])) {
             let time = self.next();
             hermite(&self.before, state, time, &mut self.sample);
             self.sample.time = time;
@@ -65,7 +63,7 @@ impl Between {
             self.count += 1;
             observe(self.count, &self.sample)?;
         }
-        if is_end {
+        if ends {
             self.count += 1;
             return observe(self.count, state);
         }

@@ -65,6 +65,10 @@ pub(super) struct Search<'s, A: Audience> {
     runs: u32,
     /// What is left to do after the run at hand, at most, as far as can be seen.
     pub left: f64,
+    /// The longest step of all runs of one step length, in s.
+    longest: f64,
+    /// What the steps of the last completed run have estimated of their errors, relative to the extent.
+    local_errors: f64,
     /// The last completed run.
     latest: Option<Attempt<A::Records>>,
     /// The run with the least estimate of its error, and that.
@@ -93,13 +97,25 @@ pub(super) struct Run {
     pub local_errors: f64,
     /// The amplitude of what the energy that appeared or vanished would be in vibrations of one radian a step, relative to the extent.
     pub strayed: f64,
-    /// Whether forces have jumped on the way: springs of a one-dimensional system that pass the length zero.
+    /// Whether forces have jumped on the way: those of springs that pass the length zero.
     pub jumps: bool,
 }
 
 impl<'s, A: Audience> Search<'s, A> {
     pub fn new(task: &'s Task<'s>, requirement: &'s Requirement, audience: &'s mut A) -> Self {
-        Self { task, requirement, audience, spent: 0.0, runs: 0, left: 0.0, latest: None, best: None, horizon: None }
+        Self {
+            task,
+            requirement,
+            audience,
+            spent: 0.0,
+            runs: 0,
+            left: 0.0,
+            longest: 0.0,
+            local_errors: 0.0,
+            latest: None,
+            best: None,
+            horizon: None,
+        }
     }
 
     /// Enters what something beside runs has cost.
@@ -126,7 +142,10 @@ impl<'s, A: Audience> Search<'s, A> {
             audience.progress(&SearchProgress { doing: &doing, part, spent: before + cost, left: left + rest });
         };
         let limit = limit.min(MOST_COST - self.spent);
-        let tried = attempt(self.task, configuration, pace, limit, self.audience, &mut progress)?;
+        if let Pace::Step(dt) = pace {
+            self.longest = self.longest.max(dt);
+        }
+        let tried = attempt(self.task, configuration, pace, [limit, self.longest], self.audience, &mut progress)?;
         let Tried { attempt, status, cost, is_too_expensive, local_errors, strayed } = tried;
         self.runs += 1;
         self.spent += cost;
@@ -138,18 +157,18 @@ impl<'s, A: Audience> Search<'s, A> {
             });
         };
         let course = std::mem::take(&mut attempt.course);
-        let system = self.task.system;
-        if system.dimension() == 1 {
-            attempt.reversed = course.reversed(system.pairs(), &self.task.start.positions);
-        }
+        attempt.reversed = course.reversed(self.task.system.pairs(), &self.task.start.positions);
         let local_errors = local_errors / extent(course.end(), &self.task.start.positions);
         let run = Run { cost, steps: attempt.steps, local_errors, strayed, jumps: attempt.reversed > 0 };
+        self.local_errors = local_errors;
         self.latest = Some(attempt);
         Ok(Went::Well(course, run))
     }
 
-    /// Says what is known of the error of the run made last.
+    /// Says what is known of the error of the run made last. Where runs came out the same, as those whose steps are all cut by kinks, it is what
+    /// their steps have estimated themselves.
     pub fn estimate(&mut self, error: f64) {
+        let error = if error == 0.0 { self.local_errors.min(self.requirement.accuracy) } else { error };
         if self.best.as_ref().is_none_or(|(_, least)| error <= *least)
             && let Some(latest) = self.latest.take()
         {

@@ -4,7 +4,7 @@
 //! Long steps that damp what they do not resolve agree on a motion without it. So they are not even tried before that is known
 //! to be right: what [they do not resolve](super::resolution) has a small amplitude at the start, no kink of a prescribed path sets it
 //! off later, and no compressed spring makes the state unstable within a step, which long implicit steps would calm as they calm
-//! everything. Then runs of the second-order backward differentiation formula follow, each with half the steps of the one before, and the
+//! everything. Then runs of the second-order backward differentiation formula follow, each with twice the steps of the one before, and the
 //! difference of two stands for the error of the finer one, which by the order is a third of it.
 
 use super::audience::Audience;

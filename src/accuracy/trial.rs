@@ -115,7 +115,7 @@ pub fn trial(
             let mut stepper = method.adaptive_stepper(system, start, options)?.ok_or_else(|| {
                 crate::Error::Unsupported(format!("{} has no error estimate for adaptive steps", method.name()))
             })?;
-            let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Steps };
+            let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Steps, part_of: None };
             (run_adaptive(stepper.as_mut(), system, &mut state, &how, observe), stepper)
         }
     };

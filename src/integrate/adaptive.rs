@@ -7,9 +7,10 @@
 //! e = √(‖e_x‖² + (X/V)² ‖e_v‖²)/(r X) · w^((p + 1)/q) ≤ 1,      w = max(1, min(TV/X, 10), TV/(10 X)).
 //! ```
 //!
-//! Norms are Euclidean over all particles. X is the spread `‖x − centroid‖` of the positions, V the largest ‖v‖ so far. A
-//! motion that has not begun yet has speed: V is at least `0.3 min(a₀T, √(a₀X))`, a₀ the norm of the accelerations at the start
-//! of the run of T seconds. (Where there is but one place, X is the way V T.)
+//! Norms are Euclidean over all particles. X is the spread `‖x − centroid‖` of the positions, and no less
+//! than a hundredth of what that was before (two particles that pass each other have none for a moment), V the largest ‖v‖ so far. A motion
+//! that has not begun yet has speed: V is at least `0.3 min(a₀T, √(a₀X))`, a₀ the norm of the accelerations at the start
+//! of the run of T seconds. (Where there is but one place, V is at least `0.3 a₀T` and X is the way V T.)
 //!
 //! *Velocities have a full part in this.* X/V is the time in which a velocity error has become a position error of the same
 //! relative size. A method that damps leaves hardly any position error behind in a step that misses a fast vibration, and all
@@ -109,6 +110,8 @@ pub struct Adaptivity {
     pub first_step: Option<f64>,
     /// When the run is observed.
     pub sampling: Sampling,
+    /// Length of the run of which this is a part, in s: errors of all its parts add up. `None` where it is the whole.
+    pub part_of: Option<f64>,
 }
 
 impl Adaptivity {
@@ -123,7 +126,7 @@ impl Adaptivity {
         if !(rtol > 0.0 && rtol < 1.0) {
             return Err(Invalid::new("rtol", rtol, "must lie between 0 and 1"));
         }
-        Ok(Self { duration, rtol, first_step: None, sampling: Sampling::Steps })
+        Ok(Self { duration, rtol, first_step: None, sampling: Sampling::Steps, part_of: None })
     }
 
     /// The same, observed every so many seconds, whatever the steps.
@@ -180,18 +183,18 @@ pub fn run_adaptive_monitored(
     })
 }
 
-/// As [`run_adaptive_monitored`], with steps of `dt` seconds whatever their errors; those before a stop may be shorter. For what a
-/// method with an interpolant tells between its steps. A step that fails ends the run.
+/// As [`run_adaptive_monitored`], with steps of `dt` seconds whatever their errors; those before a stop may be shorter, and between stops that are
+/// nearer than `longest` all are, in proportion. For what a method with an interpolant tells between its steps. A step that fails ends the run.
 pub(crate) fn run_equal_monitored(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
     state: &mut State,
-    [dt, duration]: [f64; 2],
+    [dt, longest, duration]: [f64; 3],
     sampling: Sampling,
     monitor: &mut Monitor,
     mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
 ) -> Outcome {
-    let pacing = Pacing { duration, sampling, control: Control::equal(dt), scales: None };
+    let pacing = Pacing { duration, sampling, control: Control::equal(dt, longest), scales: None };
     drive(stepper, system, state, pacing, Some(monitor), |count, state, monitor| {
         monitor.map_or(ControlFlow::Continue(()), |monitor| observe(count, state, monitor))
     })
@@ -236,8 +239,12 @@ fn drive(
     let mut steps = 0;
     let stiffness = stiffness(system);
     stepper.restart();
+    let mut begins = true;
     while state.time < end {
         let stop = system.prescribed().next_kink(state.time).map_or(end, |kink| kink.min(end));
+        if begins {
+            control.begin(stop - state.time);
+        }
         let (h, lands) = control.step_towards(stop - state.time);
         let failure = match try_step(stepper, system, &stiffness, scales.as_ref(), state, h) {
             Ok(Tried { error, doubt }) if error <= 1.0 => {
@@ -268,6 +275,7 @@ fn drive(
                 if lands && !is_last {
                     stepper.restart();
                 }
+                begins = lands;
                 continue;
             }
             Ok(Tried { error, .. }) => {

@@ -1,6 +1,8 @@
 //! Steps of a fixed length, cut where prescribed paths have kinks: between kinks motions are smooth, and prescribed velocities
 //! constant.
 
+use super::Schedule;
+use super::schedule::Step;
 use crate::system::Prescribed;
 
 /// Kinks within this part of a step of one of its ends are at that end.
@@ -39,6 +41,28 @@ impl Piece {
     }
 }
 
+/// Steps of `dt` seconds from one time to another, the last before a kink or the end being shorter. Between kinks that are nearer than `longest`
+/// all are shorter, in proportion: else runs with steps up to that would do the same there, and agree on it.
+pub(crate) fn steps_between_kinks(
+    prescribed: &Prescribed,
+    [start, end]: [f64; 2],
+    [dt, longest]: [f64; 2],
+) -> impl Iterator<Item = Step> {
+    let stops = std::iter::successors(Some(start), move |&from| {
+        (from < end).then(|| prescribed.next_kink(from).map_or(end, |kink| kink.min(end)))
+    });
+    let stops: Vec<f64> = stops.collect();
+    let legs: Vec<[f64; 2]> = stops.iter().zip(stops.iter().skip(1)).map(|(from, to)| [*from, *to]).collect();
+    legs.into_iter().flat_map(move |[from, to]| {
+        let schedule = Schedule::duration(dt * ((to - from) / longest).min(1.0), to - from);
+        (0..schedule.len()).filter_map(move |number| {
+            let ends_at_kink = number + 1 == schedule.len() && to < end;
+            let end = if number + 1 == schedule.len() { to } else { from + schedule.elapsed(number + 1) };
+            Some(Step { dt: schedule.step(number)?, end, ends_at_kink })
+        })
+    })
+}
+
 /// A damped particle drawn by another that starts, turns and stops with jerks, a quarter of a second each.
 #[cfg(test)]
 pub(super) fn drawn_with_jerks() -> (crate::system::System, crate::system::State) {
@@ -58,7 +82,7 @@ pub(super) fn drawn_with_jerks() -> (crate::system::System, crate::system::State
 
 #[cfg(test)]
 mod tests {
-    use super::Piece;
+    use super::{Piece, Step, steps_between_kinks};
     use crate::system::{Axes, Constraint, Motion, SystemBuilder};
     use nalgebra::Vector3;
 
@@ -93,5 +117,32 @@ mod tests {
         assert_eq!(pieces(0.5 - step, step + 2e-10).len(), 2);
         // Here the end less what counts as nothing is rounded to the very kink.
         assert_eq!(pieces(0.5 - step, step + 9.0 * 2f64.powi(-53)).len(), 1);
+    }
+
+    /// Kinks at 0.5 s, 1 s and 1.25 s, on the way from 0.25 s to 3 s. Where steps may be 0.75 s long, the ways of 0.25, 0.5 and 0.25 s take one
+    /// of the longest steps each, and two of steps of 0.5 s, the second shorter; the last way takes steps as they are.
+    #[test]
+    fn steps_between_kinks_become_shorter_with_the_others() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        let times = vec![0.5, 1.0, 1.25];
+        let motion = Motion::Path { offsets: vec![Vector3::zeros(); times.len()], times };
+        builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+        let (system, _) = builder.build().unwrap();
+        let steps = |dt: f64| -> Vec<Step> {
+            let steps: Vec<Step> = steps_between_kinks(system.prescribed(), [0.25, 3.0], [dt, 0.75]).collect();
+            let mut time = 0.25;
+            for step in &steps {
+                assert!((time + step.dt - step.end).abs() < 1e-15);
+                assert_eq!(step.ends_at_kink, [0.5, 1.0, 1.25].contains(&step.end));
+                time = step.end;
+            }
+            assert_eq!(time, 3.0);
+            steps
+        };
+        let lengths = |dt: f64| steps(dt).iter().map(|step| (1e6 * step.dt).round() / 1e6).collect::<Vec<_>>();
+        assert_eq!(lengths(0.75), [0.25, 0.5, 0.25, 0.75, 0.75, 0.25]);
+        let [near, far] = [[0.166667, 0.083333], [0.333333, 0.166667]];
+        assert_eq!(lengths(0.5), [&near[..], &far, &near, &[0.5, 0.5, 0.5, 0.25]].concat());
     }
 }

@@ -1,5 +1,6 @@
 //! The run loop: step after step until the end, a failure, or a request to stop.
 
+use super::schedule::Step;
 use super::{Monitor, Schedule, Status, StepFailure, TimeStepper};
 use crate::system::State;
 use std::ops::ControlFlow;
@@ -84,7 +85,8 @@ pub fn run(
     schedule: &Schedule,
     mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
 ) -> Outcome {
-    drive(stepper, state, schedule, None, |steps, state, _| observe(steps, state))
+    let steps = scheduled(state, schedule);
+    drive(stepper, state, schedule.first(), steps, None, |steps, state, _| observe(steps, state))
 }
 
 /// As [`run`], with a monitor that enters every step before `observe` sees it, and ends the run when energy appears from
@@ -119,22 +121,45 @@ pub fn run_monitored(
     monitor: &mut Monitor,
     mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
 ) -> Outcome {
-    drive(stepper, state, schedule, Some(monitor), |steps, state, monitor| {
+    let steps = scheduled(state, schedule);
+    drive(stepper, state, schedule.first(), steps, Some(monitor), |steps, state, monitor| {
         monitor.map_or(ControlFlow::Continue(()), |monitor| observe(steps, state, monitor))
+    })
+}
+
+/// As [`run_monitored`], with the steps given.
+pub(crate) fn run_steps_monitored(
+    stepper: &mut dyn TimeStepper,
+    state: &mut State,
+    steps: impl Iterator<Item = Step>,
+    monitor: &mut Monitor,
+    mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
+) -> Outcome {
+    drive(stepper, state, 0, steps, Some(monitor), |steps, state, monitor| {
+        monitor.map_or(ControlFlow::Continue(()), |monitor| observe(steps, state, monitor))
+    })
+}
+
+fn scheduled(state: &State, schedule: &Schedule) -> impl Iterator<Item = Step> + use<> {
+    let schedule = *schedule;
+    // Of a part of a schedule the time at which the whole began: exactly, for what was added is taken off.
+    let start = state.time - schedule.elapsed(schedule.first());
+    (schedule.first()..).map_while(move |number| {
+        let dt = schedule.step(number)?;
+        Some(Step { dt, end: start + schedule.elapsed(number + 1), ends_at_kink: false })
     })
 }
 
 fn drive(
     stepper: &mut dyn TimeStepper,
     state: &mut State,
-    schedule: &Schedule,
+    first: u64,
+    lengths: impl Iterator<Item = Step>,
     mut monitor: Option<&mut Monitor>,
     mut observe: impl FnMut(u64, &State, Option<&Monitor>) -> ControlFlow<()>,
 ) -> Outcome {
-    // Of a part of a schedule the time at which the whole began: exactly, for what was added is taken off.
-    let start = state.time - schedule.elapsed(schedule.first());
-    let mut steps = schedule.first();
-    while let Some(dt) = schedule.step(steps) {
+    let (mut steps, mut lengths) = (first, lengths.peekable());
+    while let Some(Step { dt, end, ends_at_kink }) = lengths.next() {
         let (before, number) = (state.time, steps + 1);
         let mut done = match &mut monitor {
             Some(monitor) => stepper.step_seen(state, dt, monitor.springs()),
@@ -145,13 +170,16 @@ fn drive(
         }
         if done.is_ok() {
             steps += 1;
-            state.time = start + schedule.elapsed(steps);
+            state.time = end;
             done = monitor.as_mut().map_or(Ok(()), |monitor| monitor.enter(steps, state, dt, stepper.local_error()));
         }
         if let Err(failure) = done {
             return Outcome::failed(number, before, failure, steps, state, monitor);
         }
-        if observe(steps, state, monitor.as_deref()).is_break() && steps < schedule.len() {
+        if ends_at_kink {
+            stepper.restart();
+        }
+        if observe(steps, state, monitor.as_deref()).is_break() && lengths.peek().is_some() {
             return Outcome { steps, end: Ok(ControlFlow::Break(())) };
         }
     }

@@ -34,6 +34,22 @@ const DIVIDES: f64 = 1e-9;
 /// after so many steps is still a product without gaps.
 const MOST_STEPS: f64 = 9_007_199_254_740_992.0;
 
+/// A step of a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Step {
+    /// Its length, in s.
+    pub dt: f64,
+    /// When it ends, in s.
+    pub end: f64,
+    /// Whether a prescribed path has a kink there: what the method knows of earlier steps says nothing about later ones.
+    pub ends_at_kink: bool,
+}
+
+/// Whether a time is the end of a run, from its start to its end, up to what rounding makes of times and of a step that divides it.
+pub(crate) fn is_end(time: f64, [start, end]: [f64; 2]) -> bool {
+    end - time <= DIVIDES * (end - start) + 4.0 * f64::EPSILON * end.abs()
+}
+
 impl Schedule {
     /// A number of steps of length dt > 0.
     pub fn steps(dt: f64, steps: u64) -> Self {

@@ -95,7 +95,8 @@ fn adaptive_runs_go_on_in_parts() {
         stepper.run(&system, &mut state, &part, &mut monitor, observe);
 
         let duration = if first_step.is_some() { 0.5 } else { 1.0 };
-        let how = Adaptivity { duration, rtol: 1e-3, first_step, sampling: Sampling::Every(0.25) };
+        let part_of = Some(1.5);
+        let how = Adaptivity { duration, rtol: 1e-3, first_step, sampling: Sampling::Every(0.25), part_of };
         let mut monitor = Monitor::new(&system, &alone, MonitorOptions::default()).unwrap();
         let mut stepper = Rodas4::new(&system, &alone, &plan.configuration.options).unwrap();
         let observe = |_, _: &State, _: &Monitor| ControlFlow::Continue(());

@@ -85,7 +85,13 @@ fn controlled(method: Method) {
                 let linear = SolverOptions { solver, ..SolverOptions::default() };
                 let options = ImplicitOptions { stiffness: StiffnessPolicy::OnDemand, linear };
                 let (mut state, duration) = (subject.state.clone(), 12.0 * subject.dt);
-                let how = Adaptivity { duration, rtol, first_step: None, sampling: Sampling::Every(duration / 5.0) };
+                let how = Adaptivity {
+                    duration,
+                    rtol,
+                    first_step: None,
+                    sampling: Sampling::Every(duration / 5.0),
+                    part_of: None,
+                };
                 let key = format!("{} {rtol:e}", subject.name);
                 let mut stepper = method.adaptive_stepper(&subject.system, &state, &options).unwrap().unwrap();
                 let mut seen = Vec::new();

@@ -205,6 +205,7 @@ impl Subject<'_> {
                     rtol,
                     first_step: Some(first_step),
                     sampling: Sampling::Steps,
+                    part_of: None,
                 };
                 let outcome =
                     run_adaptive_monitored(&mut *stepper, self.system, &mut state, &how, &mut monitor, observe);

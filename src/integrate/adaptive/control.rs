@@ -22,26 +22,35 @@ pub(super) struct Control {
     was_rejected: bool,
     /// No step longer than this.
     ceiling: f64,
-    /// Whether all steps but those before stops are equal; none is tried again then.
-    is_equal: bool,
+    /// The length of all steps but those before stops, and the longest of runs that this one is compared with; none is tried again then.
+    equal: Option<[f64; 2]>,
 }
 
 impl Control {
     pub fn new(first: f64, duration: f64) -> Self {
-        Self { h: first.min(duration), last_error: 1.0, was_rejected: false, ceiling: duration, is_equal: false }
+        Self { h: first.min(duration), last_error: 1.0, was_rejected: false, ceiling: duration, equal: None }
     }
 
-    /// Steps of h seconds.
-    pub fn equal(h: f64) -> Self {
-        Self { h, last_error: 1.0, was_rejected: false, ceiling: h, is_equal: true }
+    /// Steps of h seconds, in runs that are compared with others of longer steps, but none above `longest`.
+    pub fn equal(h: f64, longest: f64) -> Self {
+        Self { h, last_error: 1.0, was_rejected: false, ceiling: h, equal: Some([h, longest]) }
+    }
+
+    /// Before the steps to a stop that is `distance` ahead: equal ones become shorter with it where even the longest would be cut by it. Else
+    /// all runs would do the same there, and agree on it.
+    pub fn begin(&mut self, distance: f64) {
+        if let Some([h, longest]) = self.equal {
+            self.h = h * (distance / longest).min(1.0);
+        }
     }
 
     /// The step to take when a stop is `distance` ahead, and whether it lands there. The last two steps share what is
-    /// left, so that none is tiny.
+    /// left, so that none is tiny; of equal ones only where that is hardly less.
     pub fn step_towards(&self, distance: f64) -> (f64, bool) {
+        let least = if self.equal.is_some() { 1.99 } else { 0.0 };
         if distance <= self.h * 1.01 {
             (distance, true)
-        } else if distance < 2.0 * self.h {
+        } else if distance < 2.0 * self.h && distance >= least * self.h {
             (0.5 * distance, false)
         } else {
             (self.h, false)
@@ -50,7 +59,7 @@ impl Control {
 
     /// After a step of h seconds with an error of at most one.
     pub fn accepted(&mut self, error: f64, h: f64, stepper: &dyn AdaptiveStepper) {
-        if self.is_equal {
+        if self.equal.is_some() {
             return;
         }
         let power = f64::from(stepper.estimate_order() + 1);
@@ -78,7 +87,7 @@ impl Control {
     pub fn failed(&mut self, h: f64) {
         self.was_rejected = true;
         self.ceiling = BELOW_FAILURE * h;
-        self.h = if self.is_equal { 0.0 } else { 0.5 * h };
+        self.h = if self.equal.is_some() { 0.0 } else { 0.5 * h };
     }
 }
 

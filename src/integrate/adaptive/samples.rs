@@ -1,6 +1,7 @@
 //! What the observer of a run with error control sees.
 
-use super::{AdaptiveStepper, SHORTEST, Sampling};
+use super::{AdaptiveStepper, Sampling};
+use crate::integrate::is_end;
 use crate::system::{State, System};
 use std::ops::ControlFlow;
 
@@ -33,9 +34,7 @@ impl Samples {
         {
             loop {
                 let time = self.start + (self.count + 1) as f64 * interval;
-                // A sample within rounding of the end is the end.
-                let reach = if is_last { after.time - SHORTEST * interval } else { after.time };
-                if time >= reach {
+                if time >= after.time || is_last && is_end(time, [self.start, after.time]) {
                     break;
                 }
                 self.count += 1;

@@ -1,7 +1,7 @@
 //! What errors are relative to, and how long a first step is.
 
 use super::{Adaptivity, ErrorEstimate};
-use crate::force::{Extensions, add_damping_force, add_elastic_force, add_external_forces, add_weight};
+use crate::force::{Extensions, set_accelerations};
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
@@ -10,6 +10,9 @@ const COARSE: f64 = 0.5;
 
 /// The way of particles, relative to X, up to which errors at the end grow in proportion to it.
 const FAR: f64 = 10.0;
+
+/// X is at least this part of the largest so far: two particles that pass each other have no extent for a moment.
+const LEAST_EXTENT: f64 = 1e-2;
 
 /// A run in which nothing moves yet nor is pulled has at least this part of X/T for a speed.
 const LEAST_SPEED: f64 = 1e-3;
@@ -25,24 +28,29 @@ pub(super) struct Scales {
     duration: f64,
     /// V.
     speed: f64,
+    /// The largest spread of the particles so far.
+    spread: f64,
 }
 
 impl Scales {
     /// At the start of a run by a method of order q whose estimate falls as h^(p + 1), and the number of force evaluations that took. Where forces are undefined the first step fails
     /// and says so; here they count as none.
     pub fn at_start(system: &System, state: &State, how: &Adaptivity, [q, p]: [u32; 2]) -> (Self, u64) {
-        let Adaptivity { duration, rtol, .. } = *how;
+        let (rtol, duration) = (how.rtol, how.part_of.unwrap_or(how.duration));
         let power = f64::from(p + 1) / f64::from(q);
         let tolerance = rtol * (rtol / COARSE).min(1.0).powf(power - 1.0);
         let a0 = accelerations(system, state).map_or(0.0, |a| norm(&a));
         let spread = spread(&state.positions);
-        let speed = norm(&state.velocities).max(0.3 * (a0 * duration).min((a0 * spread).sqrt()));
-        (Self { tolerance, rtol, power, duration, speed: speed.max(LEAST_SPEED * spread / duration) }, 1)
+        // Within the run, or within the extent where there is one.
+        let gained = if spread > 0.0 { (a0 * duration).min((a0 * spread).sqrt()) } else { a0 * duration };
+        let speed = norm(&state.velocities).max(0.3 * gained).max(LEAST_SPEED * spread / duration);
+        (Self { tolerance, rtol, power, duration, speed, spread }, 1)
     }
 
     /// After an accepted step.
     pub fn see(&mut self, state: &State) {
         self.speed = self.speed.max(norm(&state.velocities));
+        self.spread = self.spread.max(spread(&state.positions));
     }
 
     /// e of a step.
@@ -75,8 +83,8 @@ impl Scales {
 
     /// X.
     fn length(&self, state: &State) -> f64 {
-        let spread = spread(&state.positions);
-        if spread > 0.0 { spread } else { self.speed * self.duration }
+        let length = spread(&state.positions).max(LEAST_EXTENT * self.spread);
+        if length > 0.0 { length } else { self.speed * self.duration }
     }
 
     /// A first step for a method whose estimate falls as h^(p + 1), after Hairer, Nørsett and Wanner (Solving Ordinary Differential Equations I,
@@ -122,23 +130,12 @@ pub(in crate::integrate) fn joint(fine: f64, coarse: f64) -> f64 {
     if fine == 0.0 || !both.is_finite() { fine } else { fine * (fine / both) }
 }
 
-/// `M⁻¹ (f_el + f_d + g)` of the free coordinates, zero of the others; `None` where the ends of a spring coincide.
+/// Of all forces; `None` where the ends of a spring coincide.
 fn accelerations(system: &System, state: &State) -> Option<Vec<Vector3<f64>>> {
     let extensions = Extensions::at(system, &state.positions).ok()?;
-    let mut force = vec![Vector3::zeros(); system.particles()];
-    add_elastic_force(system, &extensions, &mut force);
-    add_damping_force(system, &extensions, &state.velocities, &mut force);
-    add_weight(system, &mut force);
-    add_external_forces(system, &state.moment(), &mut force);
-    for (f, mass) in force.iter_mut().zip(system.masses()) {
-        *f /= *mass;
-    }
-    for (dof, ..) in system.prescribed().iter() {
-        if let Some(a) = force.get_mut(dof.particle) {
-            a[dof.axis] = 0.0;
-        }
-    }
-    Some(force)
+    let mut accelerations = vec![Vector3::zeros(); system.particles()];
+    set_accelerations(system, &extensions, &state.moment(), &mut accelerations);
+    Some(accelerations)
 }
 
 /// `‖x − centroid‖`, zero where it is within rounding of the coordinates.

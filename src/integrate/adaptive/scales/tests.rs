@@ -15,7 +15,7 @@ fn particles(places: &[f64], gravity: f64) -> (System, State) {
 }
 
 fn how(duration: f64) -> Adaptivity {
-    Adaptivity { duration, rtol: 1e-3, first_step: None, sampling: Sampling::Steps }
+    Adaptivity { duration, rtol: 1e-3, first_step: None, sampling: Sampling::Steps, part_of: None }
 }
 
 fn close(a: f64, b: f64) -> bool {
