@@ -1,5 +1,6 @@
 //! The raw figures of a run, from which its indicators are made.
 
+use super::aside::Detour;
 use super::{particles, sums};
 use serde::{Deserialize, Serialize};
 
@@ -53,6 +54,9 @@ pub struct Figures {
     pub gained_way: f64,
     /// `Σ ‖e‖/X` over the steps, e the method's own estimate of the local error of the positions; zero where it has none.
     pub embedded: f64,
+    /// `Σ √(Σ (κ ∫|n·δ| dt)²/(κ' m̄))/X` over the steps, δ being how far prescribed paths go aside from the straight way of a step, κ and n those of
+    /// a spring that they draw, κ' the sum of k/l0 at its other end, and m̄ the mean mass: what vibrations come of that.
+    pub aside: f64,
 }
 
 /// The sums that figures are made of.
@@ -73,10 +77,18 @@ pub(super) struct Trail {
     kinetic: f64,
     reach: f64,
     embedded: f64,
+    aside: f64,
 }
 
 impl Trail {
-    pub fn enter(&mut self, dt: f64, springs: &sums::Sums, particles: &particles::Sums, local_error: Option<f64>) {
+    pub fn enter(
+        &mut self,
+        dt: f64,
+        springs: &sums::Sums,
+        particles: &particles::Sums,
+        detour: &Detour,
+        local_error: Option<f64>,
+    ) {
         self.steps += 1;
         self.duration += dt;
         let change = 0.5 * dt * particles.change.sqrt();
@@ -95,9 +107,10 @@ impl Trail {
         self.kinetic += dt * (particles.kinetic - particles.carried.kinetic);
         self.reach = self.reach.max(springs.reach);
         self.embedded += local_error.unwrap_or(0.0);
+        self.aside += detour.way;
     }
 
-    /// With the extent of the scene and its energies filled in by the caller.
+    /// With the extent of the scene; its energies and its mean mass are for the caller to fill in.
     pub fn figures(&self, extent: f64) -> Figures {
         let Self { steps, duration, .. } = *self;
         Figures {
@@ -115,6 +128,7 @@ impl Trail {
             lifted_twice: ratio(self.lifted_twice * duration, self.kinetic),
             reach: self.reach.sqrt(),
             embedded: self.embedded / extent,
+            aside: self.aside / extent,
             ..Figures::default()
         }
     }

@@ -4,6 +4,7 @@
 //! that of methods whose linearisation is in question; sums are made in blocks, so that they have the same bits whatever the
 //! number of threads.
 
+mod aside;
 mod batch;
 mod driven;
 mod external;
@@ -22,12 +23,11 @@ pub use ledger::Balance;
 use super::watch::Watch;
 use super::{Method, StepFailure, StiffnessPolicy};
 use crate::error::Result;
-use crate::force::{
-    DegenerateSpring, Energy, Extensions, add_damping_force, add_elastic_force, add_external_forces, add_weight,
-};
+use crate::force::{DegenerateSpring, Energy, Extensions, add_all_forces};
 use crate::memory;
 use crate::spring::Stiffness;
 use crate::system::{Axes, State, System};
+use aside::Aside;
 use driven::Drive;
 use external::External;
 use figures::Trail;
@@ -113,6 +113,7 @@ pub struct Monitor<'s> {
     springs: Springs<'s>,
     particles: Particles<'s>,
     drive: Drive<'s>,
+    aside: Aside<'s>,
     external: Option<External>,
     forces: Option<Forces>,
     ledger: Ledger,
@@ -170,6 +171,7 @@ impl<'s> Monitor<'s> {
             springs,
             particles,
             drive,
+            aside: Aside::new(system),
             external: External::new(system, state),
             forces,
             ledger,
@@ -201,7 +203,9 @@ impl<'s> Monitor<'s> {
         if self.has_overflowed() {
             return Err(StepFailure::NonFinite);
         }
-        self.trail.enter(dt, &springs, &particles, local_error);
+        let detour = self.aside.pass(self.times, state);
+        self.growth.miss(detour.missed(self.before.energy.elastic.max(self.ledger.energy.elastic)));
+        self.trail.enter(dt, &springs, &particles, &detour, local_error);
         match self.growth.enter(&self.ledger, steps, state, dt) {
             Some(Unstable { gained, exchanged }) if self.options.stops_unstable => {
                 Err(StepFailure::Unstable { gained, exchanged })
@@ -307,6 +311,7 @@ impl<'s> Monitor<'s> {
     pub fn figures(&self, state: &State) -> Figures {
         let figures = self.trail.figures(self.extent(state));
         let (gained, lost) = (self.growth.gained, self.growth.lost(&self.ledger));
+        let aside = figures.aside / self.mass.sqrt();
         let way = |energy: f64| figures.duration * (2.0 * energy.max(0.0) / self.mass).sqrt() / figures.extent;
         Figures {
             exchanged: self.growth.exchanged(),
@@ -315,6 +320,7 @@ impl<'s> Monitor<'s> {
             lost_way: way(lost),
             gained_way: way(gained),
             can_fold: self.can_fold,
+            aside,
             ..figures
         }
     }
@@ -361,10 +367,7 @@ impl Forces {
         let Self { extensions, force } = self;
         extensions.update(system, &state.positions).ok()?;
         force.fill(Vector3::zeros());
-        add_elastic_force(system, extensions, force);
-        add_damping_force(system, extensions, &state.velocities, force);
-        add_weight(system, force);
-        add_external_forces(system, &state.moment(), force);
+        add_all_forces(system, extensions, &state.moment(), force);
         Some(force)
     }
 }

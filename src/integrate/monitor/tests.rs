@@ -328,6 +328,13 @@ fn warnings_name_the_cause() {
     {
         assert_eq!(warnings(calm, Method::Rodas4), []);
     }
+    // Bends of paths count for methods that step over them.
+    let bent = Figures { aside: 0.2, slip: 0.05, ..harmless() };
+    assert_eq!(warnings(bent, Method::Bdf2), [Warning::Wrong(0.2), Warning::Bent(0.2)]);
+    assert_eq!(warnings(Figures { aside: 0.01, ..bent }, Method::Bdf2), [Warning::Wrong(0.05)]);
+    for method in [Method::Verlet, Method::Rodas4, Method::Dop853] {
+        assert_eq!(warnings(bent, method), []);
+    }
     let gained = Warning::Gained { gained: 2.1, exchanged: 1.0 };
     let gaining = Figures { gained: 2.1, reach: 1.5, third: 0.0031 * 24.0, ..harmless() };
     assert_eq!(warnings(gaining, Method::SymplecticEuler), [gained, Warning::Long(1.5)]);

@@ -1,3 +1,4 @@
+use super::super::aside::Detour;
 use super::super::particles::{self, Carried};
 use super::super::sums;
 use super::{Figures, Trail};
@@ -15,14 +16,18 @@ fn particles(squares: [f64; 7], [kinetic, carried]: [f64; 2]) -> particles::Sums
     sums
 }
 
+fn detour(way: f64) -> Detour {
+    Detour { way, energy: 0.0 }
+}
+
 /// Two steps of a half and a quarter of a second in a scene of 8 m, by hand.
 #[test]
 fn figures_are_sums_over_the_steps() {
     let mut trail = Trail::default();
     let first = particles([16.0, 9.0, 25.0, 36.0, 4.0, 100.0, 49.0], [10.0, 4.0]);
     let second = particles([144.0, 144.0, 1.0, 16.0, 81.0, 900.0, 121.0], [22.0, 2.0]);
-    trail.enter(0.5, &springs(3.0, 5.0, 4.0), &first, Some(0.25));
-    trail.enter(0.25, &springs(2.0, 7.0, 2.25), &second, Some(0.125));
+    trail.enter(0.5, &springs(3.0, 5.0, 4.0), &first, &detour(0.5), Some(0.25));
+    trail.enter(0.25, &springs(2.0, 7.0, 2.25), &second, &detour(0.75), Some(0.125));
     let expected = Figures {
         steps: 2,
         duration: 0.75,
@@ -40,11 +45,12 @@ fn figures_are_sums_over_the_steps() {
         lifted_twice: (5.0 + 7.0) * 0.75 / 8.0,
         reach: 2.0,
         embedded: (0.25 + 0.125) / 8.0,
+        aside: (0.5 + 0.75) / 8.0,
         ..Figures::default()
     };
     assert_eq!(trail.figures(8.0), expected);
     // A method without an estimate adds nothing to the estimates.
-    trail.enter(0.25, &springs(0.0, 0.0, 9.0), &second, None);
+    trail.enter(0.25, &springs(0.0, 0.0, 9.0), &second, &detour(0.0), None);
     let figures = trail.figures(8.0);
     assert_eq!((figures.steps, figures.reach, figures.embedded), (3, 3.0, expected.embedded));
 }
