@@ -141,6 +141,9 @@ pub struct Invalid {
     pub rule: String,
 }
 
+/// Numbers of more characters are written with an exponent.
+const PLAIN: usize = 24;
+
 impl Invalid {
     /// An invalid value of `key`, to be completed by [`at`](Self::at).
     pub fn new(key: impl Into<String>, value: impl fmt::Display, rule: impl Into<String>) -> Self {
@@ -162,7 +165,12 @@ impl fmt::Display for Invalid {
         if let Some(index) = self.index {
             write!(f, "[{index}]")?;
         }
-        write!(f, " = {}: {}", shortened(&self.value), shortened(&self.rule))
+        let value = match self.value.parse::<f64>() {
+            // Of many zeros nobody counts how many.
+            Ok(number) if self.value.len() > PLAIN => format!("{number:e}").into(),
+            _ => shortened(&self.value),
+        };
+        write!(f, " = {value}: {}", shortened(&self.rule))
     }
 }
 
@@ -181,6 +189,15 @@ pub struct DegenerateSpring {
 #[cfg(test)]
 mod tests {
     use super::{Error, Invalid, readable};
+
+    #[test]
+    fn small_and_large_numbers_are_readable() {
+        for (value, expected) in
+            [(-1e-300, "k = -1e-300: no"), (1e300, "k = 1e300: no"), (0.1234567890123456, "k = 0.1234567890123456: no")]
+        {
+            assert_eq!(Invalid::new("k", value, "no").to_string(), expected);
+        }
+    }
 
     /// Texts of any length make messages of a few lines, with both ends of the text.
     #[test]

@@ -23,6 +23,10 @@ pub fn advice(plan: &Plan) -> &'static str {
     match (plan.rtol, plan.configuration.method) {
         (Some(_), _) => "try a smaller --rtol",
         (None, Method::Bdf2) => "leave out --dt (and the scene's dt), or make it shorter",
-        (None, _) => "leave out --dt (and the scene's dt), or try --method bdf2",
+        (None, method) if method.estimates_errors() => "leave out --dt (and the scene's dt), or try --method bdf2",
+        (None, method) if method.is_implicit() => {
+            "leave out --dt (and the scene's dt) and --method, or try --method bdf2"
+        }
+        (None, _) => "make --dt (or the scene's dt) shorter, or leave it out with --method",
     }
 }

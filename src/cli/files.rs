@@ -121,7 +121,7 @@ pub fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
         let how = if kind == ErrorKind::Confirmed {
             "confirmed by another run"
         } else {
-            "an indicator, right to about ten times"
+            "an indicator: right to about ten times, where the motion magnifies no differences"
         };
         lines.push(format!("  error     about {} of the extent ({how})", percent(estimate)));
     }

@@ -23,8 +23,8 @@ pub struct MethodArguments {
     #[arg(long, value_name = "R", value_parser = fraction, conflicts_with_all = ["rtol", "steps"])]
     accuracy: Option<f64>,
 
-    /// Adaptive steps that keep local errors of positions and velocities so small that positions at the end are wrong by about R
-    /// times their distance from their centroid, unless the motion itself magnifies differences, as folding and toppling do.
+    /// Adaptive steps that keep local errors of positions and velocities so small that positions at the end are wrong by at most about R
+    /// times their distance from their centroid, as a rule by much less, unless the motion itself magnifies differences, as folding and toppling do.
     /// --dt is then the first step to try and the interval of records, which --frames counts. For methods with an error estimate:
     /// bdf2, w2, rodas4, dop853 [default: 1e-2 where no dt is given, neither here nor in the scene, with records every
     /// 1/60 s, or every hundredth of shorter runs]
@@ -161,13 +161,9 @@ impl MethodArguments {
         }
     }
 
-    /// The method asked for by name, or the one that stands for none; `None` for the program's own choice.
-    fn method(&self) -> Option<Method> {
-        self.wishes().method()
-    }
-
-    /// Names the options that the method or the solver asked for does not use.
-    pub fn note_unused(&self, console: &Console) {
+    /// Names the options that the method or the solver asked for, or the method that stands for none in runs of this tolerance, does not use.
+    pub fn note_unused(&self, console: &Console, rtol: Option<f64>) {
+        let method = Wishes { rtol, ..self.wishes() }.method();
         let given = [
             ("stiffness", self.stiffness.is_some()),
             ("solver", self.solver.is_some()),
@@ -175,11 +171,11 @@ impl MethodArguments {
             ("tolerance", self.tolerance.is_some()),
         ];
         if self.stiffness.is_some()
-            && let Some(method) = self.method().filter(|method| method.is_implicit() && !method.takes_stiffness())
+            && let Some(method) = method.filter(|method| method.is_implicit() && !method.takes_stiffness())
         {
             console.note(format_args!("--stiffness has no effect with {}", method.name()));
         }
-        let explicit = self.method().filter(|method| !method.is_implicit());
+        let explicit = method.filter(|method| !method.is_implicit());
         let (with, unused) = match self.solver {
             _ if explicit.is_some() => (explicit.map_or("", Method::name), &given[..]),
             Some(solver @ (SolverChoice::Llt | SolverChoice::Ldlt)) => (solver.name(), &given[2..]),

@@ -95,12 +95,12 @@ struct Pacing {
 impl Run {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
         let mut scene = self.scene.load()?;
-        self.method.note_unused(console);
         let requirement = self.requirement(&scene)?;
         if requirement.is_some() && self.checkpoint.is_some() {
             console.note("--checkpoint has no effect with --accuracy");
         }
         let pace = if requirement.is_none() { Some(self.pace(console, &scene)?) } else { None };
+        self.method.note_unused(console, pace.as_ref().and_then(|pace| pace.rtol));
         let interrupted = interrupt::flag();
         let summary = self.threads.install(|| {
             let mut reductions = Vec::new();

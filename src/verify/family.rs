@@ -48,8 +48,8 @@ pub const FAMILIES: &[Family] = &[
     family(Claim::Convergence, "order", convergence::is_soft, convergence::measure),
     family(Claim::Conservation, "linear_momentum", momentum::has_free_translation, momentum::linear),
     family(Claim::Conservation, "angular_momentum", momentum::has_free_rotation, momentum::angular),
-    family(Claim::Conservation, "rigid_motion", has_springs, rigid_motion::measure),
-    family(Claim::Conservation, "equilibrium", always, equilibrium::measure),
+    family(Claim::Conservation, "rigid_motion", has_springs_that_move, rigid_motion::measure),
+    family(Claim::Conservation, "equilibrium", has_particles, equilibrium::measure),
     family(Claim::Conservation, "ledger", ledger::applies, ledger::measure),
     family(Claim::Constraints, "prescribed_motion", prescribed_motion::has_prescribed, prescribed_motion::measure),
     family(Claim::Constraints, "in_space", sameness::is_flat, sameness::in_space),
@@ -87,6 +87,14 @@ pub fn verify(subject: &Subject) -> Results {
 
 fn has_springs(subject: &Subject) -> bool {
     !subject.system.pairs().is_empty()
+}
+
+fn has_springs_that_move(subject: &Subject) -> bool {
+    has_springs(subject) && can_move(subject)
+}
+
+fn has_particles(subject: &Subject) -> bool {
+    subject.system.particles() > 0
 }
 
 fn always(_: &Subject) -> bool {

@@ -31,10 +31,6 @@ struct Motion {
 
 pub(super) fn measure(subject: &Subject) -> Measured {
     let mut checks = Vec::new();
-    if subject.system.dofs().is_empty() {
-        // Matrices without rows answer every motion rightly.
-        return Ok(checks);
-    }
     for option in Stiffness::ALL {
         let k = Products::of(subject, option, Combination::STIFFNESS)?;
         for motion in motions(subject, option) {

@@ -217,6 +217,10 @@ fn options_given_in_vain_are_named() {
     let answer = sandbox.sprung(&["run", "triangle.toml", "--method", "rodas4", "--stiffness", "axial"]);
     answer.ends_with(0).complains(&["note: --stiffness has no effect with rodas4"]);
     assert_eq!(sandbox.json("out/falling-triangle/summary.json")["stiffness"], "full");
+    // Without a dt that is the method.
+    sandbox.put("free.toml", &TRIANGLE.replace("dt = 0.01\n", ""));
+    let answer = sandbox.sprung(&["run", "free.toml", "--stiffness", "axial"]);
+    answer.ends_with(0).complains(&["note: --stiffness has no effect with rodas4"]);
     let answer = sandbox.sprung(&["run", "triangle.toml", "--method", "verlet", "--rtol", "1e-3"]);
     answer.ends_with(2).complains(&["verlet has none: use bdf2, w2, rodas4, dop853"]);
     let answer = sandbox.sprung(&["run", "triangle.toml", "--solver", "llt", "--tolerance", "1e-3"]);

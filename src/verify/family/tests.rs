@@ -29,15 +29,19 @@ fn families_apply_where_there_is_something_to_check() {
     let moving =
         ["assembly", "solvers", "linear_steps", "other_steps", "always_definite", "on_demand", "inertia", "ledger"];
     let pulled = ["jacobian", "dropped_terms", "derivatives", "conjugate_gradients", "broken_states"];
-    let jointed = ["work_energy", "options", "rigid_motion"];
+    let jointed = ["work_energy", "options"];
     let free = pair(true, &[0]);
-    assert!([&moving[..], &pulled, &jointed].concat().iter().all(|name| applying(&free).contains(name)));
+    let both = ["rigid_motion"];
+    assert!([&moving[..], &pulled, &jointed, &both].concat().iter().all(|name| applying(&free).contains(name)));
     let stuck = pair(true, &[0, 1]);
-    assert!(
-        lacks(&stuck, &moving) && lacks(&stuck, &pulled) && jointed.iter().all(|name| applying(&stuck).contains(name))
-    );
+    assert!(lacks(&stuck, &moving) && lacks(&stuck, &pulled) && lacks(&stuck, &both));
+    assert!(jointed.iter().all(|name| applying(&stuck).contains(name)) && verify(&stuck).all_passed());
     let apart = pair(false, &[0]);
-    assert!(lacks(&apart, &pulled) && lacks(&apart, &jointed) && lacks(&apart, &["ledger"]));
+    assert!(lacks(&apart, &pulled) && lacks(&apart, &jointed) && lacks(&apart, &both) && lacks(&apart, &["ledger"]));
+    // Where there is nothing there is nothing to find wrong.
+    let (system, state) = SystemBuilder::new().build().unwrap();
+    let empty = Subject { name: "empty".into(), system, state, dt: 0.01 };
+    assert!(lacks(&empty, &["equilibrium", "rigid_motion"]) && verify(&empty).all_passed());
     assert!(moving[..7].iter().all(|name| applying(&apart).contains(name)));
     // One coordinate alone is no system of equations.
     let mut single = pair(true, &[0]);
