@@ -133,7 +133,7 @@ def write(results, folder):
         rows, wrong = whole(results, scene, curves)
         doubts += [f"{scene}: {simulator}" for simulator in wrong]
         text += [f"### {scene}\n", f"{facts['particles']} particles, {facts['springs']} springs, {facts['frames']} frames of 1/60 s. "
-                 f"The two references differ by {facts['difference']:.0e}.\n", *duel(results, curves), "",
+                 f"The two references differ by {facts['difference']:.0e}, which the thin vertical line in the picture marks.\n", *duel(results, curves), "",
                  f"![Time of a frame over error, {scene}]({file})\n", *rows, ""]
         if wrong:
             text.append(f"Convergence was not seen, within the limit of time, of any method of {' and '.join(wrong)} here.\n")
