@@ -74,6 +74,10 @@ pub(super) struct Tried<R> {
     pub strayed: f64,
 }
 
+/// How far the ends of a spring get past each other in a step at least, in its lengths, in a run in which they pass each other on a line: half of
+/// what they move then is longer than what is left between them, at one end of the step.
+const PASSING: f64 = 0.1;
+
 /// Runs a configuration as far as `limit` force evaluations go. No step of the runs that this one is compared with is above `longest`, in s.
 pub(super) fn attempt<A: Audience>(
     task: &Task<'_>,
@@ -155,6 +159,8 @@ pub(super) fn attempt<A: Audience>(
     let figures = monitor.figures(&state);
     let strayed = (figures.lost_way + figures.gained_way) / figures.steps.max(1) as f64;
     let status = if interrupted { Status::Interrupted } else { outcome.status() };
+    let passes = figures.reach > PASSING;
+    let reversed = if passes { course.reversed(system.pairs(), &start.positions) } else { 0 };
     let attempt = (status == Status::Completed).then(|| Attempt {
         configuration,
         pace,
@@ -169,7 +175,7 @@ pub(super) fn attempt<A: Audience>(
             factor,
         },
         course,
-        reversed: 0,
+        reversed,
         records,
     });
     let is_too_expensive = meter.has_refused() && !interrupted;

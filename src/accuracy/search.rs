@@ -157,7 +157,6 @@ impl<'s, A: Audience> Search<'s, A> {
             });
         };
         let course = std::mem::take(&mut attempt.course);
-        attempt.reversed = course.reversed(self.task.system.pairs(), &self.task.start.positions);
         let local_errors = local_errors / extent(course.end(), &self.task.start.positions);
         let run = Run { cost, steps: attempt.steps, local_errors, strayed, jumps: attempt.reversed > 0 };
         self.local_errors = local_errors;
