@@ -177,18 +177,18 @@ def power_of_ten(count):
 
 
 def conclusion(kind, curves):
-    """What the picture says, from its own points: ours beside the peers at the largest size that a peer has too."""
-    best = defaultdict(dict)
-    for (library, _, detail), points in curves.items():
-        for count, value in points:
-            known = best[library].get(count)
-            best[library][count] = min(filter(None, [known, (value, detail)]))
-    ours = best.pop("sprung", {})
+    """What the points say: ours beside the peers, on one thread each, at the largest size that a peer has too."""
     if kind == "memory":
-        count = max(ours)
+        count = max(count for points in curves.values() for count, _ in points)
         each = sorted((dict(points)[count] * 1e3 / count, detail) for (_, _, detail), points in curves.items() if count in dict(points))
         kilobytes = " and ".join(f"{value:.1f} KB with {detail}" for value, detail in each)
         return f"At {power_of_ten(count)} a particle takes {kilobytes}."
+    best = defaultdict(dict)
+    for (library, threads, detail), points in curves.items():
+        for count, value in points if threads == 1 else []:
+            known = best[library].get(count)
+            best[library][count] = min(filter(None, [known, (value, detail)]))
+    ours = best.pop("sprung", {})
     shared = [count for count in ours if any(count in theirs for theirs in best.values())]
     if not shared:
         return ""
@@ -198,7 +198,7 @@ def conclusion(kind, curves):
     how = f" with {detail}" if detail else ""
     times = f"{number(value)} ms" if value < 1000 else f"{number(value / 1e3)} s"
     others = ", ".join(f"{library} {number(time / value)} times as long" for time, library in peers)
-    return f"At {power_of_ten(count)} sprung takes {times}{how}; {others}."
+    return f"At {power_of_ten(count)}, on one thread each, sprung takes {times}{how}; {others}."
 
 
 def chart(results, family, title, stages, file):
@@ -219,35 +219,35 @@ def chart(results, family, title, stages, file):
         if "floor_ms" in result and len(stages) == 1:
             floors[result["threads"]][result["particles"]] = result["floor_ms"]
     figure, axes = plt.subplots(figsize=(9, 4.6))
-    drawn = {}
+    known = {}
     for (library, threads, detail), points in sorted(curves.items()):
-        if kind == "cg" and threads == 1 and (library, 2, detail) in curves:
-            continue  # the table has both
         # CHOLMOD is handed its matrix.
         needed = {"factor", "solve"} if library == "CHOLMOD" else set(stages)
         whole = [(n, sum(ms.values())) for n, ms in sorted(points.items()) if not parts or needed <= set(ms)]
         if not whole:
             continue
+        known[library, threads, detail] = whole
+        if kind == "cg" and threads == 1 and (library, 2, detail) in curves:
+            continue  # the table has both
         text = f"{library} {detail} T{threads}".replace("  ", " ")
         if len(whole) > 2:
             text += f", slope {slope(whole[-3:]):.2f}"
         marker = "o" if threads == 1 else "s"
         axes.loglog(*zip(*whole), marker=marker, markersize=4, linestyle=STYLES[detail], color=COLOURS[library], label=text,
                     alpha=1.0 if threads == 2 else 0.6)
-        drawn[library, threads, detail] = whole
     for threads, points in sorted(floors.items()):
         axes.loglog(*zip(*sorted(points.items())), color="black", linewidth=0.9, linestyle="--" if threads == 1 else "-",
                     label=f"bytes moved / bandwidth, T{threads}")
-    if drawn:
+    if known:
         axes.set(xlabel="particles", ylabel="memory, MB" if kind == "memory" else "time, ms")
         figure.suptitle(f"{title[:1].upper()}{title[1:]}, {family}", x=0.02, ha="left", fontweight="bold")
-        axes.set_title(conclusion(kind, drawn), fontsize=10, loc="left", x=-0.08)
+        axes.set_title(conclusion(kind, known), fontsize=10, loc="left", x=-0.08)
         axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
         axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
         figure.tight_layout()
         figure.savefig(file, metadata={"Date": None})
     plt.close(figure)
-    return bool(drawn)
+    return bool(known)
 
 
 def write(results, folder, day=None, machine=None):
