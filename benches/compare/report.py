@@ -197,8 +197,8 @@ def conclusion(kind, curves):
     peers = sorted((theirs[count][0], library) for library, theirs in best.items() if count in theirs)
     how = f" with {detail}" if detail else ""
     times = f"{number(value)} ms" if value < 1000 else f"{number(value / 1e3)} s"
-    others = ", ".join(f"{library} {number(time / value)} times as long" for time, library in peers)
-    return f"At {power_of_ten(count)}, on one thread each, sprung takes {times}{how}; {others}."
+    others = ", ".join(f"{library} {number(time / value)} times" for time, library in peers)
+    return f"At {power_of_ten(count)}, one thread each: sprung {times}{how}; {others} as long."
 
 
 def chart(results, family, title, stages, file):
