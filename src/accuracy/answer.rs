@@ -49,13 +49,13 @@ pub fn answer<A: Audience>(
         None => {
             let price = Price::of(&rates, duration);
             // What acts from outside may set off vibrations at any time, which long steps do not resolve, and RODAS4 takes none.
-            let implicit = match system.has_external_forces() {
-                true => None,
-                false => match settled::answer(&mut search, price)? {
-                    None => stiff::answer(&mut search, price)?,
-                    settled => settled,
-                },
-            };
+            let mut implicit = None;
+            if !system.has_external_forces() {
+                implicit = settled::answer(&mut search, price)?;
+                if implicit.is_none() {
+                    implicit = stiff::answer(&mut search, price)?;
+                }
+            }
             match implicit {
                 Some(verdict) => verdict,
                 None => explicit::answer(&mut search, price)?,

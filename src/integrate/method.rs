@@ -139,6 +139,12 @@ impl Method {
         self.facts().name
     }
 
+    /// Whether steps of a given length are cut where prescribed paths have kinks; other methods take the way between the ends of a step for
+    /// straight.
+    pub const fn cuts_at_kinks(self) -> bool {
+        matches!(self, Self::Verlet | Self::Dop853 | Self::Rodas4)
+    }
+
     /// Whether there is an [`adaptive_stepper`](Self::adaptive_stepper): whether steps estimate their own error.
     pub const fn estimates_errors(self) -> bool {
         self.facts().estimates_errors

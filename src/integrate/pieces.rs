@@ -6,7 +6,7 @@ use super::schedule::Step;
 use crate::system::Prescribed;
 
 /// Kinks within this part of a step of one of its ends are at that end.
-const SLACK: f64 = 1e-12;
+pub(super) const SLACK: f64 = 1e-12;
 
 /// A part of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,8 +41,13 @@ impl Piece {
     }
 }
 
-/// Steps of `dt` seconds from one time to another, the last before a kink or the end being shorter. Between kinks that are nearer than `longest`
-/// all are shorter, in proportion: else runs with steps up to that would do the same there, and agree on it.
+/// The length of steps of `dt` seconds on the `distance` between two kinks, in a run that is compared with others, of steps up to `longest`. Where even
+/// those are cut all are shorter, in proportion: else all runs would do the same there, and agree on it.
+pub(super) fn in_proportion(dt: f64, distance: f64, longest: f64) -> f64 {
+    dt * (distance / longest).min(1.0)
+}
+
+/// Steps of `dt` seconds [in proportion](in_proportion), from one time to another; the last before a kink or the end are shorter.
 pub(crate) fn steps_between_kinks(
     prescribed: &Prescribed,
     [start, end]: [f64; 2],
@@ -54,7 +59,7 @@ pub(crate) fn steps_between_kinks(
     let stops: Vec<f64> = stops.collect();
     let legs: Vec<[f64; 2]> = stops.iter().zip(stops.iter().skip(1)).map(|(from, to)| [*from, *to]).collect();
     legs.into_iter().flat_map(move |[from, to]| {
-        let schedule = Schedule::duration(dt * ((to - from) / longest).min(1.0), to - from);
+        let schedule = Schedule::duration(in_proportion(dt, to - from, longest), to - from);
         (0..schedule.len()).filter_map(move |number| {
             let ends_at_kink = number + 1 == schedule.len() && to < end;
             let end = if number + 1 == schedule.len() { to } else { from + schedule.elapsed(number + 1) };
@@ -83,17 +88,22 @@ pub(super) fn drawn_with_jerks() -> (crate::system::System, crate::system::State
 #[cfg(test)]
 mod tests {
     use super::{Piece, Step, steps_between_kinks};
-    use crate::system::{Axes, Constraint, Motion, SystemBuilder};
+    use crate::system::{Axes, Constraint, Motion, System, SystemBuilder};
     use nalgebra::Vector3;
 
-    #[test]
-    fn steps_are_cut_at_kinks() {
+    /// With kinks at 0.5 s, 1 s and 1.25 s.
+    fn with_kinks() -> System {
         let mut builder = SystemBuilder::new();
         builder.particle([0.0; 3], 1.0);
         let times = vec![0.5, 1.0, 1.25];
         let motion = Motion::Path { offsets: vec![Vector3::zeros(); times.len()], times };
         builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
-        let (system, _) = builder.build().unwrap();
+        builder.build().unwrap().0
+    }
+
+    #[test]
+    fn steps_are_cut_at_kinks() {
+        let system = with_kinks();
         let pieces = |start: f64, step: f64| {
             let (mut at, mut pieces) = (start, Vec::new());
             while let Some(piece) = Piece::next(system.prescribed(), at, start + step, step) {
@@ -123,12 +133,7 @@ mod tests {
     /// of the longest steps each, and two of steps of 0.5 s, the second shorter; the last way takes steps as they are.
     #[test]
     fn steps_between_kinks_become_shorter_with_the_others() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        let times = vec![0.5, 1.0, 1.25];
-        let motion = Motion::Path { offsets: vec![Vector3::zeros(); times.len()], times };
-        builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
-        let (system, _) = builder.build().unwrap();
+        let system = with_kinks();
         let steps = |dt: f64| -> Vec<Step> {
             let steps: Vec<Step> = steps_between_kinks(system.prescribed(), [0.25, 3.0], [dt, 0.75]).collect();
             let mut time = 0.25;

@@ -1,6 +1,7 @@
 //! The step size controller.
 
 use super::AdaptiveStepper;
+use crate::integrate::pieces::in_proportion;
 
 /// Proposals within these factors of h keep it, where that saves work.
 const DEAD_BAND: std::ops::RangeInclusive<f64> = 0.9..=1.3;
@@ -12,6 +13,9 @@ const SHRINKAGE: f64 = 0.2;
 /// matrices are indefinite, errors alone would propose again and again what cannot be done.
 const BELOW_FAILURE: f64 = 0.8;
 const APPROACH: f64 = 1.05;
+
+/// So many equal steps to a stop are two that are hardly shorter, rather than one and what is left.
+const NEARLY_TWO: f64 = 1.99;
 
 /// Proposes steps from the errors of those before.
 pub(super) struct Control {
@@ -36,21 +40,21 @@ impl Control {
         Self { h, last_error: 1.0, was_rejected: false, ceiling: h, equal: Some([h, longest]) }
     }
 
-    /// Before the steps to a stop that is `distance` ahead: equal ones become shorter with it where even the longest would be cut by it. Else
-    /// all runs would do the same there, and agree on it.
+    /// Before the steps to a stop that is `distance` ahead, where equal ones become shorter [in proportion](in_proportion).
     pub fn begin(&mut self, distance: f64) {
         if let Some([h, longest]) = self.equal {
-            self.h = h * (distance / longest).min(1.0);
+            self.h = in_proportion(h, distance, longest);
         }
     }
 
     /// The step to take when a stop is `distance` ahead, and whether it lands there. The last two steps share what is
     /// left, so that none is tiny; of equal ones only where that is hardly less.
     pub fn step_towards(&self, distance: f64) -> (f64, bool) {
-        let least = if self.equal.is_some() { 1.99 } else { 0.0 };
-        if distance <= self.h * 1.01 {
+        let left = distance / self.h;
+        let shares = if self.equal.is_some() { NEARLY_TWO..2.0 } else { 0.0..2.0 };
+        if left <= 1.01 {
             (distance, true)
-        } else if distance < 2.0 * self.h && distance >= least * self.h {
+        } else if shares.contains(&left) {
             (0.5 * distance, false)
         } else {
             (self.h, false)

@@ -12,11 +12,9 @@
 //! The energy that springs hold on the way and not at its ends is up to `Σ κ δ²`, and `√(2 κ E) |δ|` where they hold E already:
 //! the ledger, which sees the ends, cannot know it.
 
+use crate::integrate::pieces::SLACK;
 use crate::system::{Axes, Motion, State, System};
 use nalgebra::Vector3;
-
-/// Kinks within this part of a step of one of its ends are at that end.
-const SLACK: f64 = 1e-9;
 
 /// A particle that is led along a path that bends.
 struct Led {
@@ -241,7 +239,7 @@ mod tests {
         builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
         let (system, start) = builder.build().unwrap();
         for method in Method::ALL {
-            let cuts = matches!(method, Method::Verlet | Method::Dop853 | Method::Rodas4);
+            let cuts = method.cuts_at_kinks();
             let mut state = start.clone();
             let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
             let mut stepper = method.stepper(&system, &state, &ImplicitOptions::default()).unwrap();

@@ -22,8 +22,8 @@
 //! of the mean kinetic energy that all steps together took, at most all of it, velocities are lower by B/2 at the end and by B/4 in the mean: so
 //! positions lag by `B/4` of the way. Nothing else shows it: the motion that is left is smooth.
 //!
-//! **Paths that bend within a step** draw at their springs in a way that the step does not know, but for the methods that cut their steps there (Störmer's,
-//! dop853, rodas4): what vibrations come of that, `aside`, is an error by itself.
+//! **Paths that bend within a step** draw at their springs in a way that the step does not know, but for the methods that [cut their steps
+//! there](Method::cuts_at_kinks): what vibrations come of that, `aside`, is an error by itself.
 //!
 //! ω stands for the frequency at which velocities really change, `ωh = bend/(2 change)`, mean values over the run. The factors are
 //! those of the truncation errors; `verification/study.md` compares a thousand random scenes with the truth.
@@ -216,9 +216,9 @@ impl Figures {
         estimate.is_finite().then_some(estimate.max(self.missed(method)))
     }
 
-    /// What bends of prescribed paths within steps are worth, for methods that do not cut their steps there.
+    /// What bends of prescribed paths within steps are worth.
     fn missed(&self, method: Method) -> f64 {
-        if matches!(method, Method::Verlet | Method::Dop853 | Method::Rodas4) { 0.0 } else { self.aside }
+        if method.cuts_at_kinks() { 0.0 } else { self.aside }
     }
 
     /// B, the share of the kinetic energy that linearising took from springs that turn, in all steps together; zero for methods that do

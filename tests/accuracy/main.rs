@@ -1,20 +1,20 @@
-//! The choice for a required accuracy: what it chooses, that the error is kept, and what it costs; exact reductions change
-//! nothing.
+//! The choice for a required accuracy: what it chooses, that the error is kept, and what it costs.
 
 use sprung::accuracy::{
-    Answer, Audience, Configuration, Pace, Reduction, Requirement, SearchProgress, Verdict, answer, preset, reduce,
+    Answer, Audience, Configuration, Pace, Requirement, SearchProgress, Verdict, answer, preset,
     relative_position_error, trial,
 };
-use sprung::integrate::{Equations, ImplicitOptions, Method, Monitor, Schedule, Status, StiffnessPolicy, run};
+use sprung::integrate::{ImplicitOptions, Method, Monitor, Status};
 use sprung::linear::SolverOptions;
-use sprung::nalgebra::Vector3;
 use sprung::scene::Scene;
-use sprung::system::{Axes, ExternalForce, Moment};
-use sprung::{Constraint, Motion, Spring, State, System, SystemBuilder};
-use std::ops::ControlFlow;
+use sprung::{Spring, State, System, SystemBuilder};
 use std::path::Path;
 
+#[path = "../command/mod.rs"]
 mod command;
+mod jumps;
+mod reductions;
+
 use command::{Sandbox, repository_scene};
 
 fn scene(name: &str) -> (System, State, f64) {
@@ -158,83 +158,6 @@ fn what_hangs_still_costs_little_and_what_vibrates_is_not_calmed() {
     assert!(relative_position_error(&moving.state.positions, &exact.positions, &start.positions) <= 1e-3);
 }
 
-/// A constant push along one axis.
-#[derive(Debug)]
-struct Push(f64);
-
-impl ExternalForce for Push {
-    fn add(&self, _: &Moment<'_>, force: &mut [Vector3<f64>]) {
-        force[1].x += self.0;
-    }
-}
-
-/// A spring of ω = 1000/s at rest is pushed: by `a (1 − cos ωt)` with a = 0.1 m, for ever, which long steps would damp; with a velocity at the start
-/// too. Explicit methods are dear, RODAS4 takes no external forces.
-#[test]
-fn what_acts_from_outside_is_seen() {
-    for speed in [0.0, 30.0] {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 1e6, rest_length: 1.0, damping: 0.0 });
-        builder.hold(0);
-        builder.velocities[1].x = speed;
-        let (system, start) = builder.build().unwrap();
-        let system = system.with_external_force(Push(1e5));
-        let found = found(&system, &start, &requirement(1e-2, 2.0));
-        let u = 0.1 * (1.0 - 2000f64.cos()) + speed / 1000.0 * 2000f64.sin();
-        let error = (found.state.positions[1].x - (1.0 + u)).abs() * 2f64.sqrt();
-        assert!(found.verdict == Verdict::Confirmed && error <= 1e-2, "{error:e} {:?}", found.verdict);
-    }
-}
-
-/// The path of the anchor of a spring bends twice within the longest step of an explicit method. Runs that take one step from kink to kink, whatever
-/// their steps elsewhere, agree on what that does.
-#[test]
-fn short_ways_between_kinks_are_resolved() {
-    for (stiffness, up, hold) in [(41.0, 0.007, 0.029), (400.0, 0.002, 0.003), (9.0, 0.02, 0.05)] {
-        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
-        builder.gravity(0.0, -9.81, 0.0);
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness, rest_length: 1.0, damping: 0.0 });
-        let offsets = [0.0, 0.49, 0.49].map(|y| Vector3::new(0.0, y, 0.0)).to_vec();
-        let motion = Motion::Path { times: vec![0.0, up, up + hold], offsets };
-        builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
-        let (system, start) = builder.build().unwrap();
-        let exact = fine_answer(&system, &start, 0.1);
-        for accuracy in [1e-3, 1e-4, 5e-5, 1e-5] {
-            let found = found(&system, &start, &requirement(accuracy, 0.1));
-            let error = relative_position_error(&found.state.positions, &exact.positions, &start.positions);
-            assert!(found.verdict == Verdict::Confirmed && error <= accuracy, "{stiffness} {accuracy:e}: {error:e}");
-        }
-    }
-}
-
-/// A particle that its anchor passes through, along no axis: the force jumps there.
-#[test]
-fn springs_may_pass_the_length_zero_in_the_plane() {
-    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([-0.75, -1.0, 0.0], 1.0);
-    builder.spring(0, 1, Spring { stiffness: 538.0, rest_length: 1.25, damping: 0.0 });
-    let offsets = [[0.0, 0.0], [0.45, 0.6], [-0.225, -0.3]].map(|[x, y]| Vector3::new(x, y, 0.0)).to_vec();
-    let motion = Motion::Path { times: vec![0.0, 0.132, 0.169], offsets };
-    builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
-    let (system, start) = builder.build().unwrap();
-    // No step across a jump of the forces is short enough for a tolerance of 1e-12.
-    let exact = answer_by_tolerance(&system, &start, 0.5, 1e-7);
-    for accuracy in [1e-2, 1e-3, 1e-4] {
-        let found = found(&system, &start, &requirement(accuracy, 0.5));
-        let error = relative_position_error(&found.state.positions, &exact.positions, &start.positions);
-        assert!(
-            found.verdict == Verdict::Confirmed && error <= accuracy,
-            "{accuracy:e}: {error:e}, {:?}",
-            found.verdict
-        );
-    }
-}
-
 #[test]
 fn what_is_asked_for_is_kept() {
     let (system, start, duration) = scene("tetrahedron.toml");
@@ -338,79 +261,6 @@ fn motions_that_forget_are_told() {
     let horizon = found.horizon.unwrap();
     assert!(0.0 < horizon.known && horizon.known < horizon.most && horizon.most < 60.0, "{horizon:?}");
     assert!(horizon.spread > 0.1 && found.estimated_error.unwrap() > 1e-3, "{horizon:?}");
-}
-
-/// Two chains that share a held particle: one swings in the plane z = 0.3, the other hangs at rest, exactly at its length.
-fn two_parts() -> (System, State) {
-    let mut builder = SystemBuilder::new();
-    let spring = |rest_length| Spring { stiffness: 30.0, rest_length, damping: 0.1 };
-    let anchor = builder.particle([0.0, 0.0, 0.3], 1.0);
-    let a = builder.particle([1.0, 0.25, 0.3], 0.5);
-    let b = builder.particle([2.0, 0.0, 0.3], 0.7);
-    let c = builder.particle([0.0, -1.0, 0.3], 0.4);
-    let d = builder.particle([0.5, -1.0, 1.3], 0.4);
-    builder.spring(anchor, a, spring(0.9));
-    builder.spring(a, b, spring(1.2));
-    builder.spring(anchor, c, spring(1.0));
-    builder.spring(c, d, spring((0.25f64 + 1.0).sqrt()));
-    builder.hold(anchor);
-    builder.velocities[b] = nalgebra::Vector3::new(0.3, -0.2, 0.0);
-    builder.build().unwrap()
-}
-
-#[test]
-fn reductions_are_found() {
-    let (system, state) = two_parts();
-    let reduced = reduce(&system, &state);
-    assert!(reduced.reductions.contains(&Reduction::Axis { axis: 'z', coordinates: 2 }), "{:?}", reduced.reductions);
-    assert!(
-        reduced.reductions.contains(&Reduction::AtRest { particles: 2, coordinates: 6 }),
-        "{:?}",
-        reduced.reductions
-    );
-    assert_eq!((system.dofs().len(), reduced.system.dofs().len()), (12, 4));
-}
-
-#[test]
-fn reductions_do_not_change_the_motion() {
-    let (system, start) = two_parts();
-    let reduced = reduce(&system, &start).system;
-    for method in Method::ALL {
-        // The full stiffness: a policy that looks at definiteness would look at different matrices.
-        let options = ImplicitOptions {
-            stiffness: StiffnessPolicy::Always(sprung::Stiffness::Tension),
-            linear: SolverOptions::default(),
-        };
-        let motion = |system: &System| {
-            let mut state = start.clone();
-            let mut stepper = method.stepper(system, &start, &options).unwrap();
-            let outcome =
-                run(stepper.as_mut(), &mut state, &Schedule::steps(0.01, 200), |_, _| ControlFlow::Continue(()));
-            assert_eq!(outcome.status(), Status::Completed, "{}", method.name());
-            state
-        };
-        let (full, less) = (motion(&system), motion(&reduced));
-        if method.is_implicit() {
-            // Another elimination order rounds differently; Newton's methods stop at a relative residual of 1e-10.
-            let newton = method.equations() == Equations::Nonlinear;
-            let error = relative_position_error(&less.positions, &full.positions, &start.positions);
-            assert!(error <= if newton { 1e-8 } else { 1e-12 }, "{}: {error:e}", method.name());
-        } else {
-            assert_eq!(full, less, "{}", method.name());
-        }
-    }
-}
-
-#[test]
-fn nothing_is_reduced_where_something_moves() {
-    let (system, state) = two_parts();
-    // A velocity out of the plane, and a force on the part at rest.
-    let mut tilted = state.clone();
-    tilted.velocities[2].z = 1e-9;
-    assert!(!reduce(&system, &tilted).reductions.iter().any(|r| matches!(r, Reduction::Axis { .. })));
-    let mut pulled = state.clone();
-    pulled.positions[3].y = -1.01;
-    assert!(!reduce(&system, &pulled).reductions.iter().any(|r| matches!(r, Reduction::AtRest { .. })));
 }
 
 #[test]
