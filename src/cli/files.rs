@@ -5,7 +5,7 @@ use super::time::in_words;
 use super::values::positive_count;
 use super::view::{self, PAGE};
 use sprung::Result;
-use sprung::integrate::{Balance, Schedule, percent};
+use sprung::integrate::{Balance, Method, Schedule, percent};
 use sprung::output::{
     BUNDLE, ErrorKind, ErrorReport, Frames, OutputFolder, Summary, TRAJECTORY, clear_frames, playback,
 };
@@ -118,10 +118,11 @@ pub fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
     }
     lines.push(format!("  energy    {:.6e} J at the start, {:.6e} J at the end", energy.initial, energy.last));
     if let Some(ErrorReport { estimate, kind }) = summary.error {
-        let how = if kind == ErrorKind::Confirmed {
-            "confirmed by another run"
-        } else {
-            "an indicator: right to about ten times, where the motion magnifies no differences"
+        let knows_more = Method::ALL.iter().any(|method| method.name() == summary.method && method.carries_errors());
+        let how = match kind {
+            ErrorKind::Confirmed => "confirmed by another run",
+            ErrorKind::Indicator if knows_more => "an indicator: right to about ten times",
+            ErrorKind::Indicator => "an indicator: right to about ten times, where the motion magnifies no differences",
         };
         lines.push(format!("  error     about {} of the extent ({how})", percent(estimate)));
     }

@@ -239,6 +239,9 @@ fn drive(
     let mut steps = 0;
     let stiffness = stiffness(system);
     stepper.restart();
+    if let Some(monitor) = &monitor {
+        monitor.begin(stepper);
+    }
     let mut begins = true;
     while state.time < end {
         let stop = system.prescribed().next_kink(state.time).map_or(end, |kink| kink.min(end));
@@ -261,6 +264,7 @@ fn drive(
                 }
                 let enter = |monitor: &mut &mut Monitor| {
                     monitor.doubt(doubt);
+                    monitor.carry(stepper.carried_errors());
                     monitor.enter(steps, state, h, stepper.local_error())
                 };
                 if let Some(Err(failure)) = monitor.as_mut().map(enter) {

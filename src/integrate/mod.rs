@@ -5,6 +5,7 @@
 mod adaptive;
 mod backward_euler;
 mod bdf2;
+mod carried;
 mod dop853;
 mod exactness;
 mod explicit;
@@ -43,6 +44,7 @@ pub use adaptive::{AdaptiveStepper, Adaptivity, ErrorEstimate, Sampling, run_ada
 pub(crate) use adaptive::{hermite, run_equal_monitored};
 pub use backward_euler::BackwardEuler;
 pub use bdf2::Bdf2;
+pub use carried::CarriedErrors;
 pub use dop853::Dop853;
 pub use explicit::{ForwardEuler, SymplecticEuler};
 pub use failure::{NotSolved, Status, StepFailure};
@@ -102,6 +104,15 @@ pub trait TimeStepper {
     /// The norm of the local error of positions in the step done or accepted last, in m, by the method's own estimate; `None` where
     /// it has none that costs nothing.
     fn local_error(&self) -> Option<f64> {
+        None
+    }
+
+    /// From now on carries the errors of its steps on along the motion, and before them what is given: see [`CarriedErrors`]. A method that
+    /// does not know how goes on as before.
+    fn carry_errors(&mut self, _from: CarriedErrors) {}
+
+    /// The errors that it has carried on, at the end of the step done or accepted last; `None` where it does not.
+    fn carried_errors(&self) -> Option<&CarriedErrors> {
         None
     }
 

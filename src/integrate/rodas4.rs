@@ -37,20 +37,21 @@
 //!
 //! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.7, IV.10, and their code rodas.f.
 
+mod adaptive;
 mod brake;
 mod coefficients;
 mod errors;
 
+use super::adaptive::norm_of_all;
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::pieces::Piece;
-use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, StiffnessPolicy, TimeStepper};
+use super::{CarriedErrors, Statistics, StepFailure, StiffnessPolicy, TimeStepper};
 use crate::error::{Error, Result};
 use crate::force::{add_damping_differential, add_damping_force, set_total_force};
 use crate::linear::{LinearSolver, SolveFailure};
 use crate::operator::Combination;
 use crate::system::{State, System};
 pub(super) use brake::BRAKE;
-use brake::braked;
 use coefficients::{A, B, C, GAMMA, Row, STAGES, add_multiples};
 use nalgebra::Vector3;
 
@@ -93,6 +94,8 @@ pub struct Rodas4<'s> {
     corrected: Vec<Vector3<f64>>,
     /// Of positions, in the step done last, in m.
     local_error: f64,
+    /// The errors of all steps, at the end of the last one, where they are asked for.
+    carried: Option<CarriedErrors>,
     /// The last step's length, in s, and the error that its stages were solved for, see [`errors::of_stages`].
     last: Option<(f64, f64)>,
     /// The largest residual of the stages, in N.
@@ -149,6 +152,7 @@ impl<'s> Rodas4<'s> {
             b: zeros(),
             corrected: zeros(),
             local_error: 0.0,
+            carried: None,
             last: None,
             residual: 0.0,
         }
@@ -211,6 +215,15 @@ impl<'s> Rodas4<'s> {
             }
         }
         errors::of_positions(system, x, v, h)
+    }
+
+    /// Carries errors on over the step just computed, of h seconds, and adds its own, of which the size is known: that of u_6, scaled.
+    fn carry(&mut self, h: f64, size: f64) {
+        let Self { linear, carried, b, corrected, displacements, velocities, .. } = self;
+        let (Some(carried), Some(x), Some(v)) = (carried, displacements.last(), velocities.last()) else { return };
+        carried.carry(linear, GAMMA * h, [b, corrected]);
+        let all = norm_of_all(linear.system, x);
+        carried.add(if all > 0.0 { size / all } else { 0.0 }, x, v);
     }
 
     /// Sets `point` to `y + Σ row_j u_j`.
@@ -284,7 +297,9 @@ impl<'s> Rodas4<'s> {
             let part = if is_last { left } else { h };
             match self.advance(part) {
                 Ok(()) => {
-                    self.local_error += self.judge(part);
+                    let error = self.judge(part);
+                    self.carry(part, error);
+                    self.local_error += error;
                     if is_last {
                         self.next.time = piece.end;
                     }
@@ -349,46 +364,16 @@ impl TimeStepper for Rodas4<'_> {
         Some(self.local_error)
     }
 
+    fn carry_errors(&mut self, from: CarriedErrors) {
+        self.carried = Some(from);
+    }
+
+    fn carried_errors(&self) -> Option<&CarriedErrors> {
+        self.carried.as_ref()
+    }
+
     fn statistics(&self) -> &Statistics {
         &self.linear.statistics
-    }
-}
-
-impl AdaptiveStepper for Rodas4<'_> {
-    fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
-        self.base.copy_from(state);
-        self.advance(dt)?;
-        self.local_error = self.judge(dt);
-        let [positions, velocities] = self.embedded();
-        Ok(ErrorEstimate { positions, velocities })
-    }
-
-    fn accept(&mut self, state: &mut State) {
-        self.next.prescribe(self.linear.system);
-        state.copy_from(&self.next);
-    }
-
-    fn reject(&mut self) {}
-
-    fn order(&self) -> u32 {
-        4
-    }
-
-    fn estimate_order(&self) -> u32 {
-        3
-    }
-
-    fn braked(&self) -> f64 {
-        braked(self.linear.system, &self.linear.extensions, &self.base.velocities, self.next.time - self.base.time)
-    }
-
-    /// Measured on stiff rods, which end with up to thirty times the error at the coarsest tolerances without it.
-    fn caution(&self) -> f64 {
-        5.0
-    }
-
-    fn statistics_mut(&mut self) -> &mut Statistics {
-        &mut self.linear.statistics
     }
 }
 

@@ -159,6 +159,9 @@ fn drive(
     mut observe: impl FnMut(u64, &State, Option<&Monitor>) -> ControlFlow<()>,
 ) -> Outcome {
     let (mut steps, mut lengths) = (first, lengths.peekable());
+    if let Some(monitor) = &monitor {
+        monitor.begin(stepper);
+    }
     while let Some(Step { dt, end, ends_at_kink }) = lengths.next() {
         let (before, number) = (state.time, steps + 1);
         let mut done = match &mut monitor {
@@ -171,7 +174,10 @@ fn drive(
         if done.is_ok() {
             steps += 1;
             state.time = end;
-            done = monitor.as_mut().map_or(Ok(()), |monitor| monitor.enter(steps, state, dt, stepper.local_error()));
+            if let Some(monitor) = &mut monitor {
+                monitor.carry(stepper.carried_errors());
+                done = monitor.enter(steps, state, dt, stepper.local_error());
+            }
         }
         if let Err(failure) = done {
             return Outcome::failed(number, before, failure, steps, state, monitor);

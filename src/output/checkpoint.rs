@@ -19,7 +19,7 @@ use std::path::Path;
 pub const CHECKPOINT: &str = "checkpoint";
 
 /// The first line. The number changes with the meaning of what follows.
-const FORMAT: &str = "sprung checkpoint 1";
+const FORMAT: &str = "sprung checkpoint 2";
 
 /// Bytes that reading holds at most for a byte of a checkpoint.
 const BYTES: u64 = 6;

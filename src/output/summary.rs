@@ -156,7 +156,8 @@ pub struct ErrorReport {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ErrorKind {
-    /// From figures of the run itself: right to about a factor of ten.
+    /// From figures of the run itself: right to about a factor of ten, where the motion magnifies no differences or the method
+    /// [carries its errors on](crate::Method::carries_errors).
     Indicator,
     /// Independent runs agree.
     Confirmed,

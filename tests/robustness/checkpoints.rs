@@ -181,7 +181,7 @@ fn checkpoints_of_other_runs_and_damaged_ones_are_refused() {
         good[..middle].to_owned(),
         good[..good.len() - 2].to_owned(),
         format!("{}{other}{}", &good[..digit], &good[digit + 1..]),
-        good.replacen("checkpoint 1", "checkpoint 2", 1),
+        good.replacen("checkpoint 2", "checkpoint 1", 1),
         format!("{good}\n"),
     ] {
         sandbox.put("o/checkpoint", &bad);

@@ -208,8 +208,8 @@ fn fixed_row(cases: &[Case]) -> String {
 fn tolerances(cases: &[Case]) -> String {
     let mut text = String::from(
         "## Adaptive steps: `--rtol`\n\nErrors at the end over the tolerance, of runs that completed on scenes whose reference can tell.\n\n\
-         | method, tolerance | runs | completed | error/rtol: median, 90 %, most | within 5 times | ordinary scenes: within 5 times | most | force evaluations, median |\n\
-         |---|---|---|---|---|---|---|---|\n",
+         | method, tolerance | runs | completed | error/rtol: median, 90 %, most | within 5 times | ordinary scenes: within 5 times | most | above 10 times, of these without a warning | force evaluations, median |\n\
+         |---|---|---|---|---|---|---|---|---|\n",
     );
     let key = |case: &Case| match case.run.ask {
         Ask::Rtol(rtol) => (case.run.method.clone(), format!("{rtol:e}")),
@@ -222,15 +222,18 @@ fn tolerances(cases: &[Case]) -> String {
         let ordinary: Vec<_> = completed.iter().filter(|case| case.is_ordinary()).copied().collect();
         let within = |ratios: &[f64]| share(ratios.iter().filter(|&&ratio| ratio <= 5.0).count(), ratios.len());
         let (all, ordinary) = (over(&completed), over(&ordinary));
+        let above: Vec<_> = completed.iter().filter(|case| case.run.error() > 10.0 * asked(case)).collect();
+        let silent = above.iter().filter(|case| case.run.warnings.is_empty()).count();
         let _ = writeln!(
             text,
-            "| {method}, {rtol} | {} | {} | {} | {} | {} | {} | {:.0} |",
+            "| {method}, {rtol} | {} | {} | {} | {} | {} | {} | {}, {silent} | {:.0} |",
             cases.len(),
             completed.len(),
             spread(all.clone()),
             within(&all),
             within(&ordinary),
             ordinary.last().map_or("–".into(), |most| number(*most)),
+            above.len(),
             quantile(&sorted(completed.iter().map(|case| case.run.evaluations as f64).collect()), 0.5),
         );
     }

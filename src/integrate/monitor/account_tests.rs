@@ -2,7 +2,10 @@
 
 use super::{Balance, Monitor, MonitorOptions};
 use crate::force::Energy;
-use crate::integrate::{Outcome, Schedule, Statistics, Status, StepFailure, TimeStepper, run_monitored};
+use crate::integrate::{
+    ImplicitOptions, Method, Outcome, Schedule, Statistics, Status, StepFailure, StiffnessPolicy, TimeStepper,
+    run_monitored,
+};
 use crate::spring::Spring;
 use crate::system::{Axes, Constraint, ExternalForce, Moment, Motion, State, System, SystemBuilder};
 use nalgebra::Vector3;
@@ -344,4 +347,39 @@ fn failures_of_growing_runs_are_told_as_growth() {
     // At rest nothing grows.
     let (outcome, state) = run((4, StepFailure::Tolerance), 0.0);
     assert_eq!((told(&outcome), state.time), ((4, 5, 2.0, Status::NotConverged), 2.0));
+}
+
+/// Monitors that are to know what became of errors let methods that can tell them, and hand it on to the next part of a run.
+#[test]
+fn errors_are_carried_on_where_they_are_asked_for() {
+    let (system, start) = crate::system::fixtures::oscillator();
+    let run = |method: Method, options: MonitorOptions| {
+        let mut state = start.clone();
+        let mut monitor = Monitor::new(&system, &state, options).unwrap();
+        let mut stepper = method.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+        let schedule = Schedule::steps(0.01, 20);
+        run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, |_, _, _| ControlFlow::Continue(()));
+        (monitor, state)
+    };
+    let of = |method| MonitorOptions::of(method, StiffnessPolicy::OnDemand);
+    let (monitor, state) = run(Method::Rodas4, of(Method::Rodas4));
+    let figures = monitor.figures(&state);
+    assert!(figures.carried > 0.1 * figures.embedded && figures.embedded > 0.0, "{figures:?}");
+    let options = of(Method::Rodas4);
+    let account = monitor.account();
+    let mut later = Monitor::continued(&system, [&start, &state], 20, &account, options).unwrap();
+    assert_eq!((later.figures(&state).carried, later.account()), (figures.carried, account));
+    // A stepper goes on from there.
+    let mut stepper = Method::Rodas4.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
+    let mut end = state.clone();
+    run_monitored(&mut *stepper, &mut end, &Schedule::steps(1e-6, 1), &mut later, |_, _, _| ControlFlow::Continue(()));
+    assert!((later.figures(&end).carried / figures.carried - 1.0).abs() < 1e-3);
+    for (method, options) in [(Method::Rodas4, MonitorOptions::LEDGER), (Method::Bdf2, of(Method::Bdf2))] {
+        let (monitor, state) = run(method, options);
+        assert_eq!(monitor.figures(&state).carried, 0.0);
+    }
+    // Accounts that know nothing of it leave that so.
+    let account = run(Method::Rodas4, MonitorOptions::LEDGER).0.account();
+    let later = Monitor::continued(&system, [&start, &state], 20, &account, options).unwrap();
+    assert_eq!(later.figures(&state).carried, 0.0);
 }

@@ -57,6 +57,9 @@ pub struct Figures {
     /// `Σ √(Σ (κ ∫|n·δ| dt)²/(κ' m̄))/X` over the steps, δ being how far prescribed paths go aside from the straight way of a step, κ and n those of
     /// a spring that they draw, κ' the sum of k/l0 at its other end, and m̄ the mean mass: what vibrations come of that.
     pub aside: f64,
+    /// ‖δ‖/X, δ being what the errors of all steps have become by the end, each carried on along the motion, see
+    /// [`CarriedErrors`](crate::integrate::CarriedErrors); zero where the method does not know.
+    pub carried: f64,
 }
 
 /// The sums that figures are made of.
@@ -110,7 +113,7 @@ impl Trail {
         self.aside += detour.way;
     }
 
-    /// With the extent of the scene; its energies and its mean mass are for the caller to fill in.
+    /// With the extent of the scene; its energies, its mean mass, and errors carried on are for the caller to fill in.
     pub fn figures(&self, extent: f64) -> Figures {
         let Self { steps, duration, .. } = *self;
         Figures {

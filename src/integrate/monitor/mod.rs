@@ -9,6 +9,7 @@ mod batch;
 mod driven;
 mod external;
 mod figures;
+mod forces;
 mod growth;
 mod indicator;
 mod ledger;
@@ -20,10 +21,11 @@ pub use figures::Figures;
 pub use indicator::{Warning, percent};
 pub use ledger::Balance;
 
+use super::carried::Kept;
 use super::watch::Watch;
-use super::{Method, StepFailure, StiffnessPolicy};
+use super::{CarriedErrors, Method, StepFailure, StiffnessPolicy, TimeStepper};
 use crate::error::Result;
-use crate::force::{DegenerateSpring, Energy, Extensions, add_all_forces};
+use crate::force::Energy;
 use crate::memory;
 use crate::spring::Stiffness;
 use crate::system::{Axes, State, System};
@@ -31,6 +33,7 @@ use aside::Aside;
 use driven::Drive;
 use external::External;
 use figures::Trail;
+use forces::Forces;
 use growth::{Growth, Past, Unstable};
 use ledger::Ledger;
 use nalgebra::Vector3;
@@ -47,13 +50,15 @@ pub struct MonitorOptions {
     pub turning: bool,
     /// Whether the paths of particles are, for [`Figures::third`] and [`Figures::slip`].
     pub paths: bool,
+    /// Whether a method that knows how is to carry the errors of its steps on, for [`Figures::carried`].
+    pub errors: bool,
     /// Whether energy from nowhere ends the run.
     pub stops_unstable: bool,
 }
 
 impl MonitorOptions {
     /// The energy ledger alone, and what costs nothing beside it.
-    pub const LEDGER: Self = Self { forces: false, turning: false, paths: false, stops_unstable: true };
+    pub const LEDGER: Self = Self { forces: false, turning: false, paths: false, errors: false, stops_unstable: true };
 
     /// What the indicators of a method need; the other figures stay zero. Forces, where only its linearisation is in question: the others
     /// solve their equations, or have none; without transverse stiffness there is nothing that brakes.
@@ -63,6 +68,7 @@ impl MonitorOptions {
             forces: method == Method::LinearBackwardEuler && brakes,
             turning: matches!(method, Method::W2 | Method::Rodas4),
             paths: matches!(method, Method::W2 | Method::Bdf2 | Method::SymplecticEuler),
+            errors: method.carries_errors(),
             ..Self::LEDGER
         }
     }
@@ -71,7 +77,7 @@ impl MonitorOptions {
 /// All figures that need no forces.
 impl Default for MonitorOptions {
     fn default() -> Self {
-        Self { turning: true, paths: true, ..Self::LEDGER }
+        Self { turning: true, paths: true, errors: true, ..Self::LEDGER }
     }
 }
 
@@ -82,6 +88,7 @@ pub struct Account {
     ledger: Ledger,
     past: Past,
     trail: Trail,
+    carried: Option<Kept>,
 }
 
 /// Accompanies a run; see the module.
@@ -122,6 +129,8 @@ pub struct Monitor<'s> {
     times: [f64; 2],
     growth: Growth,
     trail: Trail,
+    /// What the steps so far have made wrong, where that is to be known.
+    carried: Option<CarriedErrors>,
     start: Vec<Vector3<f64>>,
     /// Whether there are fewer springs than degrees of freedom.
     can_fold: bool,
@@ -135,19 +144,13 @@ const LOOKS: u64 = 8;
 
 /// Bytes of what is kept of a spring and of a particle, at most; the last batch of springs is filled up.
 const SPRING: u64 = 100;
-const PARTICLE: u64 = 400;
+const PARTICLE: u64 = 450;
 
 /// The parabola of a rate over a step in Legendre polynomials, see `springs`.
 struct Sides {
     mean: f64,
     slope: f64,
     bend: f64,
-}
-
-/// Forces at a state.
-struct Forces {
-    extensions: Extensions,
-    force: Vec<Vector3<f64>>,
 }
 
 impl<'s> Monitor<'s> {
@@ -179,6 +182,7 @@ impl<'s> Monitor<'s> {
             times: [state.time; 2],
             growth,
             trail: Trail::default(),
+            carried: options.errors.then(|| CarriedErrors::none(system)),
             start: state.positions.clone(),
             can_fold: can_fold(system),
             mass: mean_mass(system),
@@ -214,6 +218,20 @@ impl<'s> Monitor<'s> {
         }
     }
 
+    /// Lets a stepper begin with what the monitor knows of the errors of steps before.
+    pub(super) fn begin(&self, stepper: &mut (impl TimeStepper + ?Sized)) {
+        if let Some(carried) = &self.carried {
+            stepper.carry_errors(carried.clone());
+        }
+    }
+
+    /// Takes over what a stepper has carried on.
+    pub(super) fn carry(&mut self, errors: Option<&CarriedErrors>) {
+        if let (Some(carried), Some(errors)) = (&mut self.carried, errors) {
+            carried.clone_from(errors);
+        }
+    }
+
     /// The account of the springs, for a method that goes through them anyway.
     pub(super) fn springs(&mut self) -> &mut dyn Watch {
         &mut self.springs
@@ -232,7 +250,12 @@ impl<'s> Monitor<'s> {
 
     /// What it knows of the run so far, to go on with.
     pub fn account(&self) -> Account {
-        Account { ledger: self.ledger, past: self.growth.past(), trail: self.trail }
+        Account {
+            ledger: self.ledger,
+            past: self.growth.past(),
+            trail: self.trail,
+            carried: self.carried.as_ref().map(CarriedErrors::kept),
+        }
     }
 
     /// Goes on with a run that began with the first of two states and has come to the second, after so many steps: with what it
@@ -247,10 +270,12 @@ impl<'s> Monitor<'s> {
         account: &Account,
         options: MonitorOptions,
     ) -> Result<Self> {
-        let Account { ledger, ref past, trail } = *account;
+        let Account { ledger, ref past, trail, ref carried } = *account;
         let fresh = Self::new(system, state, options)?;
         let growth = Growth::continued(past, &ledger, steps, state);
-        Ok(Self { ledger, before: ledger, growth, trail, start: start.positions.clone(), ..fresh })
+        let carried = carried.as_ref().map(|kept| CarriedErrors::of(system, kept));
+        let start = start.positions.clone();
+        Ok(Self { ledger, before: ledger, growth, trail, carried, start, ..fresh })
     }
 
     /// The failure that energy from nowhere makes of a run at its last state, where it has grown and is to end the run.
@@ -312,6 +337,7 @@ impl<'s> Monitor<'s> {
         let figures = self.trail.figures(self.extent(state));
         let (gained, lost) = (self.growth.gained, self.growth.lost(&self.ledger));
         let aside = figures.aside / self.mass.sqrt();
+        let carried = self.carried.as_ref().map_or(0.0, |carried| carried.norm(self.system)) / figures.extent;
         let way = |energy: f64| figures.duration * (2.0 * energy.max(0.0) / self.mass).sqrt() / figures.extent;
         Figures {
             exchanged: self.growth.exchanged(),
@@ -321,6 +347,7 @@ impl<'s> Monitor<'s> {
             gained_way: way(gained),
             can_fold: self.can_fold,
             aside,
+            carried,
             ..figures
         }
     }
@@ -354,22 +381,6 @@ fn mean_mass(system: &System) -> f64 {
     let [count, mass] = masses.fold([0.0, 0.0], |[count, sum], mass| [count + 1.0, sum + mass]);
     let [count, mass] = system.total([count, mass]);
     if count > 0.0 { mass / count } else { 1.0 }
-}
-
-impl Forces {
-    fn new(system: &System, state: &State) -> std::result::Result<Self, DegenerateSpring> {
-        let extensions = Extensions::at(system, &state.positions)?;
-        Ok(Self { extensions, force: vec![Vector3::zeros(); system.particles()] })
-    }
-
-    /// `f_el + f_d + g` at a state; nothing where the ends of a spring coincide.
-    fn at(&mut self, system: &System, state: &State) -> Option<&[Vector3<f64>]> {
-        let Self { extensions, force } = self;
-        extensions.update(system, &state.positions).ok()?;
-        force.fill(Vector3::zeros());
-        add_all_forces(system, extensions, &state.moment(), force);
-        Some(force)
-    }
 }
 
 #[cfg(test)]

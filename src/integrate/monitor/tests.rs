@@ -319,14 +319,25 @@ fn warnings_name_the_cause() {
     assert_eq!(warnings(braked, Method::W2), [Warning::Wrong(estimate), Warning::Braked(0.293)]);
     assert_eq!(warnings(Figures { lifted: 0.1, ..braked }, Method::W2), []);
     // Where the ends of springs pass each other and all goes round and round, local errors grow.
-    let crumpled = Figures { way: 9.0, reach: 1.5, embedded: 2e-5, ..harmless() };
-    assert_eq!(warnings(crumpled, Method::Rodas4), [Warning::Crumpled(9.0), Warning::Long(1.5)]);
-    assert_eq!(crumpled.warnings(Method::Dop853, Some(1e-2)).first(), Some(&Warning::Crumpled(9.0)));
+    let crumpled = Figures { way: 9.0, reach: 1.5, embedded: 2e-3, ..harmless() };
+    let warning = |more| Warning::Crumpled { way: 9.0, more };
+    assert_eq!(warnings(crumpled, Method::Rodas4), [warning(10.0), Warning::Long(1.5)]);
+    assert_eq!(crumpled.warnings(Method::Dop853, Some(1e-2)).first(), Some(&warning(1000.0)));
     assert_eq!(warnings(crumpled, Method::Bdf2), []);
     for calm in
-        [Figures { way: 7.0, ..crumpled }, Figures { reach: 0.2, ..crumpled }, Figures { embedded: 9e-6, ..crumpled }]
+        [Figures { way: 7.0, ..crumpled }, Figures { reach: 0.2, ..crumpled }, Figures { embedded: 9e-4, ..crumpled }]
     {
         assert_eq!(warnings(calm, Method::Rodas4), []);
+    }
+    // What the motion has made of errors counts where it is known, and is named, and doubted earlier, where it is ten times what they were.
+    let carried = Figures { carried: 0.375, embedded: 1e-3, slip: 1e-3, bend: 1e-3, ..harmless() };
+    let magnified = [Warning::Wrong(0.125), Warning::Magnified(0.125 / 1e-3)];
+    assert_eq!(warnings(carried, Method::Rodas4), magnified);
+    let doubts = |rtol| carried.warnings(Method::Rodas4, Some(rtol));
+    assert_eq!((doubts(0.06), doubts(0.065)), (magnified.to_vec(), vec![]));
+    assert_eq!(Figures { embedded: 0.02, ..carried }.warnings(Method::Rodas4, Some(0.02)), []);
+    for method in [Method::Bdf2, Method::W2, Method::Dop853] {
+        assert_eq!(warnings(carried, method), []);
     }
     // Bends of paths count for methods that step over them.
     let bent = Figures { aside: 0.2, slip: 0.05, ..harmless() };
@@ -359,10 +370,10 @@ fn errors_are_told_to_people_in_percent() {
     assert_eq!(texts, ["190 %", "100 %", "12 %", "3.5 %", "0.07 %", "1e-5 %", "more than 9990 %"]);
 }
 
-/// A hundred bytes for each of two springs, four hundred for each of three particles.
+/// A hundred bytes for each of two springs, four hundred and fifty for each of three particles.
 #[test]
 fn memory_is_asked_for_springs_and_particles() {
     let (system, state) = crate::system::fixtures::row(3);
     let new = || Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
-    assert_eq!(crate::memory::watch::asked("what accompanies a run", new).1, 2 * 100 + 3 * 400);
+    assert_eq!(crate::memory::watch::asked("what accompanies a run", new).1, 2 * 100 + 3 * 450);
 }

@@ -18,22 +18,28 @@ fn warnings_begin_beyond_their_limits() {
             Warning::Wrong(0.034),
         ),
         (
-            Figures { way: 8.0, reach: 0.5, embedded: 2e-5, ..harmless() },
+            Figures { way: 8.0, reach: 0.5, embedded: 2e-3, ..harmless() },
             Method::Rodas4,
-            Figures { way: 8.5, reach: 0.5, embedded: 2e-5, ..harmless() },
-            Warning::Crumpled(8.5),
+            Figures { way: 8.5, reach: 0.5, embedded: 2e-3, ..harmless() },
+            Warning::Crumpled { way: 8.5, more: 10.0 },
         ),
         (
-            Figures { way: 9.0, reach: 0.3, embedded: 2e-5, ..harmless() },
+            Figures { way: 9.0, reach: 0.3, embedded: 2e-3, ..harmless() },
             Method::Rodas4,
-            Figures { way: 9.0, reach: 0.31, embedded: 2e-5, ..harmless() },
-            Warning::Crumpled(9.0),
+            Figures { way: 9.0, reach: 0.31, embedded: 2e-3, ..harmless() },
+            Warning::Crumpled { way: 9.0, more: 10.0 },
         ),
         (
-            Figures { way: 9.0, reach: 0.5, embedded: 1e-5, ..harmless() },
+            Figures { way: 9.0, reach: 0.5, carried: 3e-3, ..harmless() },
             Method::Rodas4,
-            Figures { way: 9.0, reach: 0.5, embedded: 1.1e-5, ..harmless() },
-            Warning::Crumpled(9.0),
+            Figures { way: 9.0, reach: 0.5, carried: 3.3e-3, ..harmless() },
+            Warning::Crumpled { way: 9.0, more: 10.0 },
+        ),
+        (
+            Figures { way: 9.0, reach: 0.5, embedded: 0.3 / 256.0 / 1001.0, ..harmless() },
+            Method::Dop853,
+            Figures { way: 9.0, reach: 0.5, embedded: 0.3 / 256.0 / 999.0, ..harmless() },
+            Warning::Crumpled { way: 9.0, more: 1000.0 },
         ),
         (
             Figures { gained: 2.0, slip: 0.01, ..harmless() },
@@ -84,6 +90,9 @@ fn causes_are_named_beyond_their_limits() {
         let damped = |lost| causes(Figures { lost, exchanged, ..wrong }, Method::Bdf2);
         assert_eq!((damped(at), damped(beyond)), (vec![], vec![Warning::Damped { lost: beyond, exchanged }]));
     }
+    // A third of the errors carried on counts, of rodas4.
+    let carried = |carried| causes(Figures { carried, embedded: 0.0625, ..wrong }, Method::Rodas4);
+    assert_eq!((carried(1.875), carried(3.75)), (vec![], vec![Warning::Magnified(20.0)]));
     let long = |reach| causes(Figures { reach, ..wrong }, Method::Bdf2);
     assert_eq!((long(1.0), long(1.5)), (vec![], vec![Warning::Long(1.5)]));
 }
@@ -98,7 +107,7 @@ fn long_steps_are_named_where_anything_is_wrong() {
         (Figures { slip: 0.05, ..long }, Method::Bdf2),
         (Figures { can_fold: true, lost_way: 1.0, ..long }, Method::Bdf2),
         (Figures { gained_way: 3.0, ..long }, Method::Bdf2),
-        (Figures { way: 9.0, embedded: 2e-5, ..long }, Method::Rodas4),
+        (Figures { way: 9.0, embedded: 2e-3, ..long }, Method::Rodas4),
     ] {
         assert_eq!(last(figures, method), Some(Warning::Long(2.0)), "{figures:?}");
     }
@@ -131,10 +140,12 @@ fn warnings_are_sentences() {
             Warning::Braked(0.12),
             "springs that turn are stretched by the steps and brake the motion: by about 12 % of its kinetic energy",
         ),
+        (Warning::Magnified(345.4), "the motion magnified the errors of its steps about 345 times on the way"),
+        (Warning::Magnified(1.5e6), "the motion magnified the errors of its steps about 2e6 times on the way"),
         (
-            Warning::Crumpled(9.0),
+            Warning::Crumpled { way: 9.0, more: 1000.0 },
             "the scene has crumpled, its particles having gone 9.0 times its extent: such motions magnify errors, and this one may \
-             be a thousand times as wrong as the estimate says",
+             be 1000 times as wrong as the estimate says",
         ),
         (
             Warning::Damped { lost: 12.0, exchanged: 3.5 },
