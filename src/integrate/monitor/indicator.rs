@@ -263,9 +263,9 @@ impl Figures {
     }
 
     /// How many times the motion has magnified what steps did wrong, where that is known and much.
-    fn magnified(&self) -> Option<f64> {
+    fn magnified(&self, method: Method) -> Option<f64> {
         let by = CARRIED * self.carried / self.embedded;
-        (by > MAGNIFIED).then_some(by)
+        (method.carries_errors() && by > MAGNIFIED).then_some(by)
     }
 
     /// What makes a run with a method doubtful, the error first and then causes. A run whose steps keep to a relative tolerance
@@ -273,7 +273,7 @@ impl Figures {
     pub fn warnings(&self, method: Method, rtol: Option<f64>) -> Vec<Warning> {
         let Self { exchanged, gained, lost, defect, reach, .. } = *self;
         let estimate = self.estimate(method).unwrap_or(f64::INFINITY);
-        let magnified = self.magnified();
+        let magnified = self.magnified(method);
         let doubtful = doubtful(method);
         let crumpled = self.crumpled(method).filter(|more| more * estimate > doubtful);
         let is_wrong = estimate > rtol.map_or(doubtful, |rtol| rtol * if magnified.is_some() { 2.0 } else { 10.0 });
