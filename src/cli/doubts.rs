@@ -1,6 +1,6 @@
 //! What a run says of its own error, and what to do about it.
 
-use sprung::integrate::{Figures, Method, Status};
+use sprung::integrate::{Figures, Method, Status, Warning};
 use sprung::output::{ErrorKind, ErrorReport};
 use sprung::plan::Plan;
 
@@ -10,12 +10,20 @@ pub fn doubts(plan: &Plan, status: Status, figures: &Figures) -> (Option<ErrorRe
     if !matches!(status, Status::Completed | Status::Interrupted) {
         return (None, Vec::new());
     }
-    let mut warnings: Vec<String> = figures.warnings(method, plan.rtol).iter().map(ToString::to_string).collect();
+    let mut warnings: Vec<String> = figures.warnings(method, plan.rtol).iter().map(text).collect();
     if let Some(first) = warnings.first_mut() {
         *first = format!("{first}: {}", advice(plan));
     }
     let report = |estimate| ErrorReport { estimate, kind: ErrorKind::Indicator };
     (figures.estimate(method).map(report), warnings)
+}
+
+/// A warning, with what to do about it where that hangs on nothing else.
+fn text(warning: &Warning) -> String {
+    match warning {
+        Warning::Magnified(_) => format!("{warning}: --accuracy says until when positions are predictable"),
+        _ => warning.to_string(),
+    }
 }
 
 /// What to do about a run that is wrong.

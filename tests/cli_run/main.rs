@@ -339,6 +339,22 @@ fn a_run_that_is_wrong_says_so() {
     assert!(estimate < 0.05, "{estimate}");
 }
 
+/// A chain that whips is 40 % off after 2 s, and what says so is what the motion has made of errors; until 1 s it is calm.
+#[test]
+fn a_run_that_magnifies_its_errors_says_so() {
+    let sandbox = Sandbox::new();
+    let chain = sandbox.sprung(&["new", "chain", "--size", "6"]).ends_with(0).stdout;
+    sandbox.put("chain.toml", &chain);
+    let run = |duration| sandbox.sprung(&["run", "chain.toml", "--duration", duration, "--out", "o"]).ends_with(0);
+    assert_eq!(run("1").stderr, "");
+    let answer = run("2");
+    for part in ["wrong by about", "--rtol", "the motion magnified the errors of its steps about", "--accuracy"] {
+        assert!(answer.stderr.contains(part), "{part:?} is not in {}", answer.stderr);
+    }
+    let estimate = sandbox.json("o/summary.json")["error"]["estimate"].as_f64().unwrap();
+    assert!((0.04..4.0).contains(&estimate), "{estimate}");
+}
+
 #[test]
 fn effort_is_counted_in_force_evaluations() {
     let sandbox = triangle();
