@@ -197,3 +197,28 @@ fn ends_of_springs_differ_by_half_their_length_at_most() {
         assert_eq!(found, [given, given.map(|x: f64| 0.75 * x), expected]);
     }
 }
+
+/// Ten metres long, so that half of it is more than a metre or two.
+#[test]
+fn both_ends_of_a_long_spring_give_way() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 2.0);
+    builder.particle([10.0, 0.0, 0.0], 2.0);
+    builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 10.0, damping: 0.0 });
+    let (system, state) = builder.build().unwrap();
+    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let along = |[i, j]: [f64; 2]| vec![[i, 0.0, 0.0], [j, 0.0, 0.0]];
+    let mut errors = CarriedErrors::of(&system, &[along([3.0, -3.0]), along([1.0, -5.0])]);
+    errors.limit(&system, &extensions);
+    let expected = CarriedErrors::of(&system, &[along([2.5, -2.5]), along([0.5, -4.5])]);
+    errors.add(-1.0, &expected.positions, &expected.velocities);
+    assert!(errors.norm(&system) < 1e-14 && errors.velocities.iter().all(|v| v.norm() < 1e-14), "{errors:?}");
+}
+
+#[test]
+fn what_is_added_has_its_sign() {
+    let mut errors = difference(1, [0.5, -0.25]);
+    let [x, v] = [1.0, 2.0].map(|value| vec![Vector3::zeros(), Vector3::y() * value]);
+    errors.add(0.25, &x, &v);
+    assert_eq!(errors, difference(1, [0.75, 0.25]));
+}
