@@ -141,7 +141,7 @@ fn warnings_are_sentences() {
             "springs that turn are stretched by the steps and brake the motion: by about 12 % of its kinetic energy",
         ),
         (Warning::Magnified(345.4), "the motion magnified the errors of its steps about 345 times on the way"),
-        (Warning::Magnified(1.5e6), "the motion magnified the errors of its steps about 2e6 times on the way"),
+        (Warning::Magnified(1e6), "the motion magnified the errors of its steps about 1e6 times on the way"),
         (
             Warning::Crumpled { way: 9.0, more: 1000.0 },
             "the scene has crumpled, its particles having gone 9.0 times its extent: such motions magnify errors, and this one may \
