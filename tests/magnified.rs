@@ -22,8 +22,8 @@ fn run(system: &System, start: &State, method: Method, duration: f64, rtol: f64)
     (state, figures)
 }
 
-/// Ready scenes that fold, whip and buckle, and others that do not. Of the first the errors of steps are off by a hundred times and more, and
-/// most runs are wrong by ten tolerances; all of them are told.
+/// Ready scenes that fold, whip and buckle, and others that do not. Of the first the errors of steps grow by a hundred times and more, and most are wrong
+/// by ten tolerances; all of them are told. Estimates are right to about ten times: the pendulum's is a tenth of the truth, twice that is allowed.
 #[test]
 fn what_the_motion_magnifies_is_told() {
     const RTOL: f64 = 1e-2;

@@ -146,14 +146,12 @@ impl CarriedErrors {
 
     /// Draws the ends of springs together that differ by more than they may.
     fn limit(&mut self, system: &System, extensions: &Extensions) {
-        let farthest = self.positions.iter().map(Vector3::norm_squared).fold(0.0, f64::max).sqrt();
-        let shortest = extensions.springs(system).map(most).fold(f64::INFINITY, f64::min);
-        if 2.0 * farthest <= shortest {
-            return;
-        }
         let apart = |positions: &[Vector3<f64>], [i, j]: [usize; 2]| (positions[i] - positions[j]).norm();
         let ratio = |at @ ((_, ends, _), _): Stretched| apart(&self.positions, ends) / most(at);
         let largest = extensions.springs(system).map(ratio).fold(0.0, f64::max);
+        if largest <= 1.0 {
+            return;
+        }
         if largest > SUDDEN {
             for difference in self.positions.iter_mut().chain(&mut self.velocities) {
                 *difference *= SUDDEN / largest;

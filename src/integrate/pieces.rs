@@ -6,7 +6,7 @@ use super::schedule::Step;
 use crate::system::Prescribed;
 
 /// Kinks within this part of a step of one of its ends are at that end.
-pub(super) const SLACK: f64 = 1e-12;
+const SLACK: f64 = 1e-12;
 
 /// A part of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -73,7 +73,7 @@ pub fn all(root: &Path) -> super::Result<Vec<Mutant>> {
         }
     }
     let is_program = |mutant: &Mutant| mutant.span.start.line <= lines(&sources[&mutant.file]);
-    mutants.retain(|mutant| !mutant.file.ends_with("/tests.rs") && is_program(mutant));
+    mutants.retain(|mutant| !mutant.file.ends_with("tests.rs") && is_program(mutant));
     for mutant in &mut mutants {
         if let Some(function) = &mutant.function {
             let source = &sources[&mutant.file];

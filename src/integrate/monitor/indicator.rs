@@ -82,6 +82,10 @@ const CARRIED: f64 = 1.0 / 3.0;
 /// The ratio of that to the errors of the steps themselves from which the motion has magnified them.
 const MAGNIFIED: f64 = 10.0;
 
+/// Tolerances above which an estimate is doubtful: what estimates are right to, and less where the motion has magnified errors, as those are closer.
+const BEYOND: f64 = 10.0;
+const BEYOND_CLOSE: f64 = 2.0;
+
 /// The part of U that w2 takes a step.
 const BRAKE_W2: f64 = 0.293;
 
@@ -276,7 +280,8 @@ impl Figures {
         let magnified = self.magnified(method);
         let doubtful = doubtful(method);
         let crumpled = self.crumpled(method).filter(|more| more * estimate > doubtful);
-        let is_wrong = estimate > rtol.map_or(doubtful, |rtol| rtol * if magnified.is_some() { 2.0 } else { 10.0 });
+        let is_wrong =
+            estimate > rtol.map_or(doubtful, |rtol| rtol * if magnified.is_some() { BEYOND_CLOSE } else { BEYOND });
         let has_steps_of_its_own = rtol.is_some();
         let gains =
             gained > GAINED * exchanged && estimate > GAINING || self.gained_way > MADE && !has_steps_of_its_own;
@@ -284,18 +289,20 @@ impl Figures {
         let turns = is_wrong && method == Method::LinearBackwardEuler && defect > TURNING;
         let (braked, missed) = (self.braked(method), self.missed(method));
         let brakes = is_wrong && braked > BRAKED;
-        let candidates = [
-            (is_wrong, Warning::Wrong(estimate)),
-            (turns, Warning::Turning(defect)),
-            (brakes, Warning::Braked(braked)),
-            (is_wrong && missed >= BENT * estimate, Warning::Bent(missed)),
-            (is_wrong && magnified.is_some(), Warning::Magnified(magnified.unwrap_or_default())),
-            (crumpled.is_some(), Warning::Crumpled { way: self.way, more: crumpled.unwrap_or_default() }),
-            (!brakes && (damps || is_wrong && !turns && lost > TAKEN * exchanged), Warning::Damped { lost, exchanged }),
-            (gains, Warning::Gained { gained, exchanged }),
-            (reach > 1.0 && (is_wrong || damps || gains || crumpled.is_some()), Warning::Long(reach)),
+        let damped = damps || is_wrong && !turns && lost > TAKEN * exchanged;
+        let long = reach > 1.0 && (is_wrong || damps || gains || crumpled.is_some());
+        let warnings = [
+            is_wrong.then_some(Warning::Wrong(estimate)),
+            turns.then_some(Warning::Turning(defect)),
+            brakes.then_some(Warning::Braked(braked)),
+            (is_wrong && missed >= BENT * estimate).then_some(Warning::Bent(missed)),
+            magnified.filter(|_| is_wrong).map(Warning::Magnified),
+            crumpled.map(|more| Warning::Crumpled { way: self.way, more }),
+            (!brakes && damped).then_some(Warning::Damped { lost, exchanged }),
+            gains.then_some(Warning::Gained { gained, exchanged }),
+            long.then_some(Warning::Long(reach)),
         ];
-        candidates.into_iter().filter(|(applies, _)| *applies).map(|(_, warning)| warning).collect()
+        warnings.into_iter().flatten().collect()
     }
 }
 
