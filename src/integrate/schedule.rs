@@ -145,7 +145,21 @@ impl Schedule {
 
 #[cfg(test)]
 mod tests {
-    use super::Schedule;
+    use super::{DIVIDES, Schedule, is_end};
+
+    /// Within a part of the run and four units in the last place of its end, which decide where runs are short beside their times.
+    #[test]
+    fn a_run_ends_up_to_rounding() {
+        for (left, run, expected) in [
+            (0.5 * DIVIDES, [99.0, 100.0], true),
+            (2.0 * DIVIDES, [99.0, 100.0], false),
+            (0.5, [1e15 - 1.0, 1e15], true),
+            (-1.0, [99.0, 100.0], true),
+            (1.0, [99.0, 100.0], false),
+        ] {
+            assert_eq!(is_end(run[1] - left, run), expected, "{left} before the end of {run:?}");
+        }
+    }
 
     #[test]
     fn nothing_to_do_is_empty() {

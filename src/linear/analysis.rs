@@ -4,6 +4,8 @@
 //! both take microseconds, and only one convention for the index of a failed pivot is then in play.
 
 use super::ordering::{Glance, Ordering, OrderingMethod};
+use super::substitution::Substitution;
+use super::supernode::supernodes;
 use crate::assembly::BlockPattern;
 use crate::error::{Error, Result};
 use crate::memory;
@@ -12,7 +14,7 @@ use faer::dyn_stack::{MemBuffer, StackReq};
 use faer::perm::PermRef;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
 };
 use faer::{Par, Side, Spec};
 use serde::Serialize;
@@ -89,6 +91,7 @@ pub struct Analysis {
     /// Empty until [`allocate`](Self::allocate), as is the memory.
     pub values: Vec<f64>,
     pub memory: MemBuffer,
+    pub substitution: Substitution,
     scratch: StackReq,
     pub par: Par,
 }
@@ -125,18 +128,21 @@ impl Analysis {
         let times =
             FactorTimes { analysis_seconds: (glanced + start.elapsed()).as_secs_f64(), ..FactorTimes::default() };
         let (memory, symbolic) = (MemBuffer::new(StackReq::EMPTY), Arc::new(symbolic));
-        Ok(Self { ordering: method, times, symbolic, values: Vec::new(), memory, scratch, par })
+        let (values, substitution) = Default::default();
+        Ok(Self { ordering: method, times, symbolic, values, memory, substitution, scratch, par })
     }
 
     /// What is known of the pattern, without memory for a factor, to be [allocated](Self::allocate).
     pub fn shared(&self) -> Self {
-        let (times, values, memory) = (FactorTimes::default(), Vec::new(), MemBuffer::new(StackReq::EMPTY));
-        Self { times, values, memory, symbolic: self.symbolic.clone(), ..*self }
+        let (times, values, substitution) = Default::default();
+        let (memory, symbolic) = (MemBuffer::new(StackReq::EMPTY), self.symbolic.clone());
+        Self { times, values, memory, substitution, symbolic, ..*self }
     }
 
     /// Bytes of the factor and of what factoring takes beside it.
     pub fn bytes(&self) -> u64 {
-        8 * self.symbolic.len_val() as u64 + self.scratch.unaligned_bytes_required() as u64
+        let scratch = self.scratch.unaligned_bytes_required() as u64;
+        8 * self.symbolic.len_val() as u64 + scratch + Substitution::bytes(&self.symbolic)
     }
 
     /// Takes the memory for the factor.
@@ -152,6 +158,7 @@ impl Analysis {
             bytes,
             room: memory::room(),
         })?;
+        self.substitution = Substitution::new(&self.symbolic);
         Ok(())
     }
 
@@ -173,44 +180,6 @@ impl Analysis {
         let row = self.forward().and_then(|forward| forward.get(permuted)).map_or(permuted, |&row| row as usize);
         NonPositivePivot { row, dof: pattern.dofs().dof(row) }
     }
-}
-
-/// A dense block of L: a trapezoid whose first `columns` rows are a triangle.
-#[derive(Clone, Copy)]
-pub struct Supernode<'a> {
-    /// Its first column in L.
-    pub first: usize,
-    pub columns: usize,
-    /// The rows below the triangle, in the order of elimination.
-    pub below: &'a [u32],
-    /// Where its values start, by columns.
-    pub values: usize,
-}
-
-impl Supernode<'_> {
-    pub fn rows(&self) -> usize {
-        self.columns + self.below.len()
-    }
-
-    /// Position of the diagonal entry of a column among the factor's values; the column's entries below follow it.
-    pub fn diagonal(&self, column: usize) -> usize {
-        self.values + column * self.rows() + column
-    }
-}
-
-pub fn supernodes(symbolic: &SymbolicCholesky<u32>) -> impl Iterator<Item = Supernode<'_>> + '_ {
-    let supernodal = match symbolic.raw() {
-        SymbolicCholeskyRaw::Supernodal(supernodal) => Some(supernodal),
-        SymbolicCholeskyRaw::Simplicial(_) => None,
-    };
-    supernodal.into_iter().flat_map(|supernodal| {
-        (0..supernodal.n_supernodes()).map(move |s| {
-            let first = supernodal.supernode_begin()[s] as usize;
-            let columns = supernodal.supernode_end()[s] as usize - first;
-            let below = supernodal.supernode(s).pattern();
-            Supernode { first, columns, below, values: supernodal.col_ptr_for_val()[s] as usize }
-        })
-    })
 }
 
 /// Operations of a numeric factorization. A column of a block that has h entries takes h² (multiply and add counted).

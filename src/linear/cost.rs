@@ -35,7 +35,7 @@ const PRODUCT: [f64; 2] = [148.0, 2.8];
 const ASSEMBLY: [f64; 2] = [43.0, 13.4];
 
 /// Refilling and factoring A: once, a spring, an entry of the factor, an operation.
-const FACTORIZATION: [f64; 4] = [187.0, 47.5, 3.2, 0.026];
+const FACTORIZATION: [f64; 4] = [187.0, 47.5, 3.2, 0.021];
 
 /// A first ordering: once, a spring.
 const GLANCE: [f64; 2] = [2700.0, 150.0];
@@ -45,7 +45,7 @@ const ANALYSIS: [f64; 2] = [2700.0, 6.5];
 
 /// A solve with the factor, beside the product that checks it: once, a coordinate, an entry of the factor that stays in the
 /// processor's memory from one solve to the next, one that does not.
-const SOLVE: [f64; 4] = [50.0, 33.4, 0.2, 0.95];
+const SOLVE: [f64; 4] = [150.0, 20.0, 0.2, 0.72];
 
 /// Entries of a factor that stay.
 const CACHED: f64 = 1e6;
@@ -64,7 +64,7 @@ const FINEST: [f64; 2] = [14.9, 15.6];
 const DENSE_LEVEL: [f64; 3] = [90.0, 2.7, 0.00078];
 
 /// A cycle of multigrid: a coordinate, a spring; of a system so small that there is but one dense level, a pair of coordinates.
-const CYCLE: [f64; 3] = [25.3, 8.8, 0.27];
+const CYCLE: [f64; 3] = [25.3, 8.8, 0.3];
 
 /// Computing the coarse levels: a coordinate, a multiplication; where these are not known yet, a coordinate, a spring. One dense level has none.
 const SETUP: [f64; 2] = [130.0, 0.29];

@@ -1,10 +1,12 @@
 //! Sparse factorizations `A = L B Lᵀ` by faer: analysed once, refactored for every matrix.
 //!
 //! One type for all [kinds](FactorKind), which differ in B and in how pivots are chosen: what a kind adds is its call of faer and
-//! what can be asked of its factors.
+//! what can be asked of its factors. Single right-hand sides are solved for by `linear/substitution.rs`, several at once by faer.
 
-use super::analysis::{Analysis, FactorReport, FactorSize, NonPositivePivot, SOLVE_COLUMNS, supernodes};
+use super::analysis::{Analysis, FactorReport, FactorSize, NonPositivePivot, SOLVE_COLUMNS};
 use super::ordering::Glance;
+use super::substitution::Diagonal;
+use super::supernode::supernodes;
 use crate::assembly::{BlockPattern, SymmetricMatrix};
 use crate::error::Result;
 use faer::dyn_stack::MemStack;
@@ -70,7 +72,7 @@ impl<K: kind::Solve> SolvingKind for K {}
 
 /// What faer has to be told; nobody else can make a kind.
 pub(super) mod kind {
-    use super::{Analysis, SymmetricMatrix};
+    use super::{Analysis, Diagonal, SymmetricMatrix};
 
     pub trait Numeric: Sized {
         /// For matrices of an order.
@@ -81,6 +83,9 @@ pub(super) mod kind {
     }
 
     pub trait Solve: Numeric {
+        /// What factors have on their diagonal.
+        const DIAGONAL: Diagonal;
+
         /// `X ← A⁻¹ X` for at most [`SOLVE_COLUMNS`](super::SOLVE_COLUMNS) columns.
         fn solve(analysis: &mut Analysis, x: faer::MatMut<'_, f64>);
     }
@@ -121,6 +126,8 @@ impl kind::Numeric for Ldl {
 }
 
 impl kind::Solve for Llt {
+    const DIAGONAL: Diagonal = Diagonal::Roots;
+
     fn solve(analysis: &mut Analysis, x: MatMut<'_, f64>) {
         let Analysis { symbolic, values, memory, par, .. } = analysis;
         LltRef::new(symbolic, values).solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
@@ -128,6 +135,8 @@ impl kind::Solve for Llt {
 }
 
 impl kind::Solve for Ldl {
+    const DIAGONAL: Diagonal = Diagonal::Pivots;
+
     fn solve(analysis: &mut Analysis, x: MatMut<'_, f64>) {
         let Analysis { symbolic, values, memory, par, .. } = analysis;
         LdltRef::new(symbolic, values).solve_in_place_with_conj(Conj::No, x, *par, MemStack::new(memory));
@@ -217,8 +226,11 @@ impl<K: SolvingKind> Factorization<K> {
     pub fn solve_columns_in_place(&mut self, n: usize, x: &mut [f64]) {
         let start = Instant::now();
         for x in x.chunks_mut((SOLVE_COLUMNS * n).max(1)) {
-            let columns = x.len() / n.max(1);
-            K::solve(&mut self.analysis, MatMut::from_column_major_slice_mut(x, n, columns));
+            let Analysis { symbolic, values, substitution, .. } = &mut self.analysis;
+            match x.len() / n.max(1) {
+                1 => substitution.solve(symbolic, values, K::DIAGONAL, x),
+                columns => K::solve(&mut self.analysis, MatMut::from_column_major_slice_mut(x, n, columns)),
+            }
         }
         self.analysis.times.solve_seconds += start.elapsed().as_secs_f64();
     }

@@ -26,6 +26,8 @@ mod preconditioner_kind;
 mod prepared;
 mod reuse;
 mod select;
+mod substitution;
+mod supernode;
 mod tolerance;
 mod vector;
 mod warm_start;

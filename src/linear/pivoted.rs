@@ -4,8 +4,9 @@
 //! B has blocks of order 1 and 2; between supernodes the order stays. That keeps the symbolic analysis valid and most of the
 //! rounding errors small, but not all: [`PivotedLdlt::multiply`] gives `L B Lᵀ W`, with which the error `A − L B Lᵀ` is measured.
 
-use super::analysis::{Analysis, Supernode, supernodes};
+use super::analysis::Analysis;
 use super::factorization::{Factorization, kind};
+use super::supernode::{Supernode, supernodes};
 use crate::assembly::SymmetricMatrix;
 use faer::dyn_stack::MemStack;
 use faer::{Side, Spec};

@@ -14,6 +14,7 @@ pub trait Lanes: Copy {
     type Two: Copy;
 
     fn four(self, numbers: [f64; 4]) -> Self::Four;
+    fn all(self, four: Self::Four) -> [f64; 4];
     fn add(self, a: Self::Four, b: Self::Four) -> Self::Four;
     fn sub(self, a: Self::Four, b: Self::Four) -> Self::Four;
     fn mul(self, a: Self::Four, b: Self::Four) -> Self::Four;
@@ -53,6 +54,11 @@ impl Lanes for Portable {
     #[inline(always)]
     fn four(self, numbers: [f64; 4]) -> [f64; 4] {
         numbers
+    }
+
+    #[inline(always)]
+    fn all(self, four: [f64; 4]) -> [f64; 4] {
+        four
     }
 
     #[inline(always)]
@@ -136,6 +142,11 @@ mod wide {
         #[inline(always)]
         fn four(self, numbers: [f64; 4]) -> __m256d {
             cast(numbers)
+        }
+
+        #[inline(always)]
+        fn all(self, four: __m256d) -> [f64; 4] {
+            cast(four)
         }
 
         #[inline(always)]

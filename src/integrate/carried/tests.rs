@@ -115,6 +115,37 @@ fn errors_of_steps_are_added() {
     assert!((norm(&stepper) / error - 1.0).abs() > 0.1);
 }
 
+/// When a run begins matters to nothing: steps of 1/16 s are exact from second 128 on as they are from the beginning.
+#[test]
+fn errors_are_carried_by_the_length_of_the_step() {
+    let (system, start) = crate::system::fixtures::oscillator();
+    let [from_zero, later] = [0.0, 128.0].map(|time| {
+        let mut state = State { time, ..start.clone() };
+        let mut stepper = Rodas4::new(&system, &state, &ImplicitOptions::default()).unwrap();
+        stepper.carry_errors(CarriedErrors::none(&system));
+        for _ in 0..4 {
+            stepper.try_step(&state, 0.0625).unwrap();
+            stepper.accept(&mut state);
+        }
+        stepper.carried_errors().unwrap().norm(&system)
+    });
+    assert!(from_zero > 0.0 && from_zero == later, "{from_zero:e} {later:e}");
+}
+
+/// Steps that err by nothing, as where nothing moves.
+#[test]
+fn no_errors_are_carried_where_there_are_none() {
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    builder.particle([1.0, 0.0, 0.0], 1.0);
+    builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+    let (system, mut state) = builder.build().unwrap();
+    let mut stepper = Rodas4::new(&system, &state, &ImplicitOptions::default()).unwrap();
+    stepper.carry_errors(CarriedErrors::none(&system));
+    stepper.step(&mut state, 0.1).unwrap();
+    assert_eq!(stepper.carried_errors(), Some(&CarriedErrors::none(&system)));
+}
+
 /// Takes any matrix, and solves nothing.
 struct Refusing;
 

@@ -359,11 +359,15 @@ fn errors_are_carried_on_where_they_are_asked_for() {
         let mut stepper = method.stepper(&system, &state, &ImplicitOptions::default()).unwrap();
         let schedule = Schedule::steps(0.01, 20);
         run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, |_, _, _| ControlFlow::Continue(()));
-        (monitor, state)
+        let carried = stepper.carried_errors().map(|errors| errors.norm(&system));
+        (monitor, state, carried)
     };
     let of = |method| MonitorOptions::of(method, StiffnessPolicy::OnDemand);
-    let (monitor, state) = run(Method::Rodas4, of(Method::Rodas4));
+    let (monitor, state, carried) = run(Method::Rodas4, of(Method::Rodas4));
     let figures = monitor.figures(&state);
+    // Relative to an extent that is not one.
+    assert!((figures.carried * figures.extent / carried.unwrap() - 1.0).abs() < 1e-12, "{figures:?}");
+    assert!((figures.extent - 1.0).abs() > 0.05, "{figures:?}");
     assert!(figures.carried > 0.1 * figures.embedded && figures.embedded > 0.0, "{figures:?}");
     let options = of(Method::Rodas4);
     let account = monitor.account();
@@ -375,7 +379,7 @@ fn errors_are_carried_on_where_they_are_asked_for() {
     run_monitored(&mut *stepper, &mut end, &Schedule::steps(1e-6, 1), &mut later, |_, _, _| ControlFlow::Continue(()));
     assert!((later.figures(&end).carried / figures.carried - 1.0).abs() < 1e-3);
     for (method, options) in [(Method::Rodas4, MonitorOptions::LEDGER), (Method::Bdf2, of(Method::Bdf2))] {
-        let (monitor, state) = run(method, options);
+        let (monitor, state, _) = run(method, options);
         assert_eq!(monitor.figures(&state).carried, 0.0);
     }
     // Accounts that know nothing of it leave that so.

@@ -114,7 +114,7 @@ impl<'s> Aside<'s> {
                 let [i, j] = self.system.pair(*spring);
                 let d = state.positions[i] - state.positions[j];
                 let length = d.norm();
-                let turned = if length > 0.0 { (both.largest.norm() / length).min(1.0) } else { 1.0 };
+                let turned = (both.largest.norm() / length).min(1.0);
                 let along = d.abs().dot(&both.area) / length.max(f64::MIN_POSITIVE);
                 let spring = &self.system.springs()[*spring];
                 let stiffness = spring.stiffness / spring.rest_length;

@@ -134,7 +134,9 @@ fn factors_hold_what_they_say() {
         let a = banded(particles, |_| 20.0);
         let (factorization, asked) = asked(ANALYSED, || ldlt(&a));
         assert_eq!(asked, 64 * (a.pattern().entries() + a.order()) as u64);
-        let held = |of: &Ldlt| size_of_val(&of.analysis.values[..]) + of.analysis.memory.len();
+        let held = |of: &Ldlt| {
+            size_of_val(&of.analysis.values[..]) + of.analysis.memory.len() + of.analysis.substitution.held()
+        };
         let said = factorization.bytes() as usize;
         assert!(said.abs_diff(held(&factorization)) <= 256, "{said} {}", held(&factorization));
         assert!(factorization.report().times.analysis_seconds > 0.0);
