@@ -242,11 +242,12 @@ impl<'v, const N: usize> Columns<'v, N> {
         }
     }
 
-    /// Asks for as many numbers as eight rows have, `away` from where the columns are: rows follow each other as columns do in memory.
+    /// While the eight rows with this number are read, asks for as many numbers of the memory that is `away` from the first column: after all rows
+    /// as much has been asked for as the columns hold, in one piece.
     #[inline(always)]
-    fn ask_for(&self, rows: usize, away: usize) {
+    fn ask_for(&self, eight: usize, away: usize) {
         for n in 0..N {
-            if let Some(value) = self.values.get((self.start + (rows * N + n) * LINE).wrapping_add(away)) {
+            if let Some(value) = self.values.get((self.start + (eight * N + n) * LINE).wrapping_add(away)) {
                 prefetch(value);
             }
         }

@@ -114,6 +114,7 @@ impl<'s> Aside<'s> {
                 let [i, j] = self.system.pair(*spring);
                 let d = state.positions[i] - state.positions[j];
                 let length = d.norm();
+                // One, too, where the ends meet: the least of nothing over nothing and one.
                 let turned = (both.largest.norm() / length).min(1.0);
                 let along = d.abs().dot(&both.area) / length.max(f64::MIN_POSITIVE);
                 let spring = &self.system.springs()[*spring];
