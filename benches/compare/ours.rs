@@ -312,9 +312,9 @@ impl Measurement<'_> {
         println!("{line}");
     }
 
-    /// Per spring α, g and two indices; per row w and the mass read and y written (which reads its line first).
+    /// Per spring α, g and an index, as four in a row share theirs; per row w and the mass read and y written (which reads its line first).
     fn product_bytes(&self) -> usize {
-        40 * self.system.active_springs().len() + 32 * self.system.dofs().len()
+        36 * self.system.active_springs().len() + 32 * self.system.dofs().len()
     }
 
     /// Every block read, every value written.

@@ -23,6 +23,11 @@ pub trait Lanes: Copy {
     /// Back again, in two pieces.
     fn vectors(self, lists: [Self::Four; 3]) -> [(Self::Two, f64); 4];
 
+    /// Four vectors of three numbers that lie in one piece as lists of each.
+    fn axes(self, twelve: [Self::Four; 3]) -> [Self::Four; 3];
+    /// Back again.
+    fn twelve(self, axes: [Self::Four; 3]) -> [Self::Four; 3];
+
     /// The first three numbers of a vector, turned: y, z, x.
     fn turned(self, vector: Self::Four) -> Self::Four;
     /// The columns of the symmetric matrix with the diagonal xx, yy, zz and, beside it, xy, yz, zx.
@@ -84,6 +89,22 @@ impl Lanes for Portable {
     #[inline(always)]
     fn vectors(self, [x, y, z]: [[f64; 4]; 3]) -> [([f64; 2], f64); 4] {
         std::array::from_fn(|spring| ([x[spring], y[spring]], z[spring]))
+    }
+
+    #[inline(always)]
+    fn axes(self, twelve: [[f64; 4]; 3]) -> [[f64; 4]; 3] {
+        let numbers = twelve.as_flattened();
+        std::array::from_fn(|axis| std::array::from_fn(|spring| numbers[3 * spring + axis]))
+    }
+
+    #[inline(always)]
+    fn twelve(self, axes: [[f64; 4]; 3]) -> [[f64; 4]; 3] {
+        std::array::from_fn(|piece| {
+            std::array::from_fn(|n| {
+                let number = 4 * piece + n;
+                axes[number % 3][number / 3]
+            })
+        })
     }
 
     #[inline(always)]
@@ -189,6 +210,33 @@ mod wide {
         }
 
         #[inline(always)]
+        fn axes(self, [a, b, c]: [__m256d; 3]) -> [__m256d; 3] {
+            let avx = self.avx;
+            // x0 y0 x2 y2, z0 x1 z2 x3, y1 z1 y3 z3.
+            let xy = avx._mm256_blend_pd::<0b1100>(a, b);
+            let zx = avx._mm256_permute2f128_pd::<0x21>(a, c);
+            let yz = avx._mm256_blend_pd::<0b1100>(b, c);
+            [
+                avx._mm256_shuffle_pd::<0b1010>(xy, zx),
+                avx._mm256_shuffle_pd::<0b0101>(xy, yz),
+                avx._mm256_shuffle_pd::<0b1010>(zx, yz),
+            ]
+        }
+
+        #[inline(always)]
+        fn twelve(self, [x, y, z]: [__m256d; 3]) -> [__m256d; 3] {
+            let avx = self.avx;
+            let xy = avx._mm256_unpacklo_pd(x, y);
+            let zx = avx._mm256_shuffle_pd::<0b1010>(z, x);
+            let yz = avx._mm256_unpackhi_pd(y, z);
+            [
+                avx._mm256_permute2f128_pd::<0x20>(xy, zx),
+                avx._mm256_blend_pd::<0b1100>(yz, xy),
+                avx._mm256_permute2f128_pd::<0x31>(zx, yz),
+            ]
+        }
+
+        #[inline(always)]
         fn turned(self, vector: __m256d) -> __m256d {
             self.avx2._mm256_permute4x64_pd::<0b11_00_10_01>(vector)
         }
@@ -257,7 +305,9 @@ mod tests {
         let matrix = lanes.columns(four[0], four[1]).map(|column| lanes.pieces(column));
         let pair = lanes.add_two(lanes.two([1.0, 2.0]), lanes.sub_two(lanes.two([7.0, 9.0]), lanes.two([3.0, 4.0])));
         let pieces = back.into_iter().chain(sums).chain([lanes.pieces(turned)]).chain(matrix).chain([(pair, 0.0)]);
-        pieces.flat_map(|(xy, z)| lanes.numbers(xy).into_iter().chain([z])).collect()
+        let axes = lanes.axes([four[0], four[1], four[2]]);
+        let twelve = axes.into_iter().chain(lanes.twelve(axes)).flat_map(|four| lanes.all(four));
+        pieces.flat_map(|(xy, z)| lanes.numbers(xy).into_iter().chain([z])).chain(twelve).collect()
     }
 
     #[test]
@@ -276,6 +326,14 @@ mod tests {
             [5.0, 2.0, 6.0],
             [7.0, 6.0, 3.0],
             [5.0, 7.0, 0.0],
+            [1.0, 4.0, 7.0],
+            [10.0, 2.0, 5.0],
+            [8.0, 11.0, 3.0],
+            [6.0, 9.0, 12.0],
+            [1.0, 2.0, 3.0],
+            [4.0, 5.0, 6.0],
+            [7.0, 8.0, 9.0],
+            [10.0, 11.0, 12.0],
         ];
         assert_eq!(results(Portable), expected.concat());
         assert!(

@@ -37,8 +37,15 @@ fn shares(system: &System, particles: &[usize]) -> Vec<Share> {
 fn by_matrix(system: &System, blocks: &[SpringBlock]) -> Vec<u32> {
     let mut stream = SpringStream::new(system, &shares(system, &[system.particles()]));
     stream.update(system, blocks);
-    let ends = stream.parts[0].quads.iter().flat_map(|quad| std::iter::zip(quad.ends[0], quad.ends[1]));
-    ends.filter(|ends| ends.0 == BY_MATRIX).map(|ends| ends.1).collect()
+    let part = &stream.parts[0];
+    let mut found = Vec::new();
+    for (number, quad) in part.in_a_row.quads.iter().enumerate() {
+        let springs = part.in_a_row.positions(number).into_iter().enumerate();
+        found.extend(springs.filter(|(n, _)| quad.ends.by_matrix & (1 << n) != 0).map(|(_, position)| position));
+    }
+    let ends = part.others.quads.iter().flat_map(|quad| std::iter::zip(quad.ends[0], quad.ends[1]));
+    found.extend(ends.filter(|ends| ends.0 == quad::BY_MATRIX).map(|ends| ends.1));
+    found
 }
 
 /// Springs longer than half their rest length are streamed, whatever sign the combination gives to the stiffness; a spring
@@ -99,25 +106,45 @@ fn products_are_the_same_to_the_bit_for_any_shares() {
     }
 }
 
-/// As the formulas say it: every row has its own term first, then those of its springs in their order, one after the other.
+/// As the formulas say it, spring by spring: every row has its own term first. Then come, stretch by stretch, what its particle gets as the other end
+/// of springs in a row, what it gets as the first of them, all together, and what it gets from any others.
 fn one_by_one(system: &System, blocks: &[SpringBlock], diagonal: &[f64], w: &[f64]) -> Vec<f64> {
     let axes = system.dimension();
     let mut y: Vec<f64> = diagonal.iter().zip(w).map(|(m, w)| m * w).collect();
-    for ((_, pair, _), block) in system.active().zip(blocks) {
-        let [i, j] = pair.map(|end| system.dofs().first_row(end));
+    let product = |position: u32| {
+        let block = &blocks[position as usize];
+        let ends = order::ends(pair(system, position)).map(|end| system.dofs().first_row(end as usize));
+        let [i, j] = ends;
         let g = block.direction * (block.axial - block.transverse).sqrt();
         let d: [f64; 3] = std::array::from_fn(|axis| if axis < axes { w[i + axis] - w[j + axis] } else { 0.0 });
         let along = g[0] * d[0] + g[1] * d[1] + g[2] * d[2];
-        for axis in 0..axes {
-            let s = block.transverse * d[axis] + g[axis] * along;
-            y[i + axis] += s;
-            y[j + axis] -= s;
+        (ends, std::array::from_fn::<_, 3, _>(|axis| block.transverse * d[axis] + g[axis] * along))
+    };
+    let springs = |four: &order::Four| four.iter().copied().filter(|&p| p != order::NO_SPRING).collect::<Vec<_>>();
+    for stretch in order::stretches(system) {
+        for quads in stretch.in_a_row.chunk_by(|a, b| a.0[0] == b.0[0]) {
+            let mut sums = vec![0.0; y.len()];
+            for position in quads.iter().flat_map(|(_, four)| springs(four)) {
+                let ([i, j], s) = product(position);
+                for axis in 0..axes {
+                    sums[i + axis] += s[axis];
+                    y[j + axis] -= s[axis];
+                }
+            }
+            y.iter_mut().zip(sums).for_each(|(y, sum)| *y += sum);
+        }
+        for position in stretch.others.iter().flat_map(springs) {
+            let ([i, j], s) = product(position);
+            for axis in 0..axes {
+                y[i + axis] += s[axis];
+                y[j + axis] -= s[axis];
+            }
         }
     }
     y
 }
 
-/// Enough particles for several chunks, crooked, numbered without order, with springs that share ends and some that do not.
+/// Enough particles for several stretches, crooked, numbered without order, with springs that share ends and some that do not.
 fn tangle(dimension: usize) -> (System, State) {
     let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
     let count = 301;
@@ -147,7 +174,10 @@ fn four_springs_at_a_time_are_each_by_itself() {
         let rows = system.dofs().len();
         let mut stream = SpringStream::new(&system, &shares(&system, &[system.particles()]));
         stream.update(&system, operator.blocks());
-        assert!(stream.parts[0].reach.len() > 5 && by_matrix(&system, operator.blocks()).is_empty());
+        let part = &stream.parts[0];
+        assert!(part.stretches.len() == 5 && by_matrix(&system, operator.blocks()).is_empty());
+        assert_eq!(part.in_a_row.quads.len() > 200, dimension == 3, "{}", part.in_a_row.quads.len());
+        assert!(part.others.quads.len() > 70, "{}", part.others.quads.len());
         let w: Vec<f64> = (0..rows).map(|row| (row as f64 * 12.9898).sin()).collect();
         let diagonal: Vec<f64> = (0..rows).map(|row| 1.0 + row as f64).collect();
         let expected = one_by_one(&system, operator.blocks(), &diagonal, &w);
@@ -195,7 +225,7 @@ fn springs_of_both_kinds_may_be_mixed() {
         y
     };
     let one = product(&[301]);
-    for particles in [&[150, 151][..], &[100, 100, 101], &[1, 299, 1]] {
+    for particles in [&[150, 151][..], &[100, 100, 101], &[1, 299, 1], &[30, 31, 32, 33, 34, 141]] {
         assert_eq!(product(particles), one, "{particles:?}");
     }
     let mut expected: Vec<f64> = w.iter().map(|w| 100.0 * w).collect();
@@ -210,5 +240,55 @@ fn springs_of_both_kinds_may_be_mixed() {
     // Components of w are at most 1, their differences 2, and a dozen roundings count.
     for ((y, expected), magnitude) in one.iter().zip(&expected).zip(&magnitudes) {
         assert!((y - expected).abs() <= 20.0 * f64::EPSILON * (100.0 + magnitude), "{y} {expected}");
+    }
+}
+
+/// What is sorted: every active spring once, those in a row with the ends that they are said to have.
+fn check_order(system: &System) -> [usize; 2] {
+    let mut seen = vec![0; system.active_springs().len()];
+    let mut count = [0; 2];
+    for stretch in order::stretches(system) {
+        for ([first, other], four) in &stretch.in_a_row {
+            for (lane, &position) in (0..).zip(four).filter(|(_, position)| **position != order::NO_SPRING) {
+                assert_eq!(order::ends(pair(system, position)), [first + lane, other + lane]);
+                seen[position as usize] += 1;
+                count[0] += 1;
+            }
+            let is_free = |particle: &u32| system.dofs().free_axes(*particle as usize).count() == 3;
+            assert!((*first..first + 4).chain(*other..other + 4).all(|particle| is_free(&particle)));
+        }
+        for position in stretch.others.iter().flatten().filter(|position| **position != order::NO_SPRING) {
+            seen[*position as usize] += 1;
+            count[1] += 1;
+        }
+    }
+    assert!(seen.iter().all(|times| *times == 1), "{seen:?}");
+    count
+}
+
+/// In a chain of nine particles two fours begin with four particles each: the last spring of eight has none behind it that would make four.
+#[test]
+fn springs_are_in_a_row_where_ends_follow_each_other() {
+    let chain_of = |count: usize, more: &[[usize; 2]], held: &[usize]| {
+        let mut builder = SystemBuilder::new();
+        (0..count).for_each(|p| _ = builder.particle([p as f64, 0.0, 0.0], 1.0));
+        let spring = Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 };
+        (1..count).for_each(|p| _ = builder.spring(p - 1, p, spring));
+        more.iter().for_each(|&[i, j]| _ = builder.spring(i, j, spring));
+        held.iter().for_each(|&p| _ = builder.hold(p));
+        builder.build().unwrap().0
+    };
+    assert_eq!(check_order(&chain_of(9, &[], &[])), [8, 0]);
+    // Of eight particles, four have no four behind them.
+    assert_eq!(check_order(&chain_of(8, &[], &[])), [4, 3]);
+    // One that is held keeps the springs of its four, and those that end there, from being in a row.
+    assert_eq!(check_order(&chain_of(9, &[], &[0])), [4, 4]);
+    assert_eq!(check_order(&chain_of(13, &[], &[3])), [8, 4]);
+    // The second of two between the same ends, in either direction; and one that is alone with its distance.
+    assert_eq!(check_order(&chain_of(9, &[[1, 0], [5, 4], [0, 3]], &[])), [8, 3]);
+    // Springs across: of two with one distance.
+    assert_eq!(check_order(&chain_of(9, &[[4, 0], [7, 3]], &[])), [10, 0]);
+    for dimension in 1..=3 {
+        check_order(&tangle(dimension).0);
     }
 }

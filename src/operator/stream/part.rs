@@ -1,0 +1,136 @@
+//! Consecutive particles and the springs that end in them, four by four.
+
+use super::Springs;
+use super::order::{Four, NO_SPRING, Stretch, ends};
+use super::quad::{AnyEnds, BY_MATRIX, InARow, NO_ROW, Quad, Streamed};
+use crate::system::{Axes, System};
+use std::ops::Range;
+
+/// Quads and the positions of their springs.
+#[derive(Debug, Clone)]
+pub struct Quads<E> {
+    pub quads: Vec<Quad<E>>,
+    positions: Vec<Four>,
+}
+
+/// Consecutive particles and the springs that end in them.
+#[derive(Debug, Clone)]
+pub struct Part {
+    pub rows: Range<usize>,
+    pub in_a_row: Quads<InARow>,
+    pub others: Quads<AnyEnds>,
+    pub stretches: Vec<Reach>,
+}
+
+/// How far a part has come after a stretch.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Reach {
+    /// Quads in a row.
+    pub in_a_row: usize,
+    /// Other quads.
+    pub others: usize,
+    /// Rows of the part that have their first term, which they must have before springs are added.
+    pub rows: usize,
+}
+
+impl Part {
+    pub fn new(system: &System, particles: &Range<usize>, stretches: &[Stretch]) -> Self {
+        let dofs = system.dofs();
+        let rows = dofs.first_row(particles.start)..dofs.first_row(particles.end);
+        // The first row behind those that these springs end in.
+        let behind = |four: &Four| {
+            let springs = four.iter().filter(|&&position| position != NO_SPRING);
+            let own = springs.flat_map(|&position| pair(system, position)).filter(|end| particles.contains(end));
+            own.max().map(|end| dofs.first_row(end + 1) - rows.start)
+        };
+        let mut part = Self { rows: rows.clone(), in_a_row: Quads::new(), others: Quads::new(), stretches: Vec::new() };
+        let mut reach = Reach::default();
+        for stretch in stretches {
+            for (particles, four) in &stretch.in_a_row {
+                if let Some(rows) = behind(four) {
+                    reach.rows = reach.rows.max(rows);
+                    let rows = particles.map(|particle| dofs.first_row(particle as usize) as u32);
+                    part.in_a_row.push(InARow { rows, by_matrix: 0 }, *four);
+                }
+            }
+            for four in &stretch.others {
+                if let Some(rows) = behind(four) {
+                    reach.rows = reach.rows.max(rows);
+                    part.others.push([[NO_ROW; 4]; 2], *four);
+                }
+            }
+            (reach.in_a_row, reach.others) = (part.in_a_row.quads.len(), part.others.quads.len());
+            part.stretches.push(reach);
+        }
+        part.in_a_row.shrink();
+        part.others.shrink();
+        part
+    }
+
+    /// Recomputes the numbers from the blocks of the active springs, without allocating.
+    pub fn update(&mut self, springs: &Springs) {
+        let Springs { system, blocks, sign } = *springs;
+        for (quad, four) in self.in_a_row.each() {
+            quad.ends.by_matrix = 0;
+            for (n, &position) in four.iter().enumerate() {
+                let streamed = blocks.get(position as usize).map(|block| Streamed::of(block, sign));
+                quad.set(n, streamed.flatten());
+                if streamed.is_some_and(|streamed| streamed.is_none()) {
+                    quad.ends.by_matrix |= 1 << n;
+                }
+            }
+        }
+        let (modelled, dofs) = (Axes::first(system.dimension()), system.dofs());
+        for (quad, four) in self.others.each() {
+            for (n, &position) in four.iter().enumerate() {
+                let Some(block) = blocks.get(position as usize) else { continue };
+                let ends = ends(pair(system, position)).map(|end| end as usize);
+                let is_free = ends.iter().all(|&end| dofs.free_axes(end) == modelled);
+                let streamed = Streamed::of(block, sign).filter(|_| is_free);
+                let [first, other] = match streamed {
+                    Some(_) => ends.map(|end| dofs.first_row(end) as u32),
+                    None => [BY_MATRIX, position],
+                };
+                quad.set(n, streamed);
+                (quad.ends[0][n], quad.ends[1][n]) = (first, other);
+            }
+        }
+    }
+}
+
+impl<E> Quads<E> {
+    fn new() -> Self {
+        Self { quads: Vec::new(), positions: Vec::new() }
+    }
+
+    fn push(&mut self, ends: E, four: Four) {
+        self.quads.push(Quad::new(ends));
+        self.positions.push(four);
+    }
+
+    fn shrink(&mut self) {
+        self.quads.shrink_to_fit();
+        self.positions.shrink_to_fit();
+    }
+
+    fn each(&mut self) -> impl Iterator<Item = (&mut Quad<E>, &Four)> {
+        self.quads.iter_mut().zip(&self.positions)
+    }
+
+    /// Some quads, and as many, `ahead` of them, as far as there are any: some of these may be quads that have been already.
+    #[inline(always)]
+    pub fn with_those_ahead(&self, some: Range<usize>, ahead: usize) -> (&[Quad<E>], &[Quad<E>]) {
+        let first = (some.start + ahead).min(self.quads.len() - some.len());
+        (&self.quads[some], &self.quads[first..])
+    }
+
+    /// The positions of the springs of a quad.
+    pub fn positions(&self, quad: usize) -> Four {
+        self.positions.get(quad).copied().unwrap_or([NO_SPRING; 4])
+    }
+}
+
+/// The ends of the active spring at a position.
+pub fn pair(system: &System, position: u32) -> [usize; 2] {
+    system.pair(system.active_springs()[position as usize] as usize)
+}
