@@ -76,7 +76,7 @@ def since(folder):
             over = f" ({number(now['ratio'])} over floor)" if now and now.get("ratio") else ""
             cells.append(number(now["ms"] / before["ms"]) + over if now and before else "–")
         rows.append(f"| {scene} | " + " | ".join(cells) + " |")
-    head = (f"Time of one thread over what it was at commit `{record['commit']}`, measured one right after the other on {record['day']}.")
+    head = (f"Time of one thread over what it was at commit `{record['commit']}`, medians of five turns on {record['day']}.")
     return "## Since an earlier commit\n\n" + head + "\n\n" + "\n".join(rows) + "\n\n"
 
 

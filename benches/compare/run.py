@@ -8,8 +8,8 @@ Needs Rust, a C++ compiler, the Debian packages libeigen3-dev, libsuitesparse-de
 packages numpy, scipy, pyamg and matplotlib. Builds everything, writes every scene's system, measures
 scene by scene, one program after the other, and writes docs/performance/{results.json, README.md, *.svg}.
 
-`--before` measures sprung alone, as it is and as it was at a commit, one right after the other on every scene, and writes
-docs/performance/since.json. Other libraries are not measured, which saves half an hour.
+`--before` measures sprung alone, as it is and as it was at a commit, by turns on every scene, and writes docs/performance/since.json. Other
+libraries are not measured, which saves half an hour.
 
 The peers get their best settings: CHOLMOD is supernodal with its better ordering of AMD and METIS and a BLAS tuned for the
 processor, whose threads it may not nest (it is several times slower otherwise); Eigen stores one triangle where it can
@@ -33,6 +33,11 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 DOCS = ROOT / "docs" / "performance"
 SCENES = ["cloth 10", "cloth 32", "cloth 100", "cloth 316", "cloth 1000", "lattice 5", "lattice 10", "lattice 22", "lattice 46"]
+# What `--before` measures, by the beginnings of names, and how often; of the largest scenes kernels alone.
+KERNELS = ["product", "refill", "right-hand"]
+SOLVERS = ["cg block-jacobi", "cg multigrid", "direct"]
+LARGEST = {"cloth 1000", "lattice 46"}
+TURNS = 5
 DT = 0.01
 # Beyond this many degrees of freedom only sprung and CHOLMOD are measured: the others would take hours.
 LARGEST_FOR_ALL = 350_000
@@ -133,13 +138,16 @@ def measure(folder, name, ours, peers):
 
 
 def since(name, ours, before):
-    """sprung as it is and as it was. Of the stages that `report.SINCE` names the times on one thread are kept."""
-    rows = []
-    for program, library in ((ours, "sprung"), (before, "sprung before")):
-        lines = output(program, "--bench", "measure", *name.split())
-        kept = [row for row in map(json.loads, lines.splitlines()) if row["threads"] == 1 and row["stage"] in report.SINCE]
-        rows += [{**row, "library": library} for row in kept]
-    return rows
+    """sprung as it is and as it was, by turns: on a machine that others work on too, the medians of several turns can be compared. Of the stages
+    that `report.SINCE` names the times on one thread are kept."""
+    times = {}
+    for _ in range(TURNS):
+        for program, library in ((ours, "sprung"), (before, "sprung before")):
+            for stage in KERNELS if name in LARGEST else KERNELS + SOLVERS:
+                for row in map(json.loads, output(program, "--bench", "measure", *name.split(), stage).splitlines()):
+                    if row["threads"] == 1 and row["stage"] in report.SINCE:
+                        times.setdefault((library, row["stage"]), []).append({**row, "library": library})
+    return [sorted(rows, key=lambda row: row["ms"])[len(rows) // 2] for rows in times.values()]
 
 
 def main():
