@@ -8,6 +8,7 @@ mod stream;
 mod system_operator;
 
 pub(crate) use prefetch::prefetch;
+pub(crate) use stream::share_in_a_row;
 pub use system_operator::{Combination, SystemOperator};
 
 use nalgebra::Matrix3;

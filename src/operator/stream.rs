@@ -29,6 +29,7 @@ mod quad;
 use super::lanes::Portable;
 use crate::spring::SpringBlock;
 use crate::system::{DofMap, Share, System};
+pub(crate) use order::share_in_a_row;
 use part::{Part, pair};
 use product::Product;
 

@@ -28,6 +28,12 @@ pub struct Stretch {
     pub others: Vec<Four>,
 }
 
+impl Stretch {
+    fn springs_in_a_row(&self) -> usize {
+        self.in_a_row.iter().flat_map(|(_, four)| four).filter(|&&position| position != NO_SPRING).count()
+    }
+}
+
 /// A spring with what it is sorted by: the first of the four particles that its first end is among, and how far the other end is away.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Entry {
@@ -87,6 +93,24 @@ fn by_stretch(system: &System) -> (Vec<u32>, Vec<usize>) {
     // Each has been filled up to where the next begins; behind the last there is none.
     free.pop();
     (positions, free)
+}
+
+/// Stretches that are looked at for a share.
+const SAMPLED: usize = 16;
+
+/// Which share of the springs a product takes in a row, counted in every k-th stretch: in all stretches where there are up to sixteen, in 8 to 16 otherwise.
+pub fn share_in_a_row(system: &System) -> f64 {
+    if system.dimension() < 3 {
+        return 0.0;
+    }
+    let each = system.particles().div_ceil(STRETCH).div_ceil(SAMPLED).max(1) as u32;
+    let stretch = |entry: &Entry| entry.four / STRETCH as u32;
+    let entries = (0..system.active_springs().len() as u32).map(|position| Entry::of(system, position));
+    let mut entries: Vec<Entry> = entries.filter(|entry| stretch(entry).is_multiple_of(each)).collect();
+    entries.sort_unstable();
+    let stretches = entries.chunk_by_mut(|a, b| stretch(a) == stretch(b));
+    let in_a_row: usize = stretches.map(|entries| of_stretch(system, entries).springs_in_a_row()).sum();
+    in_a_row as f64 / entries.len().max(1) as f64
 }
 
 fn of_stretch(system: &System, entries: &mut [Entry]) -> Stretch {

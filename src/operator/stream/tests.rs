@@ -292,3 +292,30 @@ fn springs_are_in_a_row_where_ends_follow_each_other() {
         check_order(&tangle(dimension).0);
     }
 }
+
+/// The share of springs in a row, counted on a sample where there are more than sixteen stretches of particles.
+#[test]
+fn shares_of_springs_in_a_row() {
+    use crate::scene::{Kind, builtin};
+    let share = |system: &System| {
+        let [in_a_row, others] = check_order(system).map(|count| count as f64);
+        [share_in_a_row(system), in_a_row / (in_a_row + others)]
+    };
+    let shares = |kind, size| share(&builtin(kind, size).unwrap().build().unwrap().0);
+    for (kind, size) in [(Kind::Chain, 10), (Kind::Cloth, 20), (Kind::Lattice, 8), (Kind::Network, 50)] {
+        let [sampled, all] = shares(kind, size);
+        assert_eq!(sampled, all, "{kind:?} {size}");
+        assert!(all > 0.0);
+    }
+    // 100 and 46 stretches: every seventh and every third.
+    for (kind, size, expected) in [(Kind::Cloth, 80, 1.0), (Kind::Network, 3000, 0.0)] {
+        let [sampled, all] = shares(kind, size);
+        assert!((sampled - all).abs() < 0.01 && (all - expected).abs() < 0.01, "{kind:?} {size}: {sampled} {all}");
+        assert_ne!(sampled, all);
+    }
+    // In the plane none are; nor are there any without springs.
+    assert_eq!(share(&tangle(2).0), [0.0; 2]);
+    let mut builder = SystemBuilder::new();
+    builder.particle([0.0; 3], 1.0);
+    assert_eq!(share_in_a_row(&builder.build().unwrap().0), 0.0);
+}
