@@ -6,7 +6,7 @@ use crate::scene::Scene;
 
 /// Between them: compression, tension and prestress; held, led and partly held particles; one, two and three axes; free
 /// and disconnected parts; equilibria; stiff and ill-conditioned systems.
-const SCENES: [&str; 13] = [
+const SCENES: [&str; 14] = [
     include_str!("../../verification/scenes/buckled_column.toml"),
     include_str!("../../verification/scenes/compressed_chain.toml"),
     include_str!("../../verification/scenes/disconnected.toml"),
@@ -14,6 +14,7 @@ const SCENES: [&str; 13] = [
     include_str!("../../verification/scenes/ill_conditioned.toml"),
     include_str!("../../verification/scenes/moving_anchor.toml"),
     include_str!("../../verification/scenes/one_dimensional.toml"),
+    include_str!("../../verification/scenes/packed_strip.toml"),
     include_str!("../../verification/scenes/parallel_springs.toml"),
     include_str!("../../verification/scenes/planar_truss.toml"),
     include_str!("../../verification/scenes/stiff_pendulum.toml"),
