@@ -294,6 +294,7 @@ fn springs_are_in_a_row_where_ends_follow_each_other() {
 }
 
 /// The share of springs in a row, counted on a sample where there are more than sixteen stretches of particles.
+#[cfg(feature = "scene")]
 #[test]
 fn shares_of_springs_in_a_row() {
     use crate::scene::{Kind, builtin};
