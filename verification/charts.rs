@@ -30,8 +30,15 @@ const TILES: [&str; 9] = [
 /// The end of the page: pictures that another program makes.
 const PEERS: &str = "\n## Peers\n\nThis crate's methods beside integrators of other libraries, by time; `benches/peers` makes these and says what they show.\n\n\
     ![This crate and its peers: stiff pendulum](peers-stiff-pendulum.svg)\n\
+    ![This crate and its peers: moving anchor](peers-moving-anchor.svg)\n\
     ![This crate and its peers: tetrahedron](peers-tetrahedron.svg)\n\
-    ![This crate and its peers: cloth](peers-cloth.svg)\n";
+    ![This crate and its peers: taut string](peers-taut-string.svg)\n\
+    ![This crate and its peers: column](peers-column.svg)\n\
+    ![This crate and its peers: chain](peers-chain.svg)\n\
+    ![This crate and its peers: cloth](peers-cloth.svg)\n\
+    ![This crate and its peers: network](peers-network.svg)\n\
+    ![This crate and its peers: lattice](peers-lattice.svg)\n\
+    ![This crate and its peers: bunny](peers-bunny.svg)\n";
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let budget: f64 = std::env::args().nth(1).map_or(Ok(30.0), |text| text.parse())?;

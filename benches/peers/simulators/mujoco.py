@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 
 from .contender import Contender, explicit_steps
-from .scene import RATE
 
 NAME = "MuJoCo"
 # Steps that are too long are tried on purpose: no log of warnings in the folder that we happen to be in.
@@ -53,22 +52,32 @@ def model_of(scene):
     return model
 
 
-def contenders(scene):
+def runs(scene):
+    """`run(integrator, steps)`: positions at the end of the scene and the processor time in s that so many steps to it took."""
     model = model_of(scene)
     data = mujoco.MjData(model)
     free = ~scene.held
 
-    def run(integrator, per_frame):
+    def run(integrator, steps):
         mujoco.mj_resetData(model, data)
         data.qvel = scene.velocities[free].ravel()
         model.opt.integrator = getattr(mujoco.mjtIntegrator, integrator)
-        model.opt.timestep = 1 / (RATE * per_frame)
-        start = time.process_time()
-        mujoco.mj_step(model, data, scene.frames * per_frame)
-        seconds = time.process_time() - start
+        model.opt.timestep = scene.duration / steps
+        start = time.thread_time()
+        mujoco.mj_step(model, data, steps)
+        seconds = time.thread_time() - start
         positions = scene.positions.copy()
         positions[free] += data.qpos.reshape(-1, 3)
         return positions, seconds
 
-    return [Contender(NAME, method, partial(run, integrator), explicit_steps(scene), order)
+    return run
+
+
+def contenders(scene):
+    run = runs(scene)
+
+    def frame(integrator, per_frame):
+        return run(integrator, scene.frames * per_frame)
+
+    return [Contender(NAME, method, partial(frame, integrator), explicit_steps(scene), order)
             for method, (integrator, order) in INTEGRATORS.items()]

@@ -43,18 +43,24 @@ def ready(sprung, name, frames):
     """The ready scene `sprung new KIND --size N` of a name such as "cloth 32", for some frames."""
     kind, size = name.split()
     text = subprocess.run([sprung, "new", kind, "--size", size, "--json"], check=True, stdout=subprocess.PIPE, text=True).stdout
+    return read(name, text, frames)
+
+
+def read(name, text, frames):
+    """A scene from its JSON, for some frames."""
     data = json.loads(text)
     particles, springs = data["particles"], data["springs"]
     positions = np.array(particles["positions"], float)
     count, pairs = len(positions), np.array(springs["pairs"])
     each = lambda value, size: np.broadcast_to(np.asarray(value, float), size).copy()
     lengths = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
-    if any(set(entry) - {"particles", "axes"} or len(entry.get("axes", "xyz")) < 3 for entry in data["constraints"]):
-        raise ValueError(f"{name}: particles that are held, in all directions, are all that is converted")
+    constraints = data.get("constraints") or []
+    if positions.shape[1] < 3 or any(set(entry) - {"particles", "axes"} or len(entry.get("axes", "xyz")) < 3 for entry in constraints):
+        raise ValueError(f"{name}: particles in space that are held, in all directions, are all that is converted")
     held = np.zeros(count, bool)
-    for entry in data["constraints"]:
+    for entry in constraints:
         held[entry["particles"]] = True
-    return Scene(name, text, frames, np.array(data["gravity"], float), positions,
+    return Scene(name, text, frames, np.array(data.get("gravity") or np.zeros(3), float), positions,
                  np.array(particles.get("velocities") or np.zeros((count, 3)), float), each(particles["masses"], count), pairs,
                  each(springs["stiffness"], len(pairs)), each(springs["rest_lengths"], len(pairs)) if springs.get("rest_lengths") is not None
                  else lengths, each(springs.get("damping") or 0.0, len(pairs)), held)

@@ -1,147 +1,129 @@
 //! This crate's methods beside general-purpose integrators of other libraries, on the same scenes, machine and error norm.
 //!
-//! Peers are the BDF method and the ESDIRK method of `diffsol` with the exact Jacobian, and DOP853 of `ivp`. Draws time
-//! over error, one picture a scene, into `verification/charts`, and replaces the results in `README.md` beside this package.
+//! Draws time over error, one picture a scene, into `verification/charts`, and replaces the results in `README.md` beside this package.
+//! With the words `scenes FOLDER` it writes the scenes, and where they end in truth, for `mujoco_curves.py`.
 
 mod contender;
+mod curve;
 mod limits;
 mod motion;
+mod mujoco;
+mod page;
 mod peers;
+mod scenes;
+mod verdict;
 
-use contender::{Contender, Run, Task};
-use peers::Integrator;
-use sprung::accuracy::Configuration;
+use contender::{Contender, Task};
+use curve::{ACCURACIES, Curve, shortest_of_all};
+use scenes::Subject;
+use sprung::accuracy::extent;
 use sprung::chart::Reference;
-use sprung::figure::{Guide, Look, Plot, Series};
-use sprung::integrate::{ImplicitOptions, Method};
 use sprung::report::plot;
-use sprung::scene::{Kind, Scene, builtin};
-use std::collections::BTreeMap;
+use sprung::scene::Scene;
+use sprung::{State, System};
 use std::fmt::Write;
 use std::path::Path;
 use std::time::Duration;
+use verdict::Measured;
 
 type Failure = Box<dyn std::error::Error>;
-
-/// Accuracies of the table.
-const ACCURACIES: [f64; 4] = [1e-1, 1e-2, 1e-4, 1e-6];
 
 /// Where the results begin in the README.
 const RESULTS: &str = "## Results\n";
 
+/// In which the reference must be there.
+const PATIENCE: Duration = Duration::from_secs(240);
+
+/// A first step for it, in s, where the library's method does not get there.
+const FIRST_STEP: f64 = 1e-3;
+
 fn main() -> Result<(), Failure> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let verification = here.join("../../verification");
-    let mut cloth = builtin(Kind::Cloth, 6)?;
-    cloth.time.duration = Some(0.2);
-    cloth.time.dt = Some(0.01);
-    let load = |name: &str| Scene::load(verification.join("scenes").join(name));
-    let ours = |method| Configuration { method, options: ImplicitOptions::default() };
-    let contenders = [
-        Contender::Diffsol(Integrator::Bdf),
-        Contender::Diffsol(Integrator::Esdirk34),
-        Contender::Dop853,
-        Contender::Adaptive(ours(Method::W2)),
-        Contender::Steps(ours(Method::ImplicitMidpoint)),
-        Contender::Steps(ours(Method::LinearBackwardEuler)),
-        Contender::Steps(ours(Method::Verlet)),
-        Contender::Adaptive(ours(Method::Dop853)),
-        Contender::Adaptive(ours(Method::Rodas4)),
-    ];
-    let mut results = String::from(RESULTS);
-    for scene in [load("stiff_pendulum.toml")?, load("tetrahedron.toml")?, cloth] {
-        eprintln!("{}", scene.name);
-        let (system, start) = scene.build()?;
-        let (dt, duration) = scene.time.dt.zip(scene.time.duration).ok_or("a scene without time")?;
-        let reference = Reference::compute(&system, &start, [dt, duration], Duration::from_secs(60))?.ok_or("none")?;
-        let task = Task { system: &system, start: &start, duration, reference };
-        let runs: Vec<(String, Vec<Run>)> =
-            contenders.iter().map(|contender| (contender.name(), contender.runs(&task))).collect();
-        let looks: Vec<Look> = contenders.iter().map(Contender::look).collect();
-        let file = format!("peers-{}.svg", scene.name.replace(' ', "-"));
-        std::fs::write(
-            verification.join("charts").join(&file),
-            plot::svg(&picture(&scene.name, &task, &runs, &looks)),
-        )?;
-        write!(results, "\n### {}, {} unknowns\n\n{}", scene.name, 2 * system.dofs().len(), table(&runs)?)?;
-        write!(results, "\n![Time against accuracy: {}](../../verification/charts/{file})\n", scene.name)?;
+    let subjects = scenes::all(&verification)?;
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    match words.iter().map(String::as_str).collect::<Vec<_>>().as_slice() {
+        [] => measure(here, &verification, &subjects),
+        ["scenes", folder] => export(Path::new(folder), &subjects),
+        _ => Err("what is understood is nothing, or: scenes FOLDER".into()),
     }
-    let page = std::fs::read_to_string(here.join("README.md"))?;
-    let (text, _) = page.split_once(RESULTS).ok_or("the README has no results to replace")?;
-    std::fs::write(here.join("README.md"), format!("{text}{results}"))?;
+}
+
+fn reference(system: &System, start: &State, duration: f64) -> Result<Reference, Failure> {
+    let reference = Reference::compute(system, start, [FIRST_STEP, duration], PATIENCE)?;
+    reference.ok_or_else(|| "a scene without a reference".into())
+}
+
+/// Writes scenes as JSON, with all that it takes to tell an error.
+fn export(folder: &Path, subjects: &[Subject]) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder)?;
+    for subject in subjects {
+        let name = &subject.scene.name;
+        let (system, start) = subject.scene.build()?;
+        let end = reference(&system, &start, subject.duration())?.state.positions;
+        // A mesh becomes particles and springs.
+        let scene: serde_json::Value = serde_json::from_str(&Scene::snapshot(name, &system, &start).to_json())?;
+        let content = serde_json::json!({
+            "scene": scene,
+            "frames": subject.frames,
+            "reference": end.iter().map(|x| [x.x, x.y, x.z]).collect::<Vec<_>>(),
+            "extent": extent(&end, &start.positions),
+        });
+        std::fs::write(folder.join(format!("{}.json", name.replace(' ', "-"))), content.to_string())?;
+    }
     Ok(())
 }
 
-/// Time over error, failures on the rail of their cause.
-fn picture(scene: &str, task: &Task<'_>, runs: &[(String, Vec<Run>)], looks: &[Look]) -> Plot {
-    let mut plot = Plot::log_log(
-        format!("This crate and its peers: {scene}"),
-        "relative position error at the end",
-        "time of the run, s",
-    )
-    .concluding(conclusion(runs));
-    for ((name, runs), &look) in runs.iter().zip(looks) {
-        let points = runs.iter().filter_map(|run| Some((*run.outcome.as_ref().ok()?, run.seconds))).collect();
-        plot = plot.with_series(Series::line(name, points).looking(look));
+/// Measures everybody on every scene, and writes the pictures and the results.
+fn measure(here: &Path, verification: &Path, subjects: &[Subject]) -> Result<(), Failure> {
+    let mujoco = mujoco::Measured::load(&here.join(mujoco::FILE))?;
+    let mut all = Vec::new();
+    let mut scenes = String::new();
+    for subject in subjects {
+        let name = &subject.scene.name;
+        eprintln!("{name}");
+        let (system, start) = subject.scene.build()?;
+        let duration = subject.duration();
+        let reference = reference(&system, &start, duration)?;
+        let task = Task { system: &system, start: &start, duration, reference: &reference };
+        let mut curves = compete(&task);
+        curves.extend(mujoco.iter().flat_map(|measured| measured.curves(name)));
+        let file = format!("peers-{}.svg", name.replace(' ', "-"));
+        let picture = page::picture(name, &curves, reference.error_estimate);
+        std::fs::write(verification.join("charts").join(&file), plot::svg(&picture))?;
+        let unknowns = 2 * system.dofs().len();
+        write!(scenes, "\n### {name}\n\nFor {duration:.3} s: {}, {unknowns} unknowns.", subject.words)?;
+        writeln!(scenes, " The reference errs by about {:.0e}.\n", reference.error_estimate)?;
+        page::table(&mut scenes, &curves)?;
+        writeln!(scenes, "\n![Time against accuracy: {name}](../../verification/charts/{file})")?;
+        all.push(Measured { scene: name.clone(), curves });
     }
-    for (name, runs) in runs {
-        let mut failures: BTreeMap<&str, Vec<(f64, f64)>> = BTreeMap::new();
-        for run in runs {
-            if let Err(cause) = &run.outcome {
-                failures.entry(cause).or_default().push((f64::INFINITY, run.seconds));
-            }
+    let mut results = String::from(RESULTS);
+    verdict::write(&mut results, &all)?;
+    match &mujoco {
+        Some(measured) => {
+            let left_out = measured.left_out.iter().map(|(scene, why)| format!(", but for {scene} ({why})"));
+            writeln!(results, "\nMuJoCo {} takes part{}.", measured.version, left_out.collect::<String>())?;
         }
-        for (cause, points) in failures {
-            plot = plot.with_series(Series::failures(cause, points).like(name));
-        }
+        None => writeln!(results, "\nMuJoCo does not take part: there is no {}.", mujoco::FILE)?,
     }
-    plot.with_guide(Guide::Vertical { x: task.reference.error_estimate, label: "error of the reference".into() })
+    let page = std::fs::read_to_string(here.join("README.md"))?;
+    let (text, _) = page.split_once(RESULTS).ok_or("the README has no results to replace")?;
+    std::fs::write(here.join("README.md"), format!("{text}{results}{scenes}"))?;
+    Ok(())
 }
 
-/// Who is fastest below two accuracies, and by how much.
-fn conclusion(runs: &[(String, Vec<Run>)]) -> String {
-    let below = |accuracy: f64| {
-        let mut times: Vec<(f64, &str)> =
-            runs.iter().filter_map(|(name, runs)| Some((shortest(runs, accuracy)?, name.as_str()))).collect();
-        times.sort_by(|a, b| a.0.total_cmp(&b.0));
-        match *times.as_slice() {
-            [] => "none".into(),
-            [(_, only)] => only.into(),
-            [(first, fastest), (second, next), ..] => format!("{fastest}; next {next}, {:.1} times", second / first),
-        }
-    };
-    format!("Fastest below 1 %: {}. Below 10⁻⁶: {}.", below(1e-2), below(1e-6))
-}
-
-/// The shortest time of the runs that err less, in s.
-fn shortest(runs: &[Run], accuracy: f64) -> Option<f64> {
-    let enough = runs.iter().filter(|run| run.outcome.as_ref().is_ok_and(|error| *error <= accuracy));
-    enough.map(|run| run.seconds).reduce(f64::min)
-}
-
-/// The shortest time, in ms, of each contender for each accuracy.
-fn table(runs: &[(String, Vec<Run>)]) -> Result<String, std::fmt::Error> {
-    let mut text = String::from("| time in ms for an error below |");
-    for accuracy in ACCURACIES {
-        write!(text, " {accuracy:e} |")?;
+/// The curves of all contenders, each measured by itself and those that matter once more when all had their turn.
+fn compete(task: &Task<'_>) -> Vec<Curve> {
+    let least = ACCURACIES.into_iter().fold(f64::INFINITY, f64::min);
+    let contenders = Contender::all();
+    let mut curves: Vec<Curve> = Vec::new();
+    for contender in &contenders {
+        curves.push(contender.climb(task, shortest_of_all(&curves, least)));
     }
-    writeln!(text, "\n|---|{}", "---|".repeat(ACCURACIES.len()))?;
-    for (name, runs) in runs {
-        write!(text, "| {name} |")?;
-        for accuracy in ACCURACIES {
-            match shortest(runs, accuracy) {
-                Some(seconds) => write!(text, " {} |", milliseconds(seconds))?,
-                None => write!(text, " – |")?,
-            }
-        }
-        writeln!(text)?;
+    let fastest = ACCURACIES.map(|accuracy| shortest_of_all(&curves, accuracy));
+    for (contender, curve) in contenders.iter().zip(&mut curves) {
+        contender.repeat(task, curve, &fastest);
     }
-    Ok(text)
-}
-
-/// Two digits.
-fn milliseconds(seconds: f64) -> String {
-    let value = 1e3 * seconds;
-    let digits = (1.0 - value.log10().floor()).clamp(0.0, 6.0) as usize;
-    format!("{value:.digits$}")
+    curves
 }
