@@ -130,6 +130,10 @@ impl<S: AdaptiveStepper + ?Sized> AdaptiveStepper for Metered<'_, S> {
         self.stepper.gains_by_equal_steps()
     }
 
+    fn is_bounded_by_stability(&self) -> bool {
+        self.stepper.is_bounded_by_stability()
+    }
+
     fn largest_growth(&self) -> f64 {
         self.stepper.largest_growth()
     }

@@ -357,6 +357,10 @@ impl AdaptiveStepper for Dop853<'_> {
         3.0
     }
 
+    fn is_bounded_by_stability(&self) -> bool {
+        true
+    }
+
     fn statistics_mut(&mut self) -> &mut Statistics {
         &mut self.statistics
     }

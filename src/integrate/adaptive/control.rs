@@ -6,6 +6,27 @@ use crate::integrate::pieces::in_proportion;
 /// Proposals within these factors of h keep it, where that saves work.
 const DEAD_BAND: std::ops::RangeInclusive<f64> = 0.9..=1.3;
 
+/// How steps follow their errors.
+struct Rule {
+    /// The error aimed at.
+    aim: f64,
+    /// The powers, times p + 1, with which a step follows what its error is of the aim, and how errors change.
+    whole: f64,
+    change: f64,
+    /// After a rejection a step has this part of what would just have been accepted.
+    shorter: f64,
+}
+
+const ORDINARY: Rule = Rule { aim: 0.9, whole: 0.7, change: 0.4, shorter: 0.8 };
+
+/// Of methods whose steps stability bounds. Errors grow from step to step there as soon as h is a little too long, and steps hardly follow them:
+/// with eighth powers an error of 0.9 is a step of 0.987 of the longest that is accepted. Where that was the aim steps were rejected, made shorter
+/// by a fifth and lengthened until they were rejected again, up to every third. So the aim is 0.9 of the longest step, as in Hairer's dop853.f, and
+/// the same after a rejection. The powers are near those of his dopri5.f, 0.65 and 0.2.
+fn bounded_by_stability(power: f64) -> Rule {
+    Rule { aim: 0.9f64.powf(power), whole: 0.6, change: 0.2, shorter: 0.9 }
+}
+
 /// The most by which one step may be shorter than the last.
 const SHRINKAGE: f64 = 0.2;
 
@@ -16,6 +37,15 @@ const APPROACH: f64 = 1.05;
 
 /// So many equal steps to a stop are two that are hardly shorter, rather than one and what is left.
 const NEARLY_TWO: f64 = 1.99;
+
+/// p + 1, estimates falling as h^(p + 1).
+fn power(stepper: &dyn AdaptiveStepper) -> f64 {
+    f64::from(stepper.estimate_order() + 1)
+}
+
+fn rule(stepper: &dyn AdaptiveStepper) -> Rule {
+    if stepper.is_bounded_by_stability() { bounded_by_stability(power(stepper)) } else { ORDINARY }
+}
 
 /// Proposes steps from the errors of those before.
 pub(super) struct Control {
@@ -66,9 +96,10 @@ impl Control {
         if self.equal.is_some() {
             return;
         }
-        let power = f64::from(stepper.estimate_order() + 1);
+        let power = power(stepper);
         let error = error.max(1e-6);
-        let factor = (0.9 / error).powf(0.7 / power) * (self.last_error / error).powf(0.4 / power);
+        let Rule { aim, whole, change, .. } = rule(stepper);
+        let factor = (aim / error).powf(whole / power) * (self.last_error / error).powf(change / power);
         self.last_error = error;
         // A step shortened to land on a stop says nothing against the longer one.
         let is_full = h >= 0.9 * self.h;
@@ -81,10 +112,11 @@ impl Control {
         self.was_rejected = false;
     }
 
-    /// After a step of h seconds with too large an error, estimates falling as h^(p + 1).
-    pub fn rejected(&mut self, error: f64, h: f64, p: u32) {
+    /// After a step of h seconds with too large an error.
+    pub fn rejected(&mut self, error: f64, h: f64, stepper: &dyn AdaptiveStepper) {
+        let Rule { shorter, .. } = rule(stepper);
         self.was_rejected = true;
-        self.h = h * (0.8 / error.powf(1.0 / f64::from(p + 1))).clamp(SHRINKAGE, 0.8);
+        self.h = h * (shorter / error.powf(1.0 / power(stepper))).clamp(SHRINKAGE, shorter);
     }
 
     /// After a step of h seconds that could not be done.

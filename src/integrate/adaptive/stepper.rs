@@ -64,6 +64,11 @@ pub trait AdaptiveStepper: TimeStepper {
         false
     }
 
+    /// Whether stability bounds the steps, as those of explicit methods: errors then grow from step to step as soon as these are a little too long.
+    fn is_bounded_by_stability(&self) -> bool {
+        false
+    }
+
     /// How much longer a step may at most be than the last one.
     fn largest_growth(&self) -> f64 {
         5.0

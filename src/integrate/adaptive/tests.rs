@@ -76,6 +76,7 @@ pub(super) struct Still {
     restarts: Vec<usize>,
     order: u32,
     gains: bool,
+    bounded: bool,
     estimate: Vec<Vector3<f64>>,
     statistics: Statistics,
 }
@@ -93,6 +94,7 @@ impl Still {
             restarts: Vec::new(),
             order: 2,
             gains: true,
+            bounded: false,
             estimate: vec![Vector3::zeros(); 2],
             statistics: Statistics::default(),
         }
@@ -102,6 +104,11 @@ impl Still {
 impl Still {
     pub fn of(order: u32, gains: bool) -> Self {
         Self { order, gains, ..Self::new(&[]) }
+    }
+
+    /// Of a method whose steps stability bounds.
+    pub fn bounded(order: u32) -> Self {
+        Self { bounded: true, ..Self::of(order, false) }
     }
 }
 
@@ -153,6 +160,10 @@ impl AdaptiveStepper for Still {
 
     fn gains_by_equal_steps(&self) -> bool {
         self.gains
+    }
+
+    fn is_bounded_by_stability(&self) -> bool {
+        self.bounded
     }
 
     fn largest_growth(&self) -> f64 {
@@ -318,5 +329,22 @@ fn samples_come_at_intervals_that_are_positive() {
     assert_eq!(how.sampled_every(0.5), Ok(Adaptivity { sampling: Sampling::Every(0.5), ..how }));
     for interval in [0.0, -1.0, f64::INFINITY, f64::NAN] {
         assert!(how.sampled_every(interval).is_err(), "{interval}");
+    }
+}
+
+/// A lattice of springs that vibrate at many paces: after the first steps stability bounds the step. Without the rule for that every fifth is
+/// rejected.
+#[cfg(feature = "scene")]
+#[test]
+fn few_steps_are_rejected_where_stability_bounds_them() {
+    let scene = crate::scene::builtin(crate::scene::Kind::Lattice, 5).unwrap();
+    let (system, start) = scene.build().unwrap();
+    for rtol in [1e-4, 1e-6] {
+        let (mut stepper, mut state) = (Dop853::new(&system, &start).unwrap(), start.clone());
+        let how = Adaptivity::new(scene.time.duration.unwrap(), rtol).unwrap();
+        let outcome = run_adaptive(&mut stepper, &system, &mut state, &how, |_, _| ControlFlow::Continue(()));
+        let rejected = stepper.statistics().rejected_steps;
+        assert_eq!(outcome.status().name(), "completed");
+        assert!(rejected * 15 < outcome.steps, "{rejected} of {}", outcome.steps);
     }
 }

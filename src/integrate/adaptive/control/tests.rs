@@ -85,7 +85,7 @@ fn steps_shrink_after_rejections_and_failures() {
     let after = |error: Option<f64>, p: u32| {
         let mut control = control(0.1);
         match error {
-            Some(error) => control.rejected(error, 0.1, p),
+            Some(error) => control.rejected(error, 0.1, &Still::of(p, false)),
             None => control.failed(0.1),
         }
         assert!(control.was_rejected);
@@ -98,6 +98,25 @@ fn steps_shrink_after_rejections_and_failures() {
     assert!(close(after(Some(1e6), 2), 0.02));
     assert!(close(after(Some(f64::INFINITY), 2), 0.02));
     assert!(close(after(None, 2), 0.05));
+}
+
+/// An error that stays as it is keeps the step where that is 0.9 of what would just be accepted, whatever the order; and so far it goes back after
+/// a rejection.
+#[test]
+fn steps_that_stability_bounds_keep_away_from_rejections() {
+    for p in [2, 4, 7] {
+        let (stepper, power) = (Still::bounded(p), f64::from(p + 1));
+        let aim = 0.9f64.powf(power);
+        let mut control = Control { last_error: aim, ..control(0.1) };
+        control.accepted(aim, 0.1, &stepper);
+        assert!(close(control.h, 0.1), "{p}");
+        control.accepted(0.5 * aim, 0.1, &stepper);
+        assert!(close(control.h, 0.1 * 2.0f64.powf(0.8 / power)), "{p}");
+        control.rejected(1.0, 0.1, &stepper);
+        assert!(close(control.h, 0.09), "{p}");
+        control.rejected(2.0f64.powf(power), 0.1, &stepper);
+        assert!(close(control.h, 0.045), "{p}");
+    }
 }
 
 /// What could not be done is not proposed again at once, but in time.
