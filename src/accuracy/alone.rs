@@ -76,10 +76,9 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, method: Method, ra
                 let step = 2.0 * duration / run.steps.max(1) as f64;
                 let mut resolved = true;
                 if method.is_implicit() && estimate <= accuracy {
-                    let (size, cost) =
-                        unresolved(search.task.system, search.task.start, step, &linear, &search.task.costs)?;
-                    search.spend(cost);
-                    resolved = size <= UNRESOLVED * accuracy;
+                    let left = unresolved(search.task.system, search.task.start, step, &linear, &search.task.costs)?;
+                    search.spend(left.cost);
+                    resolved = left.amplitude <= UNRESOLVED * accuracy;
                 }
                 if resolved {
                     search.estimate(estimate);

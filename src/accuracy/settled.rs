@@ -2,10 +2,11 @@
 //! implicit steps follow them, where explicit ones would have to follow vibrations that are not there.
 //!
 //! Long steps that damp what they do not resolve agree on a motion without it. So they are not even tried before that is known
-//! to be right: what [they do not resolve](super::resolution) has a small amplitude at the start, no kink of a prescribed path sets it
+//! to be right: what [they do not resolve](super::resolution) has a small amplitude at the start and pushes little, no kink of a prescribed path sets it
 //! off later, and no compressed spring makes the state unstable within a step, which long implicit steps would calm as they calm
-//! everything. Then runs of the second-order backward differentiation formula follow, each with twice the steps of the one before, and the
-//! difference of two stands for the error of the finer one, which by the order is a third of it.
+//! everything. Then runs of the second-order backward differentiation formula follow. By its order the difference d of two with steps h and h/r leaves
+//! `d/(r² − 1)` of the finer one, and four times that is believed; the next has steps so much shorter that it will do by the same law, as long as an
+//! explicit answer costs more than that.
 
 use super::audience::Audience;
 use super::course::Course;
@@ -22,21 +23,28 @@ use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::work::Work;
 
-/// Steps of the runs.
-const STEPS: [f64; 4] = [6.0, 12.0, 24.0, 48.0];
+/// Steps of the first two runs.
+const STEPS: [f64; 2] = [6.0, 12.0];
 
-/// How many times the price of the first two runs an explicit answer must have, for them to be tried.
+/// How many times the price of the first two runs an explicit answer must have, for them to be tried, to one digit; and by what power of the accuracy
+/// more for more digits, for which what is fast seldom is slight enough.
 const WORTH: f64 = 3.0;
+const MORE_DIGITS: f64 = 0.12;
 
-/// The part of the accuracy that an estimate may use.
-const USABLE: f64 = 0.3;
+/// What the law makes of a difference is multiplied with this.
+const SAFETY: f64 = 4.0;
 
-/// What cannot be resolved may have this part of the accuracy: a motion may amplify what long steps leave out. In 1500 random scenes one
-/// answer of 1122 was wrong with it, by 1.9; with twice as much four of 1254, by up to 4.8.
-const UNRESOLVED: f64 = 0.05;
+/// The part of the accuracy that an estimate may use, and the part that the next run aims at.
+const USABLE: f64 = 0.9;
+const AIM: f64 = 0.5;
 
-/// Another run is made where by the law its estimate will do: a quarter of the one before.
-const LAW: f64 = 4.0;
+/// Steps become shorter by at least and at most this from run to run.
+const SHORTER: [f64; 2] = [1.4, 2.0];
+
+/// What cannot be resolved may have this part of the accuracy, and what it pushes may drift by that one. (A motion may amplify both: in 1500 random scenes
+/// one answer that leaves something out is wrong, by 1.5. With twice the amplitude two are, by up to 1.5, and with twice the drift four, by up to 8.)
+const UNRESOLVED: f64 = 0.5;
+const DRIFTING: f64 = 0.7;
 
 /// Free coordinates of a matrix that is factored to see whether it is definite.
 const LARGEST: usize = 30_000;
@@ -46,9 +54,10 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
     let (accuracy, duration) = (search.requirement.accuracy, search.task.duration);
     let (system, start, costs) = (search.task.system, search.task.start, search.task.costs);
     let explicit = price.answer(accuracy);
-    let [first, second, ..] = STEPS;
+    let [first, second] = STEPS;
     let step = 2.0 + costs.assembly() + costs.least_factorization() + costs.least_direct_solve();
-    if explicit <= WORTH * (first + second) * step || search.task.has_kinks() {
+    let worth = WORTH * (0.1 / accuracy).powf(MORE_DIGITS);
+    if explicit <= worth * (first + second) * step || search.task.has_kinks() {
         return Ok(None);
     }
     search.left = explicit;
@@ -57,36 +66,41 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
     if !is_definite(search, h, &linear)? {
         return Ok(None);
     }
-    let (size, cost) = unresolved(system, start, h, &linear, &costs)?;
-    search.spend(cost);
-    if size > UNRESOLVED * accuracy {
+    let left = unresolved(system, start, h, &linear, &costs)?;
+    search.spend(left.cost);
+    if left.amplitude > UNRESOLVED * accuracy || left.drift * duration * duration > DRIFTING * accuracy {
         return Ok(None);
     }
     let configuration =
         Configuration { method: Method::Bdf2, options: ImplicitOptions { linear, ..Default::default() } };
-    let (mut coarse, mut last): (Option<Course>, _) = (None, f64::INFINITY);
-    for steps in STEPS {
-        let fine = match search.run(configuration, Pace::Step(duration / steps), 0.5 * explicit)? {
-            Went::Well(course, _) => course,
+    let mut coarse: Option<(Course, f64)> = None;
+    let (mut steps, mut last) = (first, f64::INFINITY);
+    loop {
+        let (fine, cost) = match search.run(configuration, Pace::Step(duration / steps), 0.5 * explicit)? {
+            Went::Well(course, run) => (course, run.cost),
             Went::Stopped => return Ok(Some(Verdict::Interrupted)),
             Went::Wrong | Went::TooFar => return Ok(None),
         };
-        if let Some(coarse) = coarse.take() {
-            let apart = search.difference(&fine, &coarse).largest();
-            if apart < last {
-                search.estimate(apart);
+        let mut next = second;
+        if let Some((coarse, before)) = coarse.take() {
+            let by_law = search.difference(&fine, &coarse).largest() / ((steps / before).powi(2) - 1.0);
+            if by_law < last {
+                search.estimate(SAFETY * by_law);
             }
-            if apart < last && apart <= USABLE * accuracy {
+            if SAFETY * by_law <= USABLE * accuracy {
                 return Ok(Some(Verdict::Confirmed));
             }
-            if apart > LAW * USABLE * accuracy {
+            let [least, most] = SHORTER;
+            let shorter = (SAFETY * by_law / (AIM * accuracy)).sqrt().max(least);
+            if cost * shorter > 0.5 * explicit || !shorter.is_finite() {
                 return Ok(None);
             }
-            last = apart;
+            next = (steps * shorter.min(most)).ceil();
+            last = last.min(by_law);
         }
-        coarse = Some(fine);
+        coarse = Some((fine, steps));
+        steps = next;
     }
-    Ok(None)
 }
 
 /// Whether the full matrix of a step of h seconds is positive definite at the start, as far as can be told.

@@ -68,9 +68,9 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
             let step = 2.0 * duration / run.steps.max(1) as f64;
             let mut resolved = true;
             if estimate <= accuracy {
-                let (size, cost) = unresolved(system, search.task.start, step, &linear, &search.task.costs)?;
-                search.spend(cost);
-                resolved = size <= UNRESOLVED * accuracy;
+                let left = unresolved(system, search.task.start, step, &linear, &search.task.costs)?;
+                search.spend(left.cost);
+                resolved = left.amplitude <= UNRESOLVED * accuracy;
             }
             if resolved {
                 search.estimate(estimate);

@@ -293,7 +293,8 @@ fn prices_at_which_implicit_runs_are_tried() {
         let case = Case::new(led(3.0), 1.0, accuracy);
         let costs = CostModel::of(&case.system);
         let solve = costs.least_direct_solve();
-        let settled = 54.0 * (2.0 + costs.assembly() + costs.least_factorization() + solve);
+        let settled =
+            54.0 * (0.1 / accuracy).powf(0.12) * (2.0 + costs.assembly() + costs.least_factorization() + solve);
         let step = 7.0 + costs.assembly() + costs.least_factorization() + 12.0 * solve;
         let stiff = 60.0 * (0.1 / accuracy).powf(0.3) * step;
         for (way, border) in [(&by_settled as Way<'_>, settled), (&by_stiff as Way<'_>, stiff)] {

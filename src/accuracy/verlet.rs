@@ -107,7 +107,7 @@ pub(super) fn answer<A: Audience>(
     let mut coarse: Option<Ran> = None;
     let mut history: Vec<f64> = Vec::new();
     let mut expected: Option<Expected> = None;
-    let (mut extrapolated, mut is_smooth) = (None, !search.task.has_kinks());
+    let (mut extrapolated, mut is_smooth) = (None, true);
     for failures in 0.. {
         // Between here and the next failure every run is compared with the one before.
         loop {
@@ -129,7 +129,7 @@ pub(super) fn answer<A: Audience>(
                 continue;
             };
             let gain = (steps / before.steps).powi(2) - 1.0;
-            // Errors made where forces or prescribed velocities jump do not follow the law.
+            // Errors made where forces jump do not follow the law. At kinks of prescribed paths steps end, and it holds.
             let believed = if is_smooth { gain } else { gain.min(1.0) };
             let apart = search.difference(&fine.course, &before.course).envelope();
             if apart > BLOWN_UP {

@@ -175,7 +175,7 @@ impl Motion<'_> {
         let (mut best, mut answers) = (BTreeMap::new(), Vec::new());
         for (ask, accuracy) in self.asks().into_iter().enumerate() {
             let requirement = self.requirement(accuracy);
-            let mut runs = Runs::default();
+            let mut runs = Runs::new(self.says_runs);
             let Some(found) = answer(self.system, self.start, &requirement, &mut runs, &|| true)? else { continue };
             let error = self.error(&found.state);
             if self.says_runs {

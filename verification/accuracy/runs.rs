@@ -4,18 +4,23 @@ use sprung::State;
 use sprung::accuracy::{Audience, SearchProgress};
 use sprung::integrate::Monitor;
 
-/// Says what a search does.
+/// Says what a search does, where that is asked for.
 #[derive(Default)]
 pub struct Runs {
+    says: bool,
     doing: String,
     before: f64,
     spent: f64,
 }
 
 impl Runs {
+    pub fn new(says: bool) -> Self {
+        Self { says, ..Self::default() }
+    }
+
     /// Says what the run that is over has cost.
     pub fn say(&self) {
-        if !self.doing.is_empty() {
+        if self.says && !self.doing.is_empty() {
             eprintln!("    {:>9.0}  {}", self.spent - self.before, self.doing);
         }
     }
