@@ -38,8 +38,8 @@ const SAFETY: f64 = 4.0;
 const USABLE: f64 = 0.9;
 const AIM: f64 = 0.5;
 
-/// Steps become shorter by at least and at most this from run to run.
-const SHORTER: [f64; 2] = [1.4, 2.0];
+/// Steps become shorter by at most this from run to run: of much shorter ones a difference says little.
+const SHORTER: f64 = 2.0;
 
 /// What cannot be resolved may have this part of the accuracy, and what it pushes may drift by that one. (A motion may amplify both: in 1500 random scenes
 /// one answer that leaves something out is wrong, by 1.5. With twice the amplitude two are, by up to 1.5, and with twice the drift four, by up to 8.)
@@ -74,7 +74,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
     let configuration =
         Configuration { method: Method::Bdf2, options: ImplicitOptions { linear, ..Default::default() } };
     let mut coarse: Option<(Course, f64)> = None;
-    let (mut steps, mut last) = (first, f64::INFINITY);
+    let mut steps = first;
     loop {
         let (fine, cost) = match search.run(configuration, Pace::Step(duration / steps), 0.5 * explicit)? {
             Went::Well(course, run) => (course, run.cost),
@@ -84,19 +84,16 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
         let mut next = second;
         if let Some((coarse, before)) = coarse.take() {
             let by_law = search.difference(&fine, &coarse).largest() / ((steps / before).powi(2) - 1.0);
-            if by_law < last {
-                search.estimate(SAFETY * by_law);
-            }
-            if SAFETY * by_law <= USABLE * accuracy {
+            let estimate = SAFETY * by_law;
+            search.estimate(estimate);
+            if estimate <= USABLE * accuracy {
                 return Ok(Some(Verdict::Confirmed));
             }
-            let [least, most] = SHORTER;
-            let shorter = (SAFETY * by_law / (AIM * accuracy)).sqrt().max(least);
+            let shorter = (estimate / (AIM * accuracy)).sqrt();
             if cost * shorter > 0.5 * explicit || !shorter.is_finite() {
                 return Ok(None);
             }
-            next = (steps * shorter.min(most)).ceil();
-            last = last.min(by_law);
+            next = (steps * shorter.min(SHORTER)).ceil();
         }
         coarse = Some((fine, steps));
         steps = next;

@@ -1,7 +1,8 @@
 //! What ways hand on: options to their runs, and a course to the way that follows.
 
+use super::super::resolution::unresolved;
 use super::*;
-use crate::linear::{SolverChoice, Tolerance};
+use crate::linear::{SolverChoice, SolverOptions, Tolerance};
 use faer::Par;
 
 /// Both implicit ways solve with what was asked for, and a thousand times more exactly than the accuracy.
@@ -36,10 +37,8 @@ fn verlet_leaves_a_course_without_its_leading_error() {
     assert!(led.contains("of 2 runs") && led.contains("in 25 steps"), "{led}");
 }
 
-/// A stiff chain that hangs from its first particle, stretched by its weight, and swings slowly, by conjugate gradients: the runs that would do after the
-/// first two cost more than half of the cheapest explicit answer that is dear enough, and less than half of one that is twice as dear.
-#[test]
-fn runs_may_cost_half_of_an_explicit_answer() {
+/// A stiff chain that hangs from its first particle, stretched by its weight, and swings slowly, by conjugate gradients.
+fn weighted_chain(accuracy: f64) -> Case {
     let (links, stiffness, weight) = (4, 1e6, 9.81);
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
     builder.gravity(0.0, -weight, 0.0);
@@ -51,7 +50,14 @@ fn runs_may_cost_half_of_an_explicit_answer() {
     }
     (0..links as usize).for_each(|p| _ = builder.spring(p, p + 1, spring(stiffness, 1.0, 1e3)));
     builder.hold(0);
-    let case = Case::new(builder.build().unwrap(), 1.0, 3e-4).with(|case| case.solver = Some(SolverChoice::Cg));
+    Case::new(builder.build().unwrap(), 1.0, accuracy).with(|case| case.solver = Some(SolverChoice::Cg))
+}
+
+/// The runs that would do after the first two cost more than half of the cheapest explicit answer that is dear enough, and less than half of one that is
+/// twice as dear.
+#[test]
+fn runs_may_cost_half_of_an_explicit_answer() {
+    let case = weighted_chain(3e-4);
     let costs = CostModel::of(&case.system);
     let border = 54.0
         * (0.1f64 / 3e-4).powf(0.12)
@@ -61,5 +67,37 @@ fn runs_may_cost_half_of_an_explicit_answer() {
         assert!(tried.contains("bdf2 with dt = 8.333e-2 s"), "{tried}");
         assert_eq!(tried.contains("bdf2 with dt = 4.167e-2 s"), goes_on, "{tried}");
         assert_eq!(tried.contains("Some(Confirmed)"), goes_on, "{tried}");
+    }
+}
+
+/// Twelve steps err by 1.73e-3 by four times the law: nine tenths of the accuracy may be used.
+#[test]
+fn estimates_of_implicit_runs_may_use_nine_tenths() {
+    for (accuracy, goes_on) in [(1.0 / 0.89, false), (1.0 / 0.91, true)] {
+        let tried = weighted_chain(accuracy * 1.7265e-3).with(priced(1e5, 1e5, 1e3)).tried(&by_settled);
+        assert!(tried.contains("Some(Confirmed)"), "{tried}");
+        assert_eq!(tried.contains("of 3 runs"), goes_on, "{tried}");
+    }
+}
+
+/// Two free particles, whose stiff spring vibrates with 2 m/s or 20 µm/s: what a twelfth of the time does not resolve may be half of the accuracy, and
+/// drift by 0.7 of it. The first decides where little vibrates, the second where much does.
+#[test]
+fn what_implicit_runs_leave_out_is_little() {
+    for (speed, duration) in [(2.0, 2.0), (2e-5, 2.0), (2.0, 1.0)] {
+        let mut builder = SystemBuilder::new();
+        (0..2).for_each(|p| _ = builder.particle([f64::from(p), 0.0, 0.0], 1.0));
+        builder.velocities[1].x = speed;
+        builder.spring(0, 1, spring(1e9, 1.0, 0.0));
+        let (system, start) = builder.build().unwrap();
+        let options = SolverOptions::default();
+        let left = unresolved(&system, &start, duration / 12.0, &options, &CostModel::of(&system)).unwrap();
+        let (size, drift) = (left.amplitude / 0.5, left.drift * duration * duration / 0.7);
+        assert_eq!(size > drift, speed < 1.0, "{size:e} {drift:e}");
+        for (part, is_tried) in [(0.99, false), (1.01, true)] {
+            let case = Case::new((system.clone(), start.clone()), duration, part * size.max(drift));
+            let tried = case.with(priced(1e7, 1e7, 1e5)).tried(&by_settled);
+            assert_eq!(tried.contains("bdf2"), is_tried, "{speed} {part}: {tried}");
+        }
     }
 }
