@@ -42,7 +42,7 @@ const AIM: f64 = 0.5;
 const SHORTER: f64 = 2.0;
 
 /// What cannot be resolved may have this part of the accuracy, and what it pushes may drift by that one. (A motion may amplify both: in 1500 random scenes
-/// one answer that leaves something out is wrong, by 1.5. With twice the amplitude two are, by up to 1.5, and with twice the drift four, by up to 8.)
+/// one answer that leaves something out is wrong, by 1.5. With twice the amplitude two are, by as much, and with twice the drift two, by up to 8.)
 const UNRESOLVED: f64 = 0.5;
 const DRIFTING: f64 = 0.7;
 
