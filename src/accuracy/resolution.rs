@@ -210,8 +210,8 @@ mod tests {
         }
     }
 
-    /// As wide a vibration, begun with a velocity of 1 m/s or with a force, pushes as much: its energy of 0.5 J a kilogram of the particle drifts
-    /// both by `¼ t²` a kilogram of theirs, a metre of the spring and a second.
+    /// A vibration of 1 m/s, begun with that velocity or with a force: w² is the particle's part of the mass, in m²/s², and in a second both particles
+    /// drift by `¼ w²` over the metre of the spring. Of two that is √2 times as much, and the extent is √½ m.
     #[test]
     fn what_is_fast_pushes_what_is_slow() {
         let filter = 100.0f64 / 101.0;

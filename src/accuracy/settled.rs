@@ -5,8 +5,8 @@
 //! to be right: what [they do not resolve](super::resolution) has a small amplitude at the start and pushes little, no kink of a prescribed path sets it
 //! off later, and no compressed spring makes the state unstable within a step, which long implicit steps would calm as they calm
 //! everything. Then runs of the second-order backward differentiation formula follow. By its order the difference d of two with steps h and h/r leaves
-//! `d/(r² − 1)` of the finer one, and four times that is believed; the next has steps so much shorter that it will do by the same law, as long as an
-//! explicit answer costs more than that.
+//! `d/(r² − 1)` of the finer one, and four times that is believed; the next has steps so much shorter that it will do by the same law, as long as
+//! that costs less than half of an explicit answer.
 
 use super::audience::Audience;
 use super::course::Course;
@@ -30,6 +30,9 @@ const STEPS: [f64; 2] = [6.0, 12.0];
 /// more for more digits, for which what is fast seldom is slight enough.
 const WORTH: f64 = 3.0;
 const MORE_DIGITS: f64 = 0.12;
+
+/// The part of what an explicit answer costs that a run may.
+const RUN_PART: f64 = 0.5;
 
 /// What the law makes of a difference is multiplied with this.
 const SAFETY: f64 = 4.0;
@@ -76,7 +79,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
     let mut coarse: Option<(Course, f64)> = None;
     let mut steps = first;
     loop {
-        let (fine, cost) = match search.run(configuration, Pace::Step(duration / steps), 0.5 * explicit)? {
+        let (fine, cost) = match search.run(configuration, Pace::Step(duration / steps), RUN_PART * explicit)? {
             Went::Well(course, run) => (course, run.cost),
             Went::Stopped => return Ok(Some(Verdict::Interrupted)),
             Went::Wrong | Went::TooFar => return Ok(None),
@@ -90,7 +93,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
                 return Ok(Some(Verdict::Confirmed));
             }
             let shorter = (estimate / (AIM * accuracy)).sqrt();
-            if cost * shorter > 0.5 * explicit || !shorter.is_finite() {
+            if cost * shorter > RUN_PART * explicit || !shorter.is_finite() {
                 return Ok(None);
             }
             next = (steps * shorter.min(SHORTER)).ceil();
