@@ -1,7 +1,7 @@
 //! One run on the way to an answer: metered, observed, and compared with others by its course.
 
 use super::audience::Audience;
-use super::course::Course;
+use super::course::{Course, LAST_PART};
 use super::metered::{Meter, Metered};
 use super::samples::{Between, Grid};
 use super::{Configuration, Pace};
@@ -30,6 +30,15 @@ impl Task<'_> {
         let start = self.start.time;
         self.system.prescribed().next_kink(start).is_some_and(|kink| kink < start + self.duration)
     }
+}
+
+/// What a run is made for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Purpose {
+    /// To be the answer, perhaps: what is recorded of it is as exact as its steps.
+    Answer,
+    /// To compare the next one with, by the last part of its way. What the method takes to tell states between its steps it is spared before that.
+    Comparison,
 }
 
 /// A completed run.
@@ -83,6 +92,7 @@ pub(super) fn attempt<A: Audience>(
     task: &Task<'_>,
     configuration: Configuration,
     pace: Pace,
+    purpose: Purpose,
     [limit, longest]: [f64; 2],
     audience: &mut A,
     progress: &mut dyn FnMut(&mut A, f64, f64),
@@ -109,7 +119,11 @@ pub(super) fn attempt<A: Audience>(
         // Its long steps need its own interpolant.
         Pace::Step(dt) if *method == Method::Dop853 => {
             let mut stepper = Box::new(Dop853::new(system, start)?);
-            let mut metered = Metered { stepper: &mut *stepper, meter: &meter };
+            let exact_from = match purpose {
+                Purpose::Answer => f64::NEG_INFINITY,
+                Purpose::Comparison => start.time + (1.0 - LAST_PART) * duration,
+            };
+            let mut metered = Metered { stepper: &mut *stepper, meter: &meter, exact_from };
             let sampling = Sampling::Every(grid.spacing);
             let see = |number, state: &State, monitor: &Monitor| watch.see(number, state, monitor);
             let lengths = [dt, longest, duration];
@@ -118,7 +132,7 @@ pub(super) fn attempt<A: Audience>(
         }
         Pace::Step(dt) => {
             let mut stepper = method.stepper(system, start, options)?;
-            let mut metered = Metered { stepper: &mut *stepper, meter: &meter };
+            let mut metered = Metered::exact(&mut *stepper, &meter);
             let mut between = Between::new(grid.spacing, dt, start);
             let see = |_, state: &State, monitor: &Monitor| {
                 between.see(system, state, watch.end, |number, sample| watch.see(number, sample, monitor))
@@ -137,7 +151,7 @@ pub(super) fn attempt<A: Audience>(
                 crate::Error::Unsupported(format!("{} has no error estimate for adaptive steps", method.name()))
             })?;
             let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Every(grid.spacing), part_of: None };
-            let mut metered = Metered { stepper: &mut *stepper, meter: &meter };
+            let mut metered = Metered::exact(&mut *stepper, &meter);
             let outcome = run_adaptive_monitored(
                 &mut metered,
                 system,
@@ -245,6 +259,28 @@ mod tests {
         }
     }
 
+    /// Eight steps of DOP853, seen twice in each. A run to compare with is as exact in the two steps of the last quarter, to the bit, and is
+    /// spared the three evaluations of the interpolant in the six before, in which a cubic polynomial takes its place.
+    #[test]
+    fn runs_to_compare_with_are_exact_where_they_are_compared() {
+        let (system, start) = &oscillator();
+        let go_on = || true;
+        let grid = Grid::new(4.0, 0.25, 2);
+        let task = Task { system, start, duration: 4.0, costs: CostModel::of(system), grid, go_on: &go_on };
+        let [answer, comparison] = [Purpose::Answer, Purpose::Comparison].map(|purpose| {
+            let bounds = [f64::INFINITY, 0.5];
+            let tried =
+                attempt(&task, of(Method::Dop853), Pace::Step(0.5), purpose, bounds, &mut (), &mut |_, _, _| {});
+            tried.unwrap().attempt.unwrap()
+        });
+        let spared = answer.statistics.work.force_evaluations - comparison.statistics.work.force_evaluations;
+        assert_eq!((answer.steps, spared), (8, 18));
+        assert_eq!(answer.state, comparison.state);
+        let difference = answer.course.compared_with(&comparison.course, &start.positions);
+        assert_eq!((difference.envelope(), difference.first_beyond(0.0)), (0.0, Some(0.25)));
+        assert!(difference.largest() < 1e-3, "{difference:?}");
+    }
+
     /// Twenty steps of a vibration: what appeared and vanished of its energy counts by its amplitude, for one step.
     #[test]
     fn runs_stray_by_what_appears_and_vanishes_in_a_step() {
@@ -253,8 +289,16 @@ mod tests {
         let grid = Grid::new(4.0, 0.5, 2);
         let task = Task { system, start, duration: 4.0, costs: CostModel::of(system), grid, go_on: &go_on };
         for (method, loses, gains) in [(Method::BackwardEuler, true, false), (Method::ForwardEuler, false, true)] {
-            let tried =
-                attempt(&task, of(method), Pace::Step(0.2), [f64::INFINITY, 0.2], &mut (), &mut |_, _, _| {}).unwrap();
+            let tried = attempt(
+                &task,
+                of(method),
+                Pace::Step(0.2),
+                Purpose::Answer,
+                [f64::INFINITY, 0.2],
+                &mut (),
+                &mut |_, _, _| {},
+            )
+            .unwrap();
             let mut state = start.clone();
             let mut monitor = Monitor::new(system, &state, MonitorOptions::default()).unwrap();
             let mut stepper = method.stepper(system, &state, &Default::default()).unwrap();

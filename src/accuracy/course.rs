@@ -13,7 +13,7 @@ const MEMORY: usize = 134_217_728;
 const SAMPLES: [usize; 2] = [8, 64];
 
 /// The part of the way over which the largest difference counts for that at the end.
-const LAST_PART: f64 = 0.25;
+pub(super) const LAST_PART: f64 = 0.25;
 
 /// The sine of the angle up to which two vectors lie on a line.
 const ALIGNED: f64 = 1e-9;

@@ -6,7 +6,8 @@
 //! they guard in every step against what two runs show in the end.
 //!
 //! **Runs.** The first has the longest stable steps, or where more than four digits are asked for a little shorter ones: of errors that are far
-//! too large one learns little. Each that follows has steps so much shorter as the estimates of the one before say, by the
+//! too large one learns little. It is never the answer, and what is seen of it takes forces only in the last part of its way, where it is
+//! compared. Each that follows has steps so much shorter as the estimates of the one before say, by the
 //! eighth root, and 1.2 times at least. Errors of eighth order make caution cheap, twice the accuracy costs a tenth more, and a third run
 //! costs far more than that: a twentieth of the accuracy is aimed at.
 //!
@@ -31,6 +32,7 @@
 //! them, it is not as even as that: steps had better follow [an error estimate](super::dop853).
 
 use super::Pace;
+use super::attempt::Purpose;
 use super::audience::Audience;
 use super::believed::USABLE;
 use super::course::Course;
@@ -180,7 +182,8 @@ pub(super) fn answer<A: Audience>(
             return Ok(Err(Extrapolated(other)));
         }
         let pace = Pace::Step(duration / steps);
-        let (course, run) = match search.run(of(Method::Dop853), pace, f64::INFINITY)? {
+        let purpose = if coarse.is_none() { Purpose::Comparison } else { Purpose::Answer };
+        let (course, run) = match search.run_for(purpose, of(Method::Dop853), pace, f64::INFINITY)? {
             Went::Well(course, run) => (course, run),
             Went::Stopped => return Ok(Ok(Verdict::Interrupted)),
             Went::TooFar => return Ok(Err(Extrapolated(None))),
@@ -206,15 +209,9 @@ pub(super) fn answer<A: Audience>(
             if fine.is_uneven(before) {
                 return Ok(Err(Extrapolated(None)));
             }
-        } else if let Some(other) = other.take() {
-            let apart = search.difference(&course, &other).envelope();
-            if apart <= USABLE * accuracy {
-                search.estimate(apart);
-                return Ok(Ok(Verdict::Confirmed));
-            }
         }
         steps = (fine.shorter(accuracy) * steps).ceil();
-        coarse = Some((fine, course));
+        (coarse, other) = (Some((fine, course)), None);
     }
 }
 

@@ -8,7 +8,7 @@ use crate::integrate::{ImplicitOptions, Method};
 const STABLE: f64 = 0.96;
 
 /// A run has at least this many steps.
-const FEWEST_STEPS: f64 = 4.0;
+const FEWEST_STEPS: f64 = 3.0;
 
 /// Accuracies from this on Verlet's method has, as a rule.
 const FEW_DIGITS: f64 = 2e-5;
@@ -19,8 +19,7 @@ pub(super) const FIRST_RATIO: f64 = 1.25;
 /// Radians of the fastest motion in the longest steps of DOP853. Stable are 5.9.
 const DOP853_RADIANS: f64 = 5.4;
 
-/// Its shortest runs, in steps, and what a step takes with what is seen of it, in force evaluations.
-const DOP853_FEWEST_STEPS: f64 = 3.0;
+/// What a step of it takes with what is seen of it, in force evaluations.
 pub(super) const DOP853_STEP: f64 = 15.0;
 
 /// An answer by it takes so many times the work of the longest steps, as a rule, where three digits are asked for; and by what power of the
@@ -43,7 +42,7 @@ impl Price {
     pub fn of(rates: &Rates, duration: f64) -> Self {
         let verlet = (duration / (STABLE * rates.verlet_step())).max(FEWEST_STEPS);
         let radius = rates.radius();
-        let steps = (duration * radius / DOP853_RADIANS).max(DOP853_FEWEST_STEPS).ceil();
+        let steps = (duration * radius / DOP853_RADIANS).max(FEWEST_STEPS).ceil();
         Self { verlet, steps, radius }
     }
 

@@ -1,6 +1,6 @@
 //! What a search has tried, spent and found so far.
 
-use super::attempt::{Attempt, SolverReport, Task, Tried, attempt};
+use super::attempt::{Attempt, Purpose, SolverReport, Task, Tried, attempt};
 use super::audience::{Audience, SearchProgress};
 use super::course::{Course, Difference};
 use super::horizon::Horizon;
@@ -133,8 +133,13 @@ impl<'s, A: Audience> Search<'s, A> {
         (self.task.go_on)()
     }
 
-    /// Makes a run.
+    /// Makes a run that may be the answer.
     pub fn run(&mut self, configuration: Configuration, pace: Pace, limit: f64) -> Result<Went> {
+        self.run_for(Purpose::Answer, configuration, pace, limit)
+    }
+
+    /// Makes a run.
+    pub fn run_for(&mut self, purpose: Purpose, configuration: Configuration, pace: Pace, limit: f64) -> Result<Went> {
         let doing = describe(&configuration, pace);
         let (before, left) = (self.spent, self.left);
         let mut progress = |audience: &mut A, part: f64, cost: f64| {
@@ -145,7 +150,8 @@ impl<'s, A: Audience> Search<'s, A> {
         if let Pace::Step(dt) = pace {
             self.longest = self.longest.max(dt);
         }
-        let tried = attempt(self.task, configuration, pace, [limit, self.longest], self.audience, &mut progress)?;
+        let tried =
+            attempt(self.task, configuration, pace, purpose, [limit, self.longest], self.audience, &mut progress)?;
         let Tried { attempt, status, cost, is_too_expensive, local_errors, strayed } = tried;
         self.runs += 1;
         self.spent += cost;
