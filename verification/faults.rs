@@ -32,7 +32,7 @@ struct Fault {
     file: String,
     find: String,
     replace: String,
-    /// A room whose own tests are to catch it, as the suite does not see it: unit tests, and the program of this name in `tests`.
+    /// A room whose own tests are to catch it, as the suite does not see it: unit tests, and the program of this name in `tests` where there is one.
     room: Option<String>,
 }
 
@@ -139,7 +139,13 @@ fn plant(fault: &Fault, copy: &Path, target: &Path) -> Result<Caught> {
 
 /// Builds the suite in the copy, or the tests of a room, and runs them.
 fn verdict(copy: &Path, target: &Path, room: Option<&str>) -> Result<Verdict> {
-    let chosen = room.map_or(vec!["--test", "verification"], |room| vec!["--lib", "--test", room]);
+    let has_program =
+        |room: &str| [format!("{room}.rs"), room.into()].iter().any(|at| copy.join("tests").join(at).exists());
+    let chosen = match room {
+        None => vec!["--test", "verification"],
+        Some(room) if has_program(room) => vec!["--lib", "--test", room],
+        Some(_) => vec!["--lib"],
+    };
     let build = Command::new(env!("CARGO"))
         .args(["test", "--profile", "faults", "--no-run", "--message-format", "json"])
         .args(chosen)
