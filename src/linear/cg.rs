@@ -10,7 +10,8 @@
 
 use super::norms::{dot, norm, scaling};
 use super::preconditioner::Preconditioner;
-use super::vector::{conjugate, descend, subtract};
+use super::preconditioner_kind::PreconditionerKind;
+use super::vector::{advance, descend, subtract};
 use crate::interrupt::Interrupt;
 use crate::operator::LinearOperator;
 
@@ -215,9 +216,15 @@ impl ConjugateGradient {
         goes_on: &mut dyn FnMut(u64, f64) -> bool,
     ) -> Option<CgOutcome> {
         let Self { residual: r, preconditioned: z, direction: p, product: q, interrupt, .. } = self;
-        preconditioner.apply(r, z);
-        p.copy_from_slice(z);
-        let mut rz = dot(r, z);
+        // Without a preconditioner z is r, and need not be made.
+        let is_none = preconditioner.kind() == Some(PreconditionerKind::None);
+        if is_none {
+            p.copy_from_slice(r);
+        } else {
+            preconditioner.apply(r, z);
+            p.copy_from_slice(z);
+        }
+        let mut rz = dot(r, p);
         let mut size = norm(r);
         // Further down than rounding the recurrence knows nothing of the true residual, and would end in underflow.
         let floor = target.max(f64::EPSILON * size);
@@ -238,12 +245,16 @@ impl ConjugateGradient {
             }
             *iterations += 1;
             let alpha = rz / curvature;
-            size = descend(alpha, p, q, x, r).sqrt();
-            preconditioner.apply(r, z);
-            let next = dot(r, z);
-            let beta = next / rz;
+            let squares = descend(alpha, q, r);
+            size = squares.sqrt();
+            let (z, next) = if is_none {
+                (&*r, squares)
+            } else {
+                preconditioner.apply(r, z);
+                (&*z, dot(r, z))
+            };
+            advance(alpha, next / rz, z, p, x);
             rz = next;
-            conjugate(beta, z, p);
         }
         None
     }

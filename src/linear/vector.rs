@@ -4,6 +4,8 @@
 //! A vector is halved until a piece has at most [`PIECE`] numbers; where it is cut depends on its length alone. Sums over
 //! pieces are added up pairwise, so a long inner product loses fewer digits than one sum from end to end.
 
+use crate::parallel::widely;
+
 /// Numbers in a piece: a few vectors of them fit the first-level cache.
 const PIECE: usize = 1024;
 
@@ -26,13 +28,17 @@ fn middle(length: usize) -> usize {
 /// `aᵀb`.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     if a.len() <= PIECE {
-        return dot_piece(a, b);
+        return widely(
+            #[inline(always)]
+            || dot_piece(a, b),
+        );
     }
     let ((a0, a1), (b0, b1)) = (a.split_at(middle(a.len())), b.split_at(middle(a.len())));
     let (first, second) = both(a.len(), || dot(a0, b0), || dot(a1, b1));
     first + second
 }
 
+#[inline(always)]
 fn dot_piece(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; LANES];
     let (a, a_rest) = a.as_chunks::<LANES>();
@@ -46,44 +52,55 @@ fn dot_piece(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-/// `x += α p`, `r −= α q`; returns `rᵀr`.
-pub fn descend(alpha: f64, p: &[f64], q: &[f64], x: &mut [f64], r: &mut [f64]) -> f64 {
-    if p.len() <= PIECE {
-        for (x, p) in x.iter_mut().zip(p) {
-            *x += alpha * p;
-        }
-        for (r, q) in r.iter_mut().zip(q) {
-            *r -= alpha * q;
-        }
-        return dot_piece(r, r);
+/// `r −= α q`; returns `rᵀr`.
+pub fn descend(alpha: f64, q: &[f64], r: &mut [f64]) -> f64 {
+    if r.len() <= PIECE {
+        return widely(
+            #[inline(always)]
+            || {
+                for (r, q) in r.iter_mut().zip(q) {
+                    *r -= alpha * q;
+                }
+                dot_piece(r, r)
+            },
+        );
     }
-    let at = middle(p.len());
-    let ((p0, p1), (q0, q1)) = (p.split_at(at), q.split_at(at));
-    let ((x0, x1), (r0, r1)) = (x.split_at_mut(at), r.split_at_mut(at));
-    let (first, second) = both(p.len(), || descend(alpha, p0, q0, x0, r0), || descend(alpha, p1, q1, x1, r1));
+    let at = middle(r.len());
+    let ((q0, q1), (r0, r1)) = (q.split_at(at), r.split_at_mut(at));
+    let (first, second) = both(q.len(), || descend(alpha, q0, r0), || descend(alpha, q1, r1));
     first + second
 }
 
-/// `p = z + β p`.
-pub fn conjugate(beta: f64, z: &[f64], p: &mut [f64]) {
+/// `x += α p`, then `p = z + β p`.
+pub fn advance(alpha: f64, beta: f64, z: &[f64], p: &mut [f64], x: &mut [f64]) {
     if p.len() <= SERIAL {
-        for (p, z) in p.iter_mut().zip(z) {
-            *p = z + beta * *p;
-        }
-        return;
+        return widely(
+            #[inline(always)]
+            || {
+                for ((x, p), z) in x.iter_mut().zip(p.iter_mut()).zip(z) {
+                    *x += alpha * *p;
+                    *p = z + beta * *p;
+                }
+            },
+        );
     }
     let at = middle(p.len());
-    let ((z0, z1), (p0, p1)) = (z.split_at(at), p.split_at_mut(at));
-    rayon::join(|| conjugate(beta, z0, p0), || conjugate(beta, z1, p1));
+    let ((z0, z1), (p0, p1), (x0, x1)) = (z.split_at(at), p.split_at_mut(at), x.split_at_mut(at));
+    rayon::join(|| advance(alpha, beta, z0, p0, x0), || advance(alpha, beta, z1, p1, x1));
 }
 
 /// `r = s b − q`; returns `rᵀr`.
 pub fn subtract(s: f64, b: &[f64], q: &[f64], r: &mut [f64]) -> f64 {
     if r.len() <= PIECE {
-        for ((r, b), q) in r.iter_mut().zip(b).zip(q) {
-            *r = s * b - q;
-        }
-        return dot_piece(r, r);
+        return widely(
+            #[inline(always)]
+            || {
+                for ((r, b), q) in r.iter_mut().zip(b).zip(q) {
+                    *r = s * b - q;
+                }
+                dot_piece(r, r)
+            },
+        );
     }
     let at = middle(r.len());
     let ((b0, b1), (q0, q1), (r0, r1)) = (b.split_at(at), q.split_at(at), r.split_at_mut(at));
@@ -107,8 +124,8 @@ mod tests {
             let (p, q, b) = (vector(length, 0.7), vector(length, 1.3), vector(length, 2.9));
             let (mut x, mut r) = (vector(length, 0.3), b.clone());
             let (x0, alpha, beta) = (x.clone(), 0.37, -1.7);
-            let squares = descend(alpha, &p, &q, &mut x, &mut r);
-            assert!((0..length).all(|i| x[i] == x0[i] + alpha * p[i] && r[i] == b[i] - alpha * q[i]));
+            let squares = descend(alpha, &q, &mut r);
+            assert!((0..length).all(|i| r[i] == b[i] - alpha * q[i]));
             let plain: f64 = r.iter().map(|r| r * r).sum();
             let bound = length as f64 * f64::EPSILON;
             assert!((squares - plain).abs() <= bound * plain);
@@ -117,8 +134,8 @@ mod tests {
             let plain: f64 = p.iter().zip(&q).map(|(p, q)| p * q).sum();
             assert!((dot(&p, &q) - plain).abs() <= bound * magnitude);
             let mut direction = p.clone();
-            conjugate(beta, &q, &mut direction);
-            assert!((0..length).all(|i| direction[i] == q[i] + beta * p[i]));
+            advance(alpha, beta, &q, &mut direction, &mut x);
+            assert!((0..length).all(|i| x[i] == x0[i] + alpha * p[i] && direction[i] == q[i] + beta * p[i]));
             assert_eq!(subtract(beta, &b, &q, &mut r), dot(&r, &r));
             assert!((0..length).all(|i| r[i] == beta * b[i] - q[i]));
         }

@@ -1,31 +1,13 @@
 //! Rows shared out among threads. Every row is computed by one thread, always in the same way: results do not depend on how
-//! many there are. Loops over rows are compiled for every kind of processor that [`pulp`] tells apart, with what they call as far as
-//! that is inlined: its vectors are wider, and the results are the same to the bit, because nothing is reordered or fused.
+//! many there are. Loops over rows are compiled for [wider registers](widely) too, with what they call as far as that is inlined.
 
 use super::sparse::Pattern;
-use crate::parallel::{parts, pieces, share};
+use crate::parallel::{parts, pieces, share, widely};
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// Rows that are not worth a second thread.
 const GRAIN: usize = 512;
-
-/// Does something with the widest vectors that the processor has, if all that it calls is inlined. A closure must be called by
-/// reference for that: taken by value it goes through a function of its own.
-struct Widely<'f, F>(&'f mut F);
-
-impl<F: FnMut()> pulp::NullaryFnOnce for Widely<'_, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        (self.0)();
-    }
-}
-
-fn widely(mut f: impl FnMut()) {
-    pulp::Arch::new().dispatch(Widely(&mut f));
-}
 
 /// Calls `f(row, value)` for every entry of a vector.
 pub(super) fn for_each_row<T: Send>(values: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
