@@ -69,6 +69,32 @@ fn what_is_not_known_to_be_safe_promises_more() {
     assert_eq!(moves(&mut contest, Kind::Multigrid, iterations, 100), Some((expected, Kind::None)));
 }
 
+/// Matrices that were not sure to be definite have had blocks, and no others are known. From when on they are, none takes as many iterations at
+/// best, and is tried when that has been missed for as much as it costs to come back; where masses of 1 and 100 kg let it take ten times as many it is not.
+#[test]
+fn what_was_not_allowed_is_tried_when_it_is() {
+    let costs = costs();
+    let (blocks, none, with) =
+        (costs.preparation(Kind::BlockJacobi), costs.iteration(Kind::None), costs.iteration(Kind::BlockJacobi));
+    for (unlike, is_tried) in [(1.0, true), (10.0, false)] {
+        let mut contest = contest();
+        contest.blocks_at_best /= unlike;
+        assert_eq!(contest.next(Kind::None, &costs, false), Some(Kind::BlockJacobi));
+        let (is_sure, mut matrices) = ([false, true], 0);
+        let tried = is_sure.into_iter().find_map(|is_sure| {
+            matrices = 0;
+            (0..20).find_map(|_| {
+                matrices += 1;
+                contest.record(Kind::BlockJacobi, 10, 10.0);
+                contest.next(Kind::BlockJacobi, &costs, is_sure).map(|next| (is_sure, next))
+            })
+        });
+        assert_eq!(tried, is_tried.then_some((true, Kind::None)));
+        let missed = SURE * (blocks + 10.0 * with) - 10.0 * none;
+        assert!(!is_tried || matrices == (blocks / missed).floor() as usize + 1, "{matrices} {}", blocks / missed);
+    }
+}
+
 /// Masses of 1 and 100 kg make blocks promise a tenth of the iterations that they promise where masses are alike: they are tried sooner.
 #[test]
 fn masses_that_differ_ask_for_blocks() {
