@@ -93,6 +93,11 @@ fn what_was_not_allowed_is_tried_when_it_is() {
         let missed = SURE * (blocks + 10.0 * with) - 10.0 * none;
         assert!(!is_tried || matrices == (blocks / missed).floor() as usize + 1, "{matrices} {}", blocks / missed);
     }
+    // What has needed multigrid is not tried without anything.
+    let mut contest = contest();
+    contest.record(Kind::BlockJacobi, 10, 10.0);
+    contest.record(Kind::Multigrid, 9, 10.0);
+    assert_ne!(moves(&mut contest, Kind::BlockJacobi, 10, 100).map(|(_, next)| next), Some(Kind::None));
 }
 
 /// Masses of 1 and 100 kg make blocks promise a tenth of the iterations that they promise where masses are alike: they are tried sooner.
