@@ -253,8 +253,9 @@ impl ConjugateGradient {
                 preconditioner.apply(r, z);
                 (&*z, dot(r, z))
             };
-            advance(alpha, next / rz, z, p, x);
+            let beta = next / rz;
             rz = next;
+            advance(alpha, beta, z, p, x);
         }
         None
     }
