@@ -61,7 +61,7 @@ def table(results):
 
 
 # What is set beside the time it took at an earlier commit.
-SINCE = ["product", "refill A", "right-hand side", "factor", "solve", "cg block-jacobi", "cg multigrid"]
+SINCE = ["product", "refill A", "right-hand side", "factor", "solve", "cg none", "cg block-jacobi", "cg multigrid"]
 
 
 def since(folder):

@@ -35,7 +35,7 @@ DOCS = ROOT / "docs" / "performance"
 SCENES = ["cloth 10", "cloth 32", "cloth 100", "cloth 316", "cloth 1000", "lattice 5", "lattice 10", "lattice 22", "lattice 46"]
 # What `--before` measures, by the beginnings of names, and how often; of the largest scenes kernels alone.
 KERNELS = ["product", "refill", "right-hand"]
-SOLVERS = ["cg block-jacobi", "cg multigrid", "direct"]
+SOLVERS = ["cg none", "cg block-jacobi", "cg multigrid", "direct"]
 LARGEST = {"cloth 1000", "lattice 46"}
 TURNS = 5
 DT = 0.01
