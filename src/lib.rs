@@ -86,6 +86,7 @@ pub mod operator;
 pub mod output;
 mod parallel;
 pub mod plan;
+mod registers;
 #[cfg(feature = "report")]
 pub mod report;
 #[cfg(feature = "scene")]

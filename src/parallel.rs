@@ -25,25 +25,6 @@ fn parts_for(items: usize, least: usize, threads: usize) -> usize {
     }
 }
 
-/// Does something with the widest registers that the processor has: it is compiled for every kind of processor that [`pulp`] tells apart, as far
-/// as it is inlined. The results are the same to the bit, because nothing is reordered or fused. A closure must be called by reference for
-/// that: taken by value it goes through a function of its own.
-struct Widely<'f, F>(&'f mut F);
-
-impl<R, F: FnMut() -> R> pulp::NullaryFnOnce for Widely<'_, F> {
-    type Output = R;
-
-    #[inline(always)]
-    fn call(self) -> R {
-        (self.0)()
-    }
-}
-
-/// See [`Widely`]; the closure is to be inlined always.
-pub(crate) fn widely<R>(mut f: impl FnMut() -> R) -> R {
-    pulp::Arch::new().dispatch(Widely(&mut f))
-}
-
 /// Calls `work` with every piece of `items` and the position of its first item, without allocating.
 ///
 /// # Errors

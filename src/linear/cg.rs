@@ -10,7 +10,6 @@
 
 use super::norms::{dot, norm, scaling};
 use super::preconditioner::Preconditioner;
-use super::preconditioner_kind::PreconditionerKind;
 use super::vector::{advance, descend, subtract};
 use crate::interrupt::Interrupt;
 use crate::operator::LinearOperator;
@@ -216,9 +215,9 @@ impl ConjugateGradient {
         goes_on: &mut dyn FnMut(u64, f64) -> bool,
     ) -> Option<CgOutcome> {
         let Self { residual: r, preconditioned: z, direction: p, product: q, interrupt, .. } = self;
-        // Without a preconditioner z is r, and need not be made.
-        let is_none = preconditioner.kind() == Some(PreconditionerKind::None);
-        if is_none {
+        // With the identity z is r, and need not be made.
+        let is_identity = matches!(preconditioner, Preconditioner::Identity);
+        if is_identity {
             p.copy_from_slice(r);
         } else {
             preconditioner.apply(r, z);
@@ -247,7 +246,7 @@ impl ConjugateGradient {
             let alpha = rz / curvature;
             let squares = descend(alpha, q, r);
             size = squares.sqrt();
-            let (z, next) = if is_none {
+            let (z, next) = if is_identity {
                 (&*r, squares)
             } else {
                 preconditioner.apply(r, z);

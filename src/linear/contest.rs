@@ -148,9 +148,7 @@ impl Contest {
             _ => match KINDS.get(kind) {
                 // Where matrices were not sure to be definite at first, blocks may be all that is known. Without them as many do at best, times
                 // what masses differ by; where blocks were too few, nothing is hoped for.
-                Some(Kind::None) if self.is_seen(1) && !self.is_seen(2) => {
-                    BLOCKS_AT_BEST / self.blocks_at_best * self.per_digit(1)
-                }
+                Some(Kind::None) if !self.is_seen(2) => BLOCKS_AT_BEST / self.blocks_at_best * self.per_digit(1),
                 Some(Kind::BlockJacobi) if self.is_seen(0) => self.blocks_at_best * self.per_digit(0),
                 Some(Kind::Multigrid) => MULTIGRID_AT_BEST,
                 _ => f64::INFINITY,

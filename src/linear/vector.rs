@@ -4,7 +4,7 @@
 //! A vector is halved until a piece has at most [`PIECE`] numbers; where it is cut depends on its length alone. Sums over
 //! pieces are added up pairwise, so a long inner product loses fewer digits than one sum from end to end.
 
-use crate::parallel::widely;
+use crate::registers::widely;
 
 /// Numbers in a piece: a few vectors of them fit the first-level cache.
 const PIECE: usize = 1024;

@@ -2,7 +2,8 @@
 //! many there are. Loops over rows are compiled for [wider registers](widely) too, with what they call as far as that is inlined.
 
 use super::sparse::Pattern;
-use crate::parallel::{parts, pieces, share, widely};
+use crate::parallel::{parts, pieces, share};
+use crate::registers::widely;
 use rayon::prelude::*;
 use std::ops::Range;
 

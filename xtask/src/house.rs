@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 
 /// Modules that serve all others, each using only those before it.
-const SERVING: [&str; 5] = ["error", "work", "interrupt", "memory", "parallel"];
+const SERVING: [&str; 6] = ["error", "work", "interrupt", "memory", "parallel", "registers"];
 
 /// Draws the house, and fails where an arrow runs back up.
 pub fn draw(root: &Path) -> Result<()> {

@@ -93,6 +93,8 @@ fn what_was_not_allowed_is_tried_when_it_is() {
         let missed = SURE * (blocks + 10.0 * with) - 10.0 * none;
         assert!(!is_tried || matrices == (blocks / missed).floor() as usize + 1, "{matrices} {}", blocks / missed);
     }
+    // Where neither is known, nothing is hoped for of either.
+    assert_eq!([0, 1].map(|kind| self::contest().per_digit(kind)), [f64::INFINITY; 2]);
     // What has needed multigrid is not tried without anything.
     let mut contest = contest();
     contest.record(Kind::BlockJacobi, 10, 10.0);
