@@ -28,7 +28,9 @@ pub struct Work {
     pub iterative_solves: u64,
     /// Products with A inside conjugate gradients.
     pub cg_iterations: u64,
-    /// Of these, those preconditioned with multigrid.
+    /// Of these, those without a preconditioner.
+    pub plain_iterations: u64,
+    /// Of all, those preconditioned with multigrid.
     pub multigrid_iterations: u64,
     /// Solves by conjugate gradients that started from earlier solutions.
     pub warm_starts: u64,
@@ -49,6 +51,7 @@ impl Work {
             solves,
             iterative_solves,
             cg_iterations,
+            plain_iterations,
             multigrid_iterations,
             warm_starts,
             multigrid_setups,
@@ -61,6 +64,7 @@ impl Work {
         self.solves += solves;
         self.iterative_solves += iterative_solves;
         self.cg_iterations += cg_iterations;
+        self.plain_iterations += plain_iterations;
         self.multigrid_iterations += multigrid_iterations;
         self.warm_starts += warm_starts;
         self.multigrid_setups += multigrid_setups;
@@ -86,6 +90,7 @@ mod tests {
             warm_starts: 9 * number,
             multigrid_setups: 10 * number,
             newton_iterations: 11 * number,
+            plain_iterations: 12 * number,
         };
         let mut work = counted(5);
         work.add(&counted(2));

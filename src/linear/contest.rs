@@ -7,7 +7,9 @@
 //! be proportional to the digits that are gained; of what has not been tried yet, as few as they can well be. One that turns
 //! out to cost more is left by the same rule, and a further trial of it has to promise more each time.
 //!
-//! A matrix that may be indefinite is never without a preconditioner: its blocks may show it, where conjugate gradients do not come across it.
+//! The blocks of a matrix that may be indefinite are made even where nothing is preconditioned: they may show it, where conjugate gradients
+//! do not come across it. From the first on that is refused such matrices are preconditioned with them at least, as iterations then sooner
+//! come across what is negative.
 //!
 //! A single solve may not wait for that: [`patience`](Contest::patience) ends it where a better preconditioner pays at once, unless
 //! [little seems to be left](Contest::more) of it.
@@ -67,6 +69,8 @@ pub(super) struct Contest {
     lost: f64,
     /// The least iterations of blocks, over those without.
     blocks_at_best: f64,
+    /// Whether a matrix was found to be indefinite.
+    has_refused: bool,
 }
 
 fn place(kind: Kind) -> usize {
@@ -86,6 +90,7 @@ impl Contest {
             set_ups: 0.0,
             lost: 0.0,
             blocks_at_best: BLOCKS_AT_BEST / unlike.sqrt(),
+            has_refused: false,
         }
     }
 
@@ -141,12 +146,17 @@ impl Contest {
         self.set_up += times;
     }
 
+    /// Takes note of a matrix that is indefinite.
+    pub fn refused(&mut self) {
+        self.has_refused = true;
+    }
+
     /// Iterations that a digit takes, or may take at best.
     fn per_digit(&self, kind: usize) -> f64 {
         match self.seen.get(kind) {
             Some(seen) if seen.digits > 0.0 => seen.iterations / seen.digits,
             _ => match KINDS.get(kind) {
-                // Where matrices were not sure to be definite at first, blocks may be all that is known. Without them as many do at best, times
+                // Where the first matrices were refused, blocks may be all that is known. Without them as many do at best, times
                 // what masses differ by; where blocks were too few, nothing is hoped for.
                 Some(Kind::None) if !self.is_seen(2) => BLOCKS_AT_BEST / self.blocks_at_best * self.per_digit(1),
                 Some(Kind::BlockJacobi) if self.is_seen(0) => self.blocks_at_best * self.per_digit(0),
@@ -156,14 +166,16 @@ impl Contest {
         }
     }
 
-    /// Whether another one should have the next matrix: before each, with the one that had the last.
+    /// Whether another one should have the next matrix: before each, with the one that had the last. Where it is not sure to be definite
+    /// its blocks are made in any case.
     pub fn next(&mut self, kind: Kind, costs: &CostModel, is_definite: bool) -> Option<Kind> {
         let Seen { iterations, digits } = std::mem::take(&mut self.now);
         let set_up = std::mem::take(&mut self.set_up);
         if kind == Kind::Multigrid {
             self.set_ups = MEMORY * self.set_ups + (1.0 - MEMORY) * set_up;
         }
-        if !is_definite && kind == Kind::None {
+        let needs_blocks = !is_definite && self.has_refused;
+        if needs_blocks && kind == Kind::None {
             return Some(Kind::BlockJacobi);
         }
         // Nothing was solved with the last matrix.
@@ -173,13 +185,14 @@ impl Contest {
         let current = place(kind);
         let of = |kind: Kind, iterations: f64, set_ups: f64| {
             let set_ups = if kind == Kind::Multigrid { set_ups * costs.multigrid_setup() } else { 0.0 };
-            costs.preparation(kind) + iterations * costs.iteration(kind) + set_ups
+            let made = if kind == Kind::None && !is_definite { Kind::BlockJacobi } else { kind };
+            costs.preparation(made) + iterations * costs.iteration(kind) + set_ups
         };
         let expected = |place: usize| {
             let iterations = self.per_digit(place) * digits;
             KINDS.get(place).map_or(f64::INFINITY, |&kind| of(kind, iterations, self.set_ups))
         };
-        let others = (usize::from(!is_definite)..KINDS.len()).filter(|&other| other != current);
+        let others = (usize::from(needs_blocks)..KINDS.len()).filter(|&other| other != current);
         let best = others.min_by(|&a, &b| expected(a).total_cmp(&expected(b)))?;
         let cost = of(kind, iterations, set_up);
         let expected = expected(best);

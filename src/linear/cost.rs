@@ -210,7 +210,7 @@ impl CostModel {
         let factorization = factor.map_or(self.least_factorization(), |size| self.factorization(size));
         let direct_solve = factor.map_or(self.least_direct_solve(), |size| self.direct_solve(size));
         let analysis = factor.map_or(self.glance(), |size| self.analysis(size));
-        let others = work.cg_iterations.saturating_sub(work.multigrid_iterations);
+        let others = work.cg_iterations.saturating_sub(work.plain_iterations).saturating_sub(work.multigrid_iterations);
         let terms = [
             (work.force_evaluations, 1.0),
             (work.assemblies, self.assembly()),
@@ -218,6 +218,7 @@ impl CostModel {
             (work.factorizations, factorization),
             (work.solves.saturating_sub(work.iterative_solves), direct_solve),
             (work.iterative_solves, self.iterative_solve()),
+            (work.plain_iterations, self.iteration(PreconditionerKind::None)),
             (others, self.iteration(PreconditionerKind::BlockJacobi)),
             (work.multigrid_iterations, self.iteration(PreconditionerKind::Multigrid)),
             (work.multigrid_setups, self.multigrid_setup()),
@@ -257,6 +258,18 @@ mod tests {
         assert!((vectors(model()) - 5.7).abs() < 1e-9);
         let large = CostModel { dofs: 150_000.0, ..model() };
         assert!((vectors(large) - (190.0 + 295.0)).abs() < 1e-9, "{}", vectors(large));
+    }
+
+    /// Ten iterations: two without a preconditioner, three with multigrid, five with blocks.
+    #[test]
+    fn iterations_cost_by_their_preconditioner() {
+        let costs = model();
+        let work = Work { cg_iterations: 10, plain_iterations: 2, multigrid_iterations: 3, ..Work::default() };
+        let [none, blocks, multigrid] =
+            [PreconditionerKind::None, PreconditionerKind::BlockJacobi, PreconditionerKind::Multigrid]
+                .map(|kind| costs.iteration(kind));
+        let expected = 2.0 * none + 5.0 * blocks + 3.0 * multigrid;
+        assert!((costs.cost(&work, None) - expected).abs() < 1e-9 && none < blocks, "{expected}");
     }
 
     /// A cycle takes so long for a coordinate and so long for a spring: 34 · 3000 + 2.3 · 5000 = 113 500 ns, in force evaluations of 1000 ns.

@@ -56,12 +56,36 @@ struct Choice {
     places: Vec<Vector3<f64>>,
     /// A place for every particle, to find out whether a matrix is definite.
     room: Vec<f64>,
+    /// Whether the matrix at hand surely is.
+    is_definite: bool,
+    /// Its blocks, where it may not be and nothing is preconditioned.
+    watch: Option<Preconditioner>,
 }
 
 impl Choice {
     fn new(system: &System) -> Self {
         let particles = system.particles();
-        Self { contest: Contest::new(system), places: vec![Vector3::zeros(); particles], room: vec![0.0; particles] }
+        Self {
+            contest: Contest::new(system),
+            places: vec![Vector3::zeros(); particles],
+            room: vec![0.0; particles],
+            is_definite: false,
+            watch: None,
+        }
+    }
+
+    /// Whether another preconditioner should have this matrix, which comes after those that one has had.
+    fn next(&mut self, kind: PreconditionerKind, a: &SystemOperator, costs: &CostModel) -> Option<PreconditionerKind> {
+        self.is_definite = a.is_surely_definite(&mut self.room);
+        self.contest.next(kind, costs, self.is_definite)
+    }
+
+    /// Looks at the blocks of a matrix that nothing else looks at.
+    fn watch(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
+        if self.watch.is_none() {
+            self.watch = Preconditioner::new(PreconditionerKind::BlockJacobi, a.system()).ok();
+        }
+        self.watch.as_mut().map_or(Ok(()), |blocks| blocks.update(a, work))
     }
 }
 
@@ -131,8 +155,10 @@ impl CgSolver {
         };
         method.iteration_limit = general;
         work.cg_iterations += report.iterations;
-        if self.preconditioner.kind() == Some(PreconditionerKind::Multigrid) {
-            work.multigrid_iterations += report.iterations;
+        match self.preconditioner.kind() {
+            Some(PreconditionerKind::None) => work.plain_iterations += report.iterations,
+            Some(PreconditionerKind::Multigrid) => work.multigrid_iterations += report.iterations,
+            _ => {}
         }
         self.effort += report.iterations as f64 * self.iteration();
         report
@@ -219,6 +245,9 @@ impl CgSolver {
         let kind = self.kind();
         if let Some(choice) = &mut self.choice {
             choice.contest.record(kind, report.iterations, digits);
+            if matches!(report.outcome, CgOutcome::NegativeCurvature { .. }) {
+                choice.contest.refused();
+            }
         }
     }
 
@@ -233,17 +262,25 @@ impl CgSolver {
         preconditioner.place(&choice.places);
         self.costs = costs(self.costs, &preconditioner);
         self.preconditioner = preconditioner;
+        choice.watch = None;
         choice.contest.changed(before, kind);
         true
     }
 
     fn prepare_for(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
         let setups = work.multigrid_setups;
-        let updated = self.preconditioner.update(a, work);
+        let mut updated = self.preconditioner.update(a, work);
         let setups = (work.multigrid_setups - setups) as f64;
         self.effort += self.costs.preparation(self.kind()) + setups * self.costs.multigrid_setup();
-        if let Some(choice) = &mut self.choice {
-            choice.contest.set_up(setups);
+        let is_plain = self.kind() == PreconditionerKind::None;
+        let Some(choice) = &mut self.choice else { return updated };
+        choice.contest.set_up(setups);
+        if is_plain && !choice.is_definite {
+            self.effort += self.costs.preparation(PreconditionerKind::BlockJacobi);
+            updated = choice.watch(a, work);
+        }
+        if matches!(updated, Err(SolveFailure::Indefinite(_))) {
+            choice.contest.refused();
         }
         updated
     }
@@ -285,10 +322,7 @@ impl LinearSolver for CgSolver {
             matrix.refill(a);
         }
         let kind = self.kind();
-        let better = self.choice.as_mut().and_then(|choice| {
-            let is_definite = a.is_surely_definite(&mut choice.room);
-            choice.contest.next(kind, &self.costs, is_definite)
-        });
+        let better = self.choice.as_mut().and_then(|choice| choice.next(kind, a, &self.costs));
         if let Some(better) = better {
             self.change(better, a.system());
         }

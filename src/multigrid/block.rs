@@ -115,13 +115,17 @@ pub(super) fn double<const R: usize, const C: usize>(a: &Block<R, C, f32>) -> Bl
     double
 }
 
-/// `factor·A` in single precision.
+/// What is nothing beside one: processors take very long for products and sums below 1e-38.
+const NOTHING: f64 = 1e-25;
+
+/// `factor·A`, whose entries are about one, in single precision; zeros for what is nothing beside them.
 #[inline(always)]
 pub(super) fn single<const R: usize, const C: usize>(factor: f64, a: &Block<R, C>) -> Block<R, C, f32> {
     let mut single = zero();
     for r in 0..R {
         for c in 0..C {
-            single[r][c] = (factor * a[r][c]) as f32;
+            let entry = factor * a[r][c];
+            single[r][c] = if entry.abs() < NOTHING { 0.0 } else { entry as f32 };
         }
     }
     single
@@ -170,7 +174,8 @@ pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, Ba
 #[cfg(test)]
 mod tests {
     use super::{
-        BadPivot, add_product, add_transposed_apply, add_transposed_product, inverse, norm_squared, subtract_apply,
+        BadPivot, add_product, add_transposed_apply, add_transposed_product, inverse, norm_squared, single,
+        subtract_apply,
     };
 
     #[test]
@@ -189,6 +194,14 @@ mod tests {
         add_transposed_apply(&mut y, &a, &[1.0, 10.0, 100.0]);
         assert_eq!(y, [541.0, 652.0]);
         assert_eq!(norm_squared(&[3.0, -4.0]), 25.0);
+    }
+
+    /// Numbers below 1e-38 would take processors long; what is not a number stays to be found.
+    #[test]
+    fn entries_that_are_nothing_beside_one_are_zero() {
+        let [[nothing, small, large, undefined]] = single(2.0, &[[-4.9e-26, -5.1e-26, 3.0, f64::NAN]]);
+        assert_eq!([nothing, small, large], [0.0, -1.02e-25, 6.0]);
+        assert!(undefined.is_nan());
     }
 
     /// [[4, 2, 2], [2, 5, 3], [2, 3, 6]] = L Lᵀ with L = [[2], [1, 2], [1, 1, 2]]; its determinant is 64.

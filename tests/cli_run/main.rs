@@ -76,7 +76,7 @@ fn the_summary_says_what_was_done() {
     }
     let work = json!({
         "force_evaluations": 10, "assemblies": 10, "symbolic_factorizations": 1, "factorizations": 10, "solves": 10,
-        "iterative_solves": 0, "cg_iterations": 0, "multigrid_iterations": 0, "warm_starts": 0, "multigrid_setups": 0, "newton_iterations": 0,
+        "iterative_solves": 0, "cg_iterations": 0, "plain_iterations": 0, "multigrid_iterations": 0, "warm_starts": 0, "multigrid_setups": 0, "newton_iterations": 0,
     });
     assert_eq!(summary["work"], work);
     // Two particles of three axes: one dense triangle.

@@ -69,7 +69,7 @@ fn what_is_not_known_to_be_safe_promises_more() {
     assert_eq!(moves(&mut contest, Kind::Multigrid, iterations, 100), Some((expected, Kind::None)));
 }
 
-/// Matrices that were not sure to be definite have had blocks, and no others are known. From when on they are, none takes as many iterations at
+/// After one that was refused, matrices that may be indefinite have blocks, and no others are known. From when on they are not, none takes as many iterations at
 /// best, and is tried when that has been missed for as much as it costs to come back; where masses of 1 and 100 kg let it take ten times as many it is not.
 #[test]
 fn what_was_not_allowed_is_tried_when_it_is() {
@@ -79,6 +79,7 @@ fn what_was_not_allowed_is_tried_when_it_is() {
     for (unlike, is_tried) in [(1.0, true), (10.0, false)] {
         let mut contest = contest();
         contest.blocks_at_best /= unlike;
+        contest.refused();
         assert_eq!(contest.next(Kind::None, &costs, false), Some(Kind::BlockJacobi));
         let (is_sure, mut matrices) = ([false, true], 0);
         let tried = is_sure.into_iter().find_map(|is_sure| {
@@ -139,10 +140,12 @@ fn multigrid_comes_where_it_promises_most() {
     assert!(next.is_some_and(|(matrices, _)| matrices > 0));
 }
 
-/// What none would do for is left to blocks as long as the matrix may be indefinite, and then given back.
+/// After one that was refused, what none would do for is left to blocks as long as the matrix may be indefinite, and then given back.
 #[test]
 fn blocks_watch_over_definiteness() {
     let (mut contest, costs) = (contest(), costs());
+    assert_eq!(contest.next(Kind::None, &costs, false), None);
+    contest.refused();
     assert_eq!(contest.next(Kind::None, &costs, false), Some(Kind::BlockJacobi));
     contest.record(Kind::None, 3, 10.0);
     for is_definite in [false, true] {
@@ -151,6 +154,26 @@ fn blocks_watch_over_definiteness() {
             contest.next(Kind::BlockJacobi, &costs, is_definite) == Some(Kind::None)
         });
         assert_eq!(left, is_definite);
+    }
+}
+
+/// The blocks of a matrix that may be indefinite are made without a preconditioner, too: to leave them saves their part of an iteration alone.
+#[test]
+fn blocks_that_watch_over_definiteness_are_made_in_any_case() {
+    let costs = costs();
+    let (blocks, none, with) =
+        (costs.preparation(Kind::BlockJacobi), costs.iteration(Kind::None), costs.iteration(Kind::BlockJacobi));
+    for (is_definite, watched) in [(true, 0.0), (false, blocks)] {
+        let mut contest = contest();
+        contest.record(Kind::None, 30, 10.0);
+        contest.changed(Kind::None, Kind::BlockJacobi);
+        let left = (0..100).find(|_| {
+            contest.record(Kind::BlockJacobi, 30, 10.0);
+            contest.next(Kind::BlockJacobi, &costs, is_definite) == Some(Kind::None)
+        });
+        let lost = SURE * (blocks + 30.0 * with) - watched - 30.0 * none;
+        assert!(lost > 0.0);
+        assert_eq!(left, Some((blocks / lost).floor() as usize), "{is_definite}");
     }
 }
 
