@@ -5,8 +5,7 @@
 //! best choice of moments (the argument of renting or buying skis). They are also recomputed after a solve in which they took a
 //! quarter more iterations than new ones. Where coarse levels are too old one step after they were new, as in a fast motion, they are
 //! recomputed in every step for a while, and then tried again: iterations stay those of new coarse levels, for at most twice
-//! the work of never or always recomputing them. Where new ones take as many, it was not their age: a first solve may have been an easy one,
-//! as that of a cloth which begins to fall. All is counted in iterations, never in seconds: a run
+//! the work of never or always recomputing them. All is counted in iterations, never in seconds: a run
 //! does the same as often as it is repeated (see `docs/robustness.md` for what another kind of processor may change).
 
 use super::outcome::{Evidence, SolveFailure};
@@ -55,8 +54,6 @@ pub struct ReusedMultigrid {
     renewals: u32,
     /// How many such matrices there will be the next time.
     next_renewals: u32,
-    /// Iterations per digit of coarse levels that aged fast when they were new, until there are others to compare with.
-    aged: Option<f64>,
 }
 
 impl ReusedMultigrid {
@@ -66,7 +63,7 @@ impl ReusedMultigrid {
     /// More matrix blocks than 32-bit indices can count.
     pub fn new(system: &System) -> Result<Self> {
         let multigrid = Multigrid::new(system)?;
-        Ok(Self { multigrid, coarse: Coarse::Missing, solves: 0, renewals: 0, next_renewals: RENEWALS, aged: None })
+        Ok(Self { multigrid, coarse: Coarse::Missing, solves: 0, renewals: 0, next_renewals: RENEWALS })
     }
 
     /// See [`Multigrid::place`].
@@ -94,17 +91,14 @@ impl ReusedMultigrid {
     /// # Errors
     /// What shows that the matrix is not positive definite, or not finite.
     pub fn rebuild(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
-        if let Coarse::Used { per_digit, .. } = self.coarse
-            && self.solves <= 1
-        {
-            self.age_fast(per_digit);
+        if matches!(self.coarse, Coarse::Used { .. }) && self.solves <= 1 {
+            self.age_fast();
         }
         self.renew(a, work)
     }
 
-    /// Takes note of coarse levels that one matrix later are too old, and of the iterations per digit that they took when they were new.
-    fn age_fast(&mut self, per_digit: f64) {
-        self.aged = Some(per_digit);
+    /// Takes note of coarse levels that one matrix later are too old.
+    fn age_fast(&mut self) {
         self.renewals = self.next_renewals;
         self.next_renewals = (2 * self.next_renewals).min(MOST_RENEWALS);
     }
@@ -134,21 +128,14 @@ impl ReusedMultigrid {
             return;
         }
         match &mut self.coarse {
-            Coarse::New => {
-                self.coarse = Coarse::Used { per_digit: iterations as f64 / digits, lost: 0.0 };
-                if self.aged.take().is_some_and(|before| is_slow(iterations as f64, before * digits)) {
-                    self.renewals = 0;
-                    self.next_renewals = (self.next_renewals / 2).max(RENEWALS);
-                }
-            }
+            Coarse::New => self.coarse = Coarse::Used { per_digit: iterations as f64 / digits, lost: 0.0 },
             Coarse::Used { per_digit, lost } => {
                 let (taken, expected) = (iterations as f64, *per_digit * digits);
                 *lost += (taken - expected).max(0.0);
-                if is_slow(taken, expected) {
+                if taken > SLOW * expected + 1.0 {
                     *lost = lost.max(REBUILD);
                     if self.solves == 1 && taken - expected >= AGED {
-                        let per_digit = *per_digit;
-                        self.age_fast(per_digit);
+                        self.age_fast();
                     }
                 }
             }
@@ -166,11 +153,6 @@ impl ReusedMultigrid {
     pub fn apply(&mut self, r: &[f64], z: &mut [f64]) {
         self.multigrid.apply(r, z);
     }
-}
-
-/// Whether a solve took many iterations beside those that were expected.
-fn is_slow(taken: f64, expected: f64) -> bool {
-    taken > SLOW * expected + 1.0
 }
 
 fn failure(failure: SetupFailure) -> SolveFailure {
@@ -302,24 +284,6 @@ mod tests {
         (multigrid.solves, multigrid.coarse) = (1, used(6.0, 0.0));
         multigrid.rebuild(&a, &mut Work::default()).unwrap();
         assert_eq!((multigrid.renewals, multigrid.next_renewals), (128, 256));
-    }
-
-    /// Ten iterations for ten digits in the first solve and thirty in the second: if new coarse levels take thirty too it was not their age, and they are
-    /// kept; thirteen are about ten. The next renewals are as many as if there had been none.
-    #[test]
-    fn easy_first_solves_do_not_make_coarse_levels_old() {
-        let (system, state) = cloth(3).unwrap().build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
-        let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
-        for (with_new, setups, left) in [(30, [1, 1, 2, 2, 2], [0, 64]), (13, [1, 1, 2, 3, 4], [61, 128])] {
-            let (mut multigrid, mut work) = (ReusedMultigrid::new(&system).unwrap(), Work::default());
-            let found = [10, 30, with_new, with_new, with_new].map(|iterations| {
-                multigrid.update(&a, &mut work).unwrap();
-                multigrid.record(iterations, 10.0);
-                work.multigrid_setups
-            });
-            assert_eq!((found, [multigrid.renewals, multigrid.next_renewals]), (setups, left), "{with_new}");
-        }
     }
 
     /// A solve that asks for new coarse levels says that they age fast only if they were used, and once at most.
