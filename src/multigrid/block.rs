@@ -118,7 +118,7 @@ pub(super) fn double<const R: usize, const C: usize>(a: &Block<R, C, f32>) -> Bl
 /// What is nothing beside one: processors take very long for products and sums below 1e-38.
 const NOTHING: f64 = 1e-25;
 
-/// `factor·A`, whose entries are about one, in single precision; zeros for what is nothing beside them.
+/// `factor·A`, whose largest entries are about one, in single precision; zeros for what is nothing beside them.
 #[inline(always)]
 pub(super) fn single<const R: usize, const C: usize>(factor: f64, a: &Block<R, C>) -> Block<R, C, f32> {
     let mut single = zero();

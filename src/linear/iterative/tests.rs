@@ -120,6 +120,31 @@ fn blocks_watch_over_what_may_be_indefinite() {
     assert!(!is_refused(Some(PreconditionerKind::None), 1.0));
 }
 
+/// After a matrix that was refused, for its block or for a direction of negative curvature, those that may be indefinite are preconditioned.
+#[test]
+fn matrices_after_one_that_was_refused_have_blocks() {
+    // Across the pressed spring blocks are 20 − 15, and the matrix is 20 − 30 for ends that part; or blocks are 1 − 15.
+    for (dt, is_taken) in [(1.0 / 20.0_f64.sqrt(), true), (1.0, false)] {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0, 0.0, 0.0], 1.0);
+        builder.particle([1.0, 0.0, 0.0], 1.0);
+        builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 4.0, damping: 0.0 });
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(dt));
+        let (mut solver, mut work) = (matrix_free(&system, None), Work::default());
+        assert_eq!(solver.take(&a, &mut work).is_ok(), is_taken, "{dt}");
+        assert_eq!(solver.preconditioner(), Some("none"));
+        if is_taken {
+            let apart = [0.0, 1.0, 0.0, 0.0, -1.0, 0.0];
+            let failure = solver.solve(Held(&a), &apart, &mut [0.0; 6], &mut work).unwrap_err();
+            assert!(matches!(failure, SolveFailure::Indefinite(Evidence::NegativeCurvature { .. })), "{failure}");
+        }
+        assert_eq!(solver.take(&a, &mut work).is_ok(), is_taken, "{dt}");
+        assert_eq!(solver.preconditioner(), Some("block-jacobi"));
+    }
+}
+
 /// With a limit that leaves nothing for multigrid there is none.
 #[test]
 fn solves_end_at_their_limit() {
