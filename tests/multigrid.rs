@@ -318,9 +318,9 @@ fn a_smooth_motion_gives_good_first_guesses() {
 fn coarse_levels_are_kept_as_long_as_they_serve() {
     let scene = cloth(40, 1.0);
     let (_, work) = run(&scene, Some(PreconditionerKind::Multigrid), DT, 30);
-    assert_eq!((work.solves, work.multigrid_setups), (30, 24));
+    assert_eq!((work.solves, work.multigrid_setups), (30, 20));
     // The width of the processor's vectors decides about roundings, and these about an iteration now and then.
-    assert!(work.cg_iterations.abs_diff(505) <= 6, "{} iterations", work.cg_iterations);
+    assert!(work.cg_iterations.abs_diff(554) <= 6, "{} iterations", work.cg_iterations);
 }
 
 /// Iterations of every step.
@@ -344,6 +344,7 @@ fn iterations(scene: &(System, State), dt: f64, steps: usize) -> Vec<u64> {
 fn iterations_of_a_motion_stay_within_half_as_many_again_as_those_of_its_first_steps() {
     let falling = || builtin::cloth(40).unwrap().build().unwrap();
     for (name, scene, dt) in [
+        ("cloth", falling(), 0.003),
         ("cloth", falling(), 0.01),
         ("cloth", falling(), 1.0 / 60.0),
         ("rough cloth", cloth(40, 1.0), 1.0 / 60.0),
@@ -353,6 +354,15 @@ fn iterations_of_a_motion_stay_within_half_as_many_again_as_those_of_its_first_s
         let (first, most) = (counts[1].max(counts[2]), counts[1..].iter().max().unwrap());
         assert!(*most as f64 <= 1.5 * first as f64, "{name}, dt {dt}: {counts:?}");
     }
+}
+
+/// Falling flat takes an iteration or two in the first solve and as many as ever in the second: that is no reason to renew coarse levels for
+/// ever.
+#[test]
+fn an_easy_first_solve_does_not_cost_coarse_levels_in_every_step() {
+    let scene = builtin::cloth(40).unwrap().build().unwrap();
+    let (_, work) = run(&scene, Some(PreconditionerKind::Multigrid), 0.001, 40);
+    assert_eq!((work.solves, work.multigrid_setups), (40, 5));
 }
 
 #[test]

@@ -6,6 +6,7 @@ use super::cost::CostModel;
 use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
 use super::preconditioner::{Precondition, Preconditioner};
 use super::preconditioner_kind::PreconditionerKind;
+use super::reuse::Patience;
 use super::warm_start::WarmStart;
 use super::{Held, LinearSolver, Prepared};
 use crate::assembly::{SpringPattern, SystemMatrix};
@@ -46,6 +47,8 @@ pub struct CgSolver {
 struct Limit {
     /// After which it is time to look for something better.
     patience: Option<u64>,
+    /// And how long to go on with old coarse levels then.
+    coarse: Option<Patience>,
     most: u64,
 }
 
@@ -143,7 +146,12 @@ impl CgSolver {
         let Self { method, preconditioner, application, choice, costs, .. } = self;
         let more = &mut |progress: Progress| {
             let left = limit.most.saturating_sub(progress.iterations);
-            choice.as_ref().map_or(0, |choice| choice.contest.more(kind, progress, costs).min(left))
+            let more = match (&limit.coarse, &choice) {
+                (Some(coarse), _) => coarse.more(progress),
+                (None, Some(choice)) => choice.contest.more(kind, progress, costs),
+                (None, None) => 0,
+            };
+            more.min(left)
         };
         let general = std::mem::replace(
             &mut method.iteration_limit,
@@ -203,8 +211,16 @@ impl CgSolver {
     /// Iterations after which a solve is to go on with something better, if there is anything.
     fn patience(&self) -> Option<u64> {
         match &self.preconditioner {
-            Preconditioner::Multigrid(multigrid) => multigrid.patience(-self.method.tolerance.log10()),
+            Preconditioner::Multigrid(_) => self.coarse().map(|_| Patience::FIRST),
             _ if self.choice.is_some() => Contest::patience(self.kind()).map(|(most, _)| most),
+            _ => None,
+        }
+    }
+
+    /// How long to go on with old coarse levels, where new ones can be afforded.
+    fn coarse(&self) -> Option<Patience> {
+        match &self.preconditioner {
+            Preconditioner::Multigrid(multigrid) if self.affords(PreconditionerKind::Multigrid) => multigrid.patience(),
             _ => None,
         }
     }
@@ -349,7 +365,7 @@ impl LinearSolver for CgSolver {
         loop {
             let patience = self.patience();
             let most = self.method.iteration_limit.min(self.affordable());
-            let report = self.run(&a, b, x, Limit { patience, most }, work);
+            let report = self.run(&a, b, x, Limit { patience, coarse: self.coarse(), most }, work);
             self.record(&report, x);
             let is_late = report.outcome == CgOutcome::IterationLimit
                 && patience.is_some_and(|patience| report.iterations >= patience);

@@ -3,11 +3,12 @@
 //! The finest level always has the matrix at hand. The coarse levels are recomputed when the iterations that their age has
 //! cost since they were new add up to what recomputing costs: whatever comes next, this is at most twice the work of the
 //! best choice of moments (the argument of renting or buying skis). They are also recomputed after a solve in which they took a
-//! quarter more iterations than new ones. Where coarse levels are too old one step after they were new, as in a fast motion, they are
-//! recomputed in every step for a while, and then tried again: iterations stay those of new coarse levels, for at most twice
-//! the work of never or always recomputing them. All is counted in iterations, never in seconds: a run
+//! quarter more iterations than new ones, or within it: after a few iterations it can be told how many there will be. Where coarse levels
+//! are too old one step after they were new, as in a fast motion, they are recomputed in every step for a while, and then tried
+//! again, which costs little where it fails. All is counted in iterations, never in seconds: a run
 //! does the same as often as it is repeated (see `docs/robustness.md` for what another kind of processor may change).
 
+use super::cg::Progress;
 use super::outcome::{Evidence, SolveFailure};
 use crate::error::Result;
 use crate::multigrid::{Multigrid, SetupFailure};
@@ -23,13 +24,14 @@ const REBUILD: f64 = 10.0;
 /// take still more.
 const SLOW: f64 = 1.25;
 
-/// Iterations that old coarse levels may take in one solve, in those that new ones took.
-const PATIENCE: f64 = 1.5;
+/// Iterations after which it can be told how many a solve will take, and what new coarse levels must save then.
+const TELLING: u64 = 5;
+const SAVED: f64 = 3.0;
 
 /// What coarse levels may lose in the first solve with the next matrix; if more, the next so many matrices get new ones, and from time to
 /// time twice as many, up to the most.
 const AGED: f64 = 0.5 * REBUILD;
-const RENEWALS: u32 = 64;
+const RENEWALS: u32 = 4;
 const MOST_RENEWALS: u32 = 512;
 
 /// Age of the coarse levels.
@@ -112,11 +114,10 @@ impl ReusedMultigrid {
         Ok(())
     }
 
-    /// The most iterations that a solve which gains this many decimal digits should take before it asks for new coarse
-    /// levels; `None` when they are new.
-    pub fn patience(&self, digits: f64) -> Option<u64> {
+    /// Whether a solve should go on with coarse levels that are not new; `None` when they are.
+    pub(super) fn patience(&self) -> Option<Patience> {
         match self.coarse {
-            Coarse::Used { per_digit, .. } => Some((PATIENCE * per_digit * digits + 0.5 * REBUILD) as u64),
+            Coarse::Used { per_digit, .. } => Some(Patience { per_digit }),
             Coarse::New | Coarse::Missing => None,
         }
     }
@@ -132,10 +133,15 @@ impl ReusedMultigrid {
             Coarse::Used { per_digit, lost } => {
                 let (taken, expected) = (iterations as f64, *per_digit * digits);
                 *lost += (taken - expected).max(0.0);
-                if taken > SLOW * expected + 1.0 {
+                let is_slow = is_slow(taken, expected);
+                if is_slow {
                     *lost = lost.max(REBUILD);
-                    if self.solves == 1 && taken - expected >= AGED {
+                }
+                if self.solves == 1 {
+                    if is_slow && taken - expected >= AGED {
                         self.age_fast();
+                    } else {
+                        self.next_renewals = RENEWALS;
                     }
                 }
             }
@@ -153,6 +159,32 @@ impl ReusedMultigrid {
     pub fn apply(&mut self, r: &[f64], z: &mut [f64]) {
         self.multigrid.apply(r, z);
     }
+}
+
+/// How long a solve goes on with coarse levels that are not new.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Patience {
+    /// Iterations per digit when they were new.
+    per_digit: f64,
+}
+
+impl Patience {
+    /// Iterations after which to ask for [`more`](Self::more).
+    pub const FIRST: u64 = TELLING;
+
+    /// How many iterations more there may be: none, if the coarse levels will not be used again after this solve and new ones take
+    /// few enough for what is left of it, and otherwise one. Residuals fall evenly, so that it is soon known how many will be needed.
+    pub fn more(self, progress: Progress) -> u64 {
+        let Progress { iterations, gained, left } = progress;
+        let seem_left = iterations as f64 * left / gained.max(f64::MIN_POSITIVE);
+        let is_late = is_slow(iterations as f64 + seem_left, self.per_digit * (gained + left));
+        u64::from(!(is_late && seem_left - self.per_digit * left >= SAVED))
+    }
+}
+
+/// Whether a solve took many iterations beside those that were expected.
+fn is_slow(taken: f64, expected: f64) -> bool {
+    taken > SLOW * expected + 1.0
 }
 
 fn failure(failure: SetupFailure) -> SolveFailure {
@@ -221,20 +253,30 @@ mod tests {
     /// In the first solve with the next matrix five iterations more than expected are too many, four are not.
     #[test]
     fn coarse_levels_age_fast_by_what_they_lose() {
-        for (iterations, solves, renewals) in [(10, 1, 0), (11, 1, 64), (11, 2, 0)] {
+        for (iterations, solves, renewals) in [(10, 1, 0), (11, 1, 4), (11, 2, 0)] {
             let mut multigrid = ReusedMultigrid { solves, ..aged(used(6.0, 0.0)) };
             multigrid.record(iterations, 1.0);
             assert_eq!(multigrid.renewals, renewals, "{iterations} in solve {solves}");
         }
     }
 
-    /// Old coarse levels may take half as many iterations again as new ones, and half the price of new ones, ten iterations:
-    /// 1.5·3·4 + 5.
+    /// Three iterations a digit are expected. After five, at the pace so far: ten digits in thirty-eight are no more than a quarter and one beyond
+    /// thirty, ten in thirty-nine are, and more than three can still be saved; of two digits five more, but not three.
     #[test]
     fn patience_ends() {
-        assert_eq!(aged(used(3.0, 1.0)).patience(4.0), Some(23));
-        assert_eq!(aged(Coarse::New).patience(4.0), None);
-        assert_eq!(aged(Coarse::Missing).patience(4.0), None);
+        let patience = aged(used(3.0, 1.0)).patience().unwrap();
+        for (iterations, gained, left, more) in [
+            (5, 5.0 / 3.85, 10.0 - 5.0 / 3.85, 1),
+            (5, 5.0 / 3.95, 10.0 - 5.0 / 3.95, 0),
+            (5, 1.0, 1.0, 1),
+            (5, 1.0, 1.5, 0),
+            (5, 0.0, 1.0, 0),
+            (5, -1.0, 1.0, 0),
+        ] {
+            assert_eq!(patience.more(Progress { iterations, gained, left }), more, "{gained} of {}", gained + left);
+        }
+        assert_eq!(aged(Coarse::New).patience(), None);
+        assert_eq!(aged(Coarse::Missing).patience(), None);
     }
 
     /// Coarse levels are recomputed as soon as ten iterations are lost, and where there are none that a solve has used.
@@ -271,19 +313,25 @@ mod tests {
             work.multigrid_setups
         };
         let setups: Vec<u64> = [60, 60, 80, 60, 80].into_iter().map(|k| step(&mut multigrid, k)).collect();
-        assert_eq!((setups, multigrid.renewals), (vec![1, 1, 1, 2, 2], 64));
-        for renewed in 1..=64 {
+        assert_eq!((setups, multigrid.renewals), (vec![1, 1, 1, 2, 2], 4));
+        for renewed in 1..=4 {
             assert_eq!(step(&mut multigrid, 60), 2 + renewed);
         }
-        assert_eq!((step(&mut multigrid, 61), multigrid.renewals), (66, 0));
+        assert_eq!((multigrid.renewals, multigrid.next_renewals), (0, 8));
         for (solves, coarse) in [(2, used(6.0, 0.0)), (1, Coarse::New)] {
             (multigrid.solves, multigrid.coarse) = (solves, coarse);
             multigrid.rebuild(&a, &mut Work::default()).unwrap();
-            assert_eq!((multigrid.renewals, multigrid.next_renewals), (0, 128), "{coarse:?}");
+            assert_eq!((multigrid.renewals, multigrid.next_renewals), (0, 8), "{coarse:?}");
         }
-        (multigrid.solves, multigrid.coarse) = (1, used(6.0, 0.0));
-        multigrid.rebuild(&a, &mut Work::default()).unwrap();
-        assert_eq!((multigrid.renewals, multigrid.next_renewals), (128, 256));
+        for renewals in [8, 16, 32, 64, 128, 256, 512, 512] {
+            (multigrid.solves, multigrid.coarse) = (1, used(6.0, 0.0));
+            multigrid.rebuild(&a, &mut Work::default()).unwrap();
+            assert_eq!(multigrid.renewals, renewals);
+        }
+        // Those that serve once more when they are tried again are no longer in a fast motion.
+        (multigrid.solves, multigrid.coarse, multigrid.renewals) = (1, used(6.0, 0.0), 0);
+        step(&mut multigrid, 61);
+        assert_eq!((multigrid.renewals, multigrid.next_renewals), (0, 4));
     }
 
     /// A solve that asks for new coarse levels says that they age fast only if they were used, and once at most.
@@ -293,7 +341,7 @@ mod tests {
         let extensions = Extensions::at(&system, &state.positions).unwrap();
         let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
         for (coarse, solves, renewals) in
-            [(used(6.0, 0.0), 1, 64), (used(6.0, 0.0), 2, 0), (Coarse::New, 0, 0), (Coarse::Missing, 1, 0)]
+            [(used(6.0, 0.0), 1, 4), (used(6.0, 0.0), 2, 0), (Coarse::New, 0, 0), (Coarse::Missing, 1, 0)]
         {
             let mut multigrid = ReusedMultigrid { solves, ..aged(coarse) };
             multigrid.rebuild(&a, &mut Work::default()).unwrap();
@@ -305,8 +353,7 @@ mod tests {
     /// no loss that new ones would pay for.
     #[test]
     fn ageing_takes_slow_solves_that_lose_much() {
-        for (iterations, digits, renewals) in [(70, 10.0, 0), (76, 10.0, 0), (77, 10.0, 64), (9, 1.0, 0), (11, 1.0, 64)]
-        {
+        for (iterations, digits, renewals) in [(70, 10.0, 0), (76, 10.0, 0), (77, 10.0, 4), (9, 1.0, 0), (11, 1.0, 4)] {
             let mut multigrid = ReusedMultigrid { solves: 1, ..aged(used(6.0, 0.0)) };
             multigrid.record(iterations, digits);
             assert_eq!(multigrid.renewals, renewals, "{iterations} for {digits}");
