@@ -6,7 +6,7 @@ use sprung::accuracy::{
 };
 use sprung::integrate::{ImplicitOptions, Method, Monitor, Status};
 use sprung::linear::SolverOptions;
-use sprung::scene::Scene;
+use sprung::scene::{Kind, Scene, builtin};
 use sprung::{Spring, State, System, SystemBuilder};
 use std::path::Path;
 
@@ -261,6 +261,20 @@ fn motions_that_forget_are_told() {
     let horizon = found.horizon.unwrap();
     assert!(0.0 < horizon.known && horizon.known < horizon.most && horizon.most < 60.0, "{horizon:?}");
     assert!(horizon.spread > 0.1 && found.estimated_error.unwrap() > 1e-3, "{horizon:?}");
+}
+
+/// A chain that swings magnifies errors: of its first two runs with adaptive steps, which are a sixth of its extent apart, it is the finer one that
+/// errs by that.
+#[test]
+fn where_errors_are_magnified_two_runs_do_not_count_for_less_than_they_differ() {
+    let scene = builtin(Kind::Chain, 10).unwrap();
+    let (system, start) = scene.build().unwrap();
+    let duration = scene.time.duration.unwrap();
+    let exact = fine_answer(&system, &start, duration);
+    let asked = Requirement { interval: (1.0 / 60.0f64).min(duration / 100.0), ..requirement(0.1, duration) };
+    let found = found(&system, &start, &asked);
+    let error = relative_position_error(&found.state.positions, &exact.positions, &start.positions);
+    assert!(error <= 0.1 && found.verdict == Verdict::Confirmed, "{error} {:?}", found.verdict);
 }
 
 #[test]
