@@ -1,5 +1,5 @@
 //! Measures this library for the comparison: `cargo bench --bench compare -- measure KIND SIZE` prints one JSON object a
-//! line, `… -- steps KIND SIZE` times whole steps with every solver, `… -- memory KIND SIZE PRECONDITIONER` tells the memory of
+//! line, `… -- steps KIND SIZE` times whole steps with every solver as the program makes them, `… -- memory KIND SIZE PRECONDITIONER` tells the memory of
 //! a run, `… -- export KIND SIZE FOLDER` writes the system for others. `run.py` beside this file calls both.
 //!
 //! One thread is timed by its processor time, which other programs on the machine do not count into; two threads by the
@@ -19,6 +19,7 @@ use sprung::linear::{
     SolverChoice, SolverOptions,
 };
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
+use sprung::plan::parallelism;
 use sprung::work::Work;
 use sprung::{State, Stiffness, System};
 use std::fs::File;
@@ -115,7 +116,7 @@ fn steps(kind: &str, size: &str) {
         if takes_long {
             continue;
         }
-        let par = if flops > 1e9 { faer::Par::rayon(2) } else { faer::Par::Seq };
+        let par = parallelism(&system);
         let linear = SolverOptions { solver, preconditioner, par, ..Default::default() };
         let options = ImplicitOptions { stiffness: Stiffness::Tension.into(), linear };
         let mut stepper = LinearBackwardEuler::new(&system, &state, &options).expect("a system that can be stepped");

@@ -9,6 +9,7 @@
 //! is multiplied by a power of two first, and the solution divided by it: the same iteration, digit by digit.
 
 use super::norms::{dot, norm, scaling};
+use super::outcome::Progress;
 use super::preconditioner::Preconditioner;
 use super::vector::{advance, descend, subtract};
 use crate::interrupt::Interrupt;
@@ -49,15 +50,6 @@ pub struct CgReport {
     pub first_residual: f64,
     /// `‖b − A x‖/‖b‖`, recomputed from x at the end; zero for b = 0 and x = 0.
     pub relative_residual: f64,
-}
-
-/// How far a solve has come when its iterations are done.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Progress {
-    pub iterations: u64,
-    /// Digits of the residual that were gained, and those that are left to the tolerance.
-    pub gained: f64,
-    pub left: f64,
 }
 
 /// How many iterations more there may be.

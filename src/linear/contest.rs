@@ -14,8 +14,8 @@
 //! A single solve may not wait for that: [`patience`](Contest::patience) ends it where a better preconditioner pays at once, unless
 //! [little seems to be left](Contest::more) of it.
 
-use super::cg::Progress;
 use super::cost::CostModel;
+use super::outcome::Progress;
 use super::preconditioner_kind::PreconditionerKind as Kind;
 use crate::system::System;
 

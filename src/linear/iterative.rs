@@ -1,9 +1,9 @@
 //! Conjugate gradients as a time step's solver, matrix-free or on the assembled A.
 
-use super::cg::{CgOutcome, CgReport, ConjugateGradient, Progress};
+use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::contest::Contest;
 use super::cost::CostModel;
-use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
+use super::outcome::{Definiteness, Evidence, NotConverged, Progress, Solution, SolveFailure};
 use super::preconditioner::{Precondition, Preconditioner};
 use super::preconditioner_kind::PreconditionerKind;
 use super::reuse::Patience;

@@ -19,6 +19,15 @@ pub enum Definiteness {
     Unknown,
 }
 
+/// How far a solve has come when its iterations are done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Progress {
+    pub iterations: u64,
+    /// Digits of the residual that were gained, and those that are left to the tolerance.
+    pub gained: f64,
+    pub left: f64,
+}
+
 /// A solution that the solver vouches for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solution {

@@ -8,8 +8,7 @@
 //! again, which costs little where it fails. All is counted in iterations, never in seconds: a run
 //! does the same as often as it is repeated (see `docs/robustness.md` for what another kind of processor may change).
 
-use super::cg::Progress;
-use super::outcome::{Evidence, SolveFailure};
+use super::outcome::{Evidence, Progress, SolveFailure};
 use crate::error::Result;
 use crate::multigrid::{Multigrid, SetupFailure};
 use crate::operator::SystemOperator;
