@@ -142,16 +142,20 @@ impl CgSolver {
 
     /// Iterates as long as patience goes, and longer where a change would cost more, but no more than can be afforded.
     fn run(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], limit: Limit, work: &mut Work) -> CgReport {
-        let kind = self.kind();
+        let (kind, room) = (self.kind(), self.allowed - self.effort);
         let Self { method, preconditioner, application, choice, costs, .. } = self;
         let more = &mut |progress: Progress| {
             let left = limit.most.saturating_sub(progress.iterations);
-            let more = match (&limit.coarse, &choice) {
-                (Some(coarse), _) => coarse.more(progress),
-                (None, Some(choice)) => choice.contest.more(kind, progress, costs),
+            match (&limit.coarse, &choice) {
+                (Some(coarse), _) => coarse.more(progress).min(left),
+                (None, Some(choice)) => {
+                    let more = choice.contest.more(kind, progress, costs);
+                    let room = room - progress.iterations as f64 * costs.iteration(kind);
+                    // What cannot be finished like this leaves room for something better while there is some.
+                    if more > left && affords(room, next(kind), costs) { 0 } else { more.min(left) }
+                }
                 (None, None) => 0,
-            };
-            more.min(left)
+            }
         };
         let general = std::mem::replace(
             &mut method.iteration_limit,
@@ -204,8 +208,7 @@ impl CgSolver {
 
     /// Whether a preconditioner can be afforded, and iterations that make it worth it.
     fn affords(&self, kind: PreconditionerKind) -> bool {
-        let setup = if kind == PreconditionerKind::Multigrid { self.costs.multigrid_setup() } else { 0.0 };
-        self.allowed - self.effort > 1.5 * (setup + self.costs.preparation(kind))
+        affords(self.allowed - self.effort, kind, &self.costs)
     }
 
     /// Iterations after which a solve is to go on with something better, if there is anything.
@@ -228,7 +231,7 @@ impl CgSolver {
     /// Gives a solve that has lost patience better coarse levels, or the next preconditioner, or all the patience there is where that cannot be
     /// had; `false` where it costs too much.
     fn improve(&mut self, a: &SystemOperator, work: &mut Work) -> Result<bool, SolveFailure> {
-        let next = Contest::patience(self.kind()).map_or(PreconditionerKind::Multigrid, |(_, next)| next);
+        let next = next(self.kind());
         if !self.affords(next) {
             return Ok(false);
         }
@@ -374,6 +377,17 @@ impl LinearSolver for CgSolver {
             }
         }
     }
+}
+
+/// What a solve goes on with that has lost patience.
+fn next(kind: PreconditionerKind) -> PreconditionerKind {
+    Contest::patience(kind).map_or(PreconditionerKind::Multigrid, |(_, next)| next)
+}
+
+/// Whether so much effort leaves room for a preconditioner, and iterations that make it worth it.
+fn affords(room: f64, kind: PreconditionerKind, costs: &CostModel) -> bool {
+    let setup = if kind == PreconditionerKind::Multigrid { costs.multigrid_setup() } else { 0.0 };
+    room > 1.5 * (setup + costs.preparation(kind))
 }
 
 /// Costs where a preconditioner is at hand, of which more is known than of one that is not.

@@ -23,8 +23,7 @@ const REBUILD: f64 = 10.0;
 /// take still more.
 const SLOW: f64 = 1.25;
 
-/// Iterations after which it can be told how many a solve will take, and what new coarse levels must save then.
-const TELLING: u64 = 5;
+/// Iterations that new coarse levels must save, to take over within a solve.
 const SAVED: f64 = 3.0;
 
 /// What coarse levels may lose in the first solve with the next matrix; if more, the next so many matrices get new ones, and from time to
@@ -168,8 +167,8 @@ pub(super) struct Patience {
 }
 
 impl Patience {
-    /// Iterations after which to ask for [`more`](Self::more).
-    pub const FIRST: u64 = TELLING;
+    /// Iterations after which it can be told how many there will be, to ask for [`more`](Self::more).
+    pub const FIRST: u64 = 5;
 
     /// How many iterations more there may be: none, if the coarse levels will not be used again after this solve and new ones take
     /// few enough for what is left of it, and otherwise one. Residuals fall evenly, so that it is soon known how many will be needed.
