@@ -14,6 +14,7 @@
 //! A single solve may not wait for that: [`patience`](Contest::patience) ends it where a better preconditioner pays at once, unless
 //! [little seems to be left](Contest::more) of it.
 
+use super::budget::Budget;
 use super::cost::CostModel;
 use super::outcome::Progress;
 use super::preconditioner_kind::PreconditionerKind as Kind;
@@ -109,9 +110,11 @@ impl Contest {
 
     /// How many iterations more a solve may take whose patience has come to its end: as many as seem to be left and half of them again, if they
     /// cost less than to go on with any other one that follows, and otherwise none. Residuals fall the faster the longer a solve takes,
-    /// so that fewer are left than it seems.
-    pub fn more(&self, kind: Kind, progress: Progress, costs: &CostModel) -> u64 {
+    /// so that fewer are left than it seems. What cannot be afforded leaves what is left to one that follows and can be; of the budget, what was spent
+    /// on these iterations is not taken off yet.
+    pub fn more(&self, kind: Kind, progress: Progress, budget: &Budget) -> u64 {
         let Progress { iterations, gained, left } = progress;
+        let costs = &budget.costs;
         let seem_left = iterations as f64 * left / gained.max(f64::MIN_POSITIVE);
         let current = place(kind);
         let of_other = |(place, &other): (usize, &Kind)| {
@@ -127,8 +130,12 @@ impl Contest {
         };
         let others = KINDS.iter().enumerate().skip(current + 1).map(of_other);
         let cheapest = others.fold(f64::INFINITY, f64::min);
-        let goes_on = cheapest.is_finite() && seem_left * costs.iteration(kind) <= cheapest;
-        if goes_on { (MORE * seem_left).ceil() as u64 } else { 0 }
+        let iteration = costs.iteration(kind);
+        let goes_on = cheapest.is_finite() && seem_left * iteration <= cheapest;
+        let more = (MORE * seem_left).ceil();
+        let room = budget.left() - iterations as f64 * iteration;
+        let leaves_room = more * iteration > room && cheapest <= room;
+        if goes_on && !leaves_room { more as u64 } else { 0 }
     }
 
     /// Takes note of a solve, or of the part of one that had this preconditioner.

@@ -1,5 +1,6 @@
 //! Conjugate gradients as a time step's solver, matrix-free or on the assembled A.
 
+use super::budget::Budget;
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::contest::Contest;
 use super::cost::CostModel;
@@ -36,10 +37,8 @@ pub struct CgSolver {
     /// Where none was asked for.
     choice: Option<Choice>,
     warm_start: WarmStart,
-    costs: CostModel,
-    /// [Cost](CostModel) of set-ups, iterations and first guesses so far, and the most that it may grow to.
-    effort: f64,
-    allowed: f64,
+    /// For set-ups, iterations and first guesses.
+    budget: Budget,
 }
 
 /// Iterations of a solve.
@@ -129,33 +128,27 @@ impl CgSolver {
 
     fn of(system: &System, preconditioner: Preconditioner, tolerance: f64, application: Application) -> Self {
         Self {
-            costs: costs(CostModel::of(system), &preconditioner),
+            budget: Budget::new(costs(CostModel::of(system), &preconditioner)),
             method: ConjugateGradient::new(system.dofs().len(), tolerance),
             preconditioner,
             application,
             warm_start: WarmStart::new(system.dofs().len()),
             choice: None,
-            effort: 0.0,
-            allowed: f64::INFINITY,
         }
     }
 
     /// Iterates as long as patience goes, and longer where a change would cost more, but no more than can be afforded.
     fn run(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], limit: Limit, work: &mut Work) -> CgReport {
-        let (kind, room) = (self.kind(), self.allowed - self.effort);
-        let Self { method, preconditioner, application, choice, costs, .. } = self;
+        let kind = self.kind();
+        let Self { method, preconditioner, application, choice, budget, .. } = self;
         let more = &mut |progress: Progress| {
             let left = limit.most.saturating_sub(progress.iterations);
-            match (&limit.coarse, &choice) {
-                (Some(coarse), _) => coarse.more(progress).min(left),
-                (None, Some(choice)) => {
-                    let more = choice.contest.more(kind, progress, costs);
-                    let room = room - progress.iterations as f64 * costs.iteration(kind);
-                    // What cannot be finished like this leaves room for something better while there is some.
-                    if more > left && affords(room, next(kind), costs) { 0 } else { more.min(left) }
-                }
+            let more = match (&limit.coarse, &choice) {
+                (Some(coarse), _) => coarse.more(progress),
+                (None, Some(choice)) => choice.contest.more(kind, progress, budget),
                 (None, None) => 0,
-            }
+            };
+            more.min(left)
         };
         let general = std::mem::replace(
             &mut method.iteration_limit,
@@ -172,17 +165,13 @@ impl CgSolver {
             Some(PreconditionerKind::Multigrid) => work.multigrid_iterations += report.iterations,
             _ => {}
         }
-        self.effort += report.iterations as f64 * self.iteration();
+        self.budget.spend(report.iterations as f64 * self.budget.costs.iteration(self.kind()));
         report
     }
 
     /// The preconditioner, as far as costs are concerned.
     fn kind(&self) -> PreconditionerKind {
         self.preconditioner.kind().unwrap_or(PreconditionerKind::BlockJacobi)
-    }
-
-    fn iteration(&self) -> f64 {
-        self.costs.iteration(self.kind())
     }
 
     /// Makes iterations end when asked to.
@@ -193,22 +182,12 @@ impl CgSolver {
 
     /// What it has cost so far, counted, not timed, in [force evaluations](CostModel).
     pub fn effort(&self) -> f64 {
-        self.effort
+        self.budget.spent()
     }
 
     /// Lets the effort grow by so much; a solve that needs more ends as [`NotConverged::IterationLimit`].
     pub fn allow(&mut self, more: f64) {
-        self.allowed = self.effort + more;
-    }
-
-    /// Iterations that can be afforded.
-    fn affordable(&self) -> u64 {
-        ((self.allowed - self.effort) / self.iteration()) as u64
-    }
-
-    /// Whether a preconditioner can be afforded, and iterations that make it worth it.
-    fn affords(&self, kind: PreconditionerKind) -> bool {
-        affords(self.allowed - self.effort, kind, &self.costs)
+        self.budget.allow(more);
     }
 
     /// Iterations after which a solve is to go on with something better, if there is anything.
@@ -223,7 +202,9 @@ impl CgSolver {
     /// How long to go on with old coarse levels, where new ones can be afforded.
     fn coarse(&self) -> Option<Patience> {
         match &self.preconditioner {
-            Preconditioner::Multigrid(multigrid) if self.affords(PreconditionerKind::Multigrid) => multigrid.patience(),
+            Preconditioner::Multigrid(multigrid) if self.budget.affords(PreconditionerKind::Multigrid) => {
+                multigrid.patience()
+            }
             _ => None,
         }
     }
@@ -232,11 +213,11 @@ impl CgSolver {
     /// had; `false` where it costs too much.
     fn improve(&mut self, a: &SystemOperator, work: &mut Work) -> Result<bool, SolveFailure> {
         let next = next(self.kind());
-        if !self.affords(next) {
+        if !self.budget.affords(next) {
             return Ok(false);
         }
         if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
-            self.effort += self.costs.multigrid_setup();
+            self.budget.spend(self.budget.costs.multigrid_setup());
             if let Some(choice) = &mut self.choice {
                 choice.contest.set_up(1.0);
             }
@@ -279,7 +260,7 @@ impl CgSolver {
             return false;
         };
         preconditioner.place(&choice.places);
-        self.costs = costs(self.costs, &preconditioner);
+        self.budget.costs = costs(self.budget.costs, &preconditioner);
         self.preconditioner = preconditioner;
         choice.watch = None;
         choice.contest.changed(before, kind);
@@ -290,12 +271,13 @@ impl CgSolver {
         let setups = work.multigrid_setups;
         let mut updated = self.preconditioner.update(a, work);
         let setups = (work.multigrid_setups - setups) as f64;
-        self.effort += self.costs.preparation(self.kind()) + setups * self.costs.multigrid_setup();
+        let costs = self.budget.costs;
+        self.budget.spend(costs.preparation(self.kind()) + setups * costs.multigrid_setup());
         let is_plain = self.kind() == PreconditionerKind::None;
         let Some(choice) = &mut self.choice else { return updated };
         choice.contest.set_up(setups);
         if is_plain && !choice.is_definite {
-            self.effort += self.costs.preparation(PreconditionerKind::BlockJacobi);
+            self.budget.spend(costs.preparation(PreconditionerKind::BlockJacobi));
             updated = choice.watch(a, work);
         }
         if matches!(updated, Err(SolveFailure::Indefinite(_))) {
@@ -341,7 +323,7 @@ impl LinearSolver for CgSolver {
             matrix.refill(a);
         }
         let kind = self.kind();
-        let better = self.choice.as_mut().and_then(|choice| choice.next(kind, a, &self.costs));
+        let better = self.choice.as_mut().and_then(|choice| choice.next(kind, a, &self.budget.costs));
         if let Some(better) = better {
             self.change(better, a.system());
         }
@@ -355,7 +337,7 @@ impl LinearSolver for CgSolver {
     fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
         work.solves += 1;
         work.iterative_solves += 1;
-        self.effort += self.costs.iterative_solve();
+        self.budget.spend(self.budget.costs.iterative_solve());
         if x.iter().all(|&x| x == 0.0) {
             let warm_start = &mut self.warm_start;
             let guessed = match &self.application {
@@ -363,11 +345,11 @@ impl LinearSolver for CgSolver {
                 Application::Assembled(matrix) => warm_start.guess(matrix.matrix(), b, x),
             };
             work.warm_starts += u64::from(guessed);
-            self.effort += self.costs.warm_start() * f64::from(u8::from(guessed));
+            self.budget.spend(self.budget.costs.warm_start() * f64::from(u8::from(guessed)));
         }
         loop {
             let patience = self.patience();
-            let most = self.method.iteration_limit.min(self.affordable());
+            let most = self.method.iteration_limit.min(self.budget.iterations(self.kind()));
             let report = self.run(&a, b, x, Limit { patience, coarse: self.coarse(), most }, work);
             self.record(&report, x);
             let is_late = report.outcome == CgOutcome::IterationLimit
@@ -382,12 +364,6 @@ impl LinearSolver for CgSolver {
 /// What a solve goes on with that has lost patience.
 fn next(kind: PreconditionerKind) -> PreconditionerKind {
     Contest::patience(kind).map_or(PreconditionerKind::Multigrid, |(_, next)| next)
-}
-
-/// Whether so much effort leaves room for a preconditioner, and iterations that make it worth it.
-fn affords(room: f64, kind: PreconditionerKind, costs: &CostModel) -> bool {
-    let setup = if kind == PreconditionerKind::Multigrid { costs.multigrid_setup() } else { 0.0 };
-    room > 1.5 * (setup + costs.preparation(kind))
 }
 
 /// Costs where a preconditioner is at hand, of which more is known than of one that is not.

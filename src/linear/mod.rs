@@ -9,6 +9,7 @@
 mod analysis;
 mod automatic;
 mod block_jacobi;
+mod budget;
 mod cg;
 mod contest;
 mod cost;

@@ -298,7 +298,8 @@ fn trials_begin_where_they_have_cost_as_much_not_to_be_made() {
 #[test]
 fn solves_that_are_nearly_done_go_on() {
     let (contest, costs) = (contest(), costs());
-    let more = |kind, gained, left| contest.more(kind, Progress { iterations: 64, gained, left }, &costs);
+    let budget = Budget::new(costs);
+    let more = |kind, gained, left| contest.more(kind, Progress { iterations: 64, gained, left }, &budget);
     let (none, with) = (costs.iteration(Kind::None), costs.iteration(Kind::BlockJacobi));
     assert!(2.0 * none < costs.preparation(Kind::BlockJacobi) + 1.2 * with);
     assert_eq!([more(Kind::None, 8.0, 0.25), more(Kind::None, 4.0, 4.0)], [3, 0]);
@@ -318,7 +319,7 @@ fn solves_that_are_nearly_done_go_on() {
 /// Of what is known its own iterations count, and one set-up.
 #[test]
 fn what_is_known_decides_whether_a_solve_goes_on() {
-    let costs = costs();
+    let (costs, budget) = (costs(), Budget::new(costs()));
     let with = costs.iteration(Kind::BlockJacobi);
     let cycle = costs.iteration(Kind::Multigrid);
     let once = costs.preparation(Kind::Multigrid) + costs.multigrid_setup();
@@ -327,7 +328,7 @@ fn what_is_known_decides_whether_a_solve_goes_on() {
         contest.record(Kind::Multigrid, (10.0 * per_digit) as u64, 10.0);
         let progress = Progress { iterations: 100, gained: 5.0, left: 5.0 };
         let goes_on = 100.0 * with <= once + 5.0 * per_digit * cycle;
-        assert_eq!(contest.more(Kind::BlockJacobi, progress, &costs), if goes_on { 150 } else { 0 }, "{per_digit}");
+        assert_eq!(contest.more(Kind::BlockJacobi, progress, &budget), if goes_on { 150 } else { 0 }, "{per_digit}");
     }
     // Without a preconditioner twelve iterations are left. Blocks may take six tenths of them, or what they are known to.
     let progress = Progress { iterations: 24, gained: 8.0, left: 4.0 };
@@ -337,6 +338,26 @@ fn what_is_known_decides_whether_a_solve_goes_on() {
         per_digit.into_iter().for_each(|per_digit| contest.record(Kind::BlockJacobi, (10.0 * per_digit) as u64, 10.0));
         let of_blocks = per_digit.map_or(0.6 * 12.0, |per_digit| 4.0 * per_digit);
         let goes_on = 12.0 * costs.iteration(Kind::None) <= blocks + of_blocks * with;
-        assert_eq!(contest.more(Kind::None, progress, &costs), if goes_on { 18 } else { 0 }, "{per_digit:?}");
+        assert_eq!(contest.more(Kind::None, progress, &budget), if goes_on { 18 } else { 0 }, "{per_digit:?}");
+    }
+}
+
+/// A solve that seems to need as many iterations again as it has taken, and may take half as many more: where these cannot be afforded, but a trial of
+/// multigrid that takes an iteration a digit, it leaves room for that. Those that it has taken are not spent yet. Where neither can be afforded it goes on.
+#[test]
+fn what_cannot_be_finished_is_left_to_what_can_be() {
+    let (contest, costs) = (contest(), costs());
+    let with = costs.iteration(Kind::BlockJacobi);
+    let [prepared, cycle] = [costs.preparation(Kind::Multigrid), costs.iteration(Kind::Multigrid)];
+    let trial = ANALYSED * costs.multigrid_setup() + prepared + 5.0 * cycle;
+    let iterations = 2 * (0.4 * trial / with) as u64;
+    let progress = Progress { iterations, gained: 5.0, left: 5.0 };
+    let taken = iterations as f64 * with;
+    let goes_on = 3 * iterations / 2;
+    for (room, more) in [(1.51 * taken, goes_on), (1.49 * taken, 0), (1.01 * trial, 0), (0.99 * trial, goes_on)] {
+        let mut budget = Budget::new(costs);
+        budget.spend(1000.0);
+        budget.allow(taken + room);
+        assert_eq!(contest.more(Kind::BlockJacobi, progress, &budget), more, "{room}");
     }
 }
