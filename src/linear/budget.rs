@@ -3,8 +3,8 @@
 use super::cost::CostModel;
 use super::preconditioner_kind::PreconditionerKind;
 
-/// What can be afforded, in set-ups of a preconditioner and [preparations](CostModel::preparation) for it: they leave room for iterations
-/// that make them worth it.
+/// How many times what a preconditioner is set up and [prepared](CostModel::preparation) with must be left for it to be worth it: the rest is for
+/// its iterations.
 const WORTH: f64 = 1.5;
 
 /// What a solver has spent and may spend, in [force evaluations](CostModel).

@@ -212,7 +212,7 @@ impl CgSolver {
     /// Gives a solve that has lost patience better coarse levels, or the next preconditioner, or all the patience there is where that cannot be
     /// had; `false` where it costs too much.
     fn improve(&mut self, a: &SystemOperator, work: &mut Work) -> Result<bool, SolveFailure> {
-        let next = next(self.kind());
+        let next = Contest::patience(self.kind()).map_or(PreconditionerKind::Multigrid, |(_, next)| next);
         if !self.budget.affords(next) {
             return Ok(false);
         }
@@ -359,11 +359,6 @@ impl LinearSolver for CgSolver {
             }
         }
     }
-}
-
-/// What a solve goes on with that has lost patience.
-fn next(kind: PreconditionerKind) -> PreconditionerKind {
-    Contest::patience(kind).map_or(PreconditionerKind::Multigrid, |(_, next)| next)
 }
 
 /// Costs where a preconditioner is at hand, of which more is known than of one that is not.
