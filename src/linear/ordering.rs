@@ -179,9 +179,8 @@ impl ParticleGraph {
         let neighbours = |v: u32| self.neighbours(v);
         volume::is_costly(elimination.flops, self.len(), rows)
             || elimination
-                .order
-                .last()
-                .is_some_and(|&last| volume::dimension(self.len(), last, neighbours) > volume::SURFACE)
+                .largest_root()
+                .is_some_and(|root| volume::dimension(self.len(), root, neighbours) > volume::SURFACE)
     }
 
     fn as_columns(&self) -> Option<CscPattern<'_>> {
@@ -236,6 +235,19 @@ impl Elimination {
         let (entries, flops) =
             columns.fold((0.0, 0.0), |(entries, flops), column| (entries + column, flops + column * column));
         Self { order, parents, entries, flops }
+    }
+
+    /// The vertex of the largest component that is eliminated last: in the last separator, thus inside. The last of all may be a particle
+    /// without springs.
+    fn largest_root(&self) -> Option<u32> {
+        let mut sizes = vec![1u32; self.order.len()];
+        for (k, &parent) in self.parents.iter().enumerate() {
+            if parent != NONE {
+                sizes[parent as usize] += sizes[k];
+            }
+        }
+        let trees = self.parents.iter().zip(&sizes).zip(&self.order).filter(|((parent, _), _)| **parent == NONE);
+        trees.max_by_key(|((_, size), _)| **size).map(|(_, &root)| root)
     }
 
     /// The order with every subtree of the elimination tree in one piece. The fill is the same.
