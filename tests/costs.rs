@@ -25,7 +25,7 @@ fn costs_are_those_that_were_measured() {
         let kind = Kind::ALL.into_iter().find(|kind| kind.name() == row.scene).unwrap();
         let (system, _) = builtin(kind, row.size).unwrap().build().unwrap();
         let costs = CostModel::of(&system);
-        let ordering = OrderingMethod::MinimumDegree;
+        let ordering = if row.dissected { OrderingMethod::NestedDissection } else { OrderingMethod::MinimumDegree };
         let size = FactorSize { entries: row.factor_entries, flops: row.factor_flops, ordering };
         let levels = costs.with_coarse_levels(Multigrid::new(&system).unwrap().multiplications());
         let pairs = [

@@ -8,6 +8,7 @@
 //! Counting instead of timing makes the same choice as often as a run is repeated, and for any number of threads.
 
 use super::analysis::FactorSize;
+use super::ordering::OrderingMethod;
 use super::preconditioner_kind::PreconditionerKind;
 use crate::operator::share_in_a_row;
 use crate::system::System;
@@ -16,6 +17,7 @@ use crate::work::Work;
 /// What the operations of a step cost on one system, in units of one force evaluation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CostModel {
+    axes: usize,
     springs: f64,
     /// Of them, those that a product takes four in a row.
     in_a_row: f64,
@@ -28,8 +30,11 @@ pub struct CostModel {
     multiplications: Option<f64>,
 }
 
-/// A force evaluation with the step of an explicit method around it, in ns: once, a spring, a coordinate.
-const FORCE: [f64; 3] = [174.0, 5.3, 1.36];
+/// A force evaluation with the step of an explicit method around it, in ns: once, a spring, a coordinate; a scattered spring of many the more.
+const FORCE: [f64; 4] = [174.0, 5.3, 1.36, 3.8];
+
+/// Scattered springs whose ends stay in the processor's memory.
+const CACHED_SPRINGS: f64 = 1e4;
 
 /// A product with A: once, a spring that is taken in a row with its neighbours, any other.
 const PRODUCT: [f64; 3] = [178.0, 2.0, 4.0];
@@ -38,13 +43,13 @@ const PRODUCT: [f64; 3] = [178.0, 2.0, 4.0];
 const ASSEMBLY: [f64; 2] = [43.0, 13.4];
 
 /// Refilling and factoring A: once, a spring, an entry of the factor, an operation.
-const FACTORIZATION: [f64; 4] = [250.0, 46.0, 3.8, 0.0245];
+const FACTORIZATION: [f64; 4] = [250.0, 46.0, 3.6, 0.02];
 
 /// A first ordering: once, a spring.
 const GLANCE: [f64; 2] = [2400.0, 150.0];
 
-/// Ordering and symbolic analysis: once, an entry of the factor.
-const ANALYSIS: [f64; 2] = [2700.0, 6.5];
+/// Ordering and symbolic analysis: once, an entry of the factor, a spring of what is dissected.
+const ANALYSIS: [f64; 3] = [2700.0, 6.5, 900.0];
 
 /// A solve with the factor, beside the product that checks it: once, a coordinate, an entry of the factor that stays in the
 /// processor's memory from one solve to the next, one that does not.
@@ -72,9 +77,10 @@ const DENSE_LEVEL: [f64; 3] = [90.0, 2.7, 0.00078];
 /// A cycle of multigrid: a coordinate, a spring; of a system so small that there is but one dense level, a pair of coordinates.
 const CYCLE: [f64; 3] = [34.0, 2.3, 0.3];
 
-/// Computing the coarse levels: a coordinate, a multiplication; where these are not known yet, a coordinate, a spring. One dense level has none.
+/// Computing the coarse levels: a coordinate, a multiplication; where these are not known yet, a coordinate, a spring that lies in a row, the power 4/3 of
+/// scattered ones, as which the coarse levels of networks of 400 to 30 000 particles fill in. One dense level has none.
 const SETUP: [f64; 2] = [124.0, 0.28];
-const UNKNOWN_SETUP: [f64; 2] = [357.0, 99.0];
+const UNKNOWN_SETUP: [f64; 3] = [357.0, 99.0, 14.0];
 
 /// Coordinates up to which multigrid is one dense level.
 const DENSE: f64 = 400.0;
@@ -96,12 +102,13 @@ fn split(size: f64, limit: f64) -> [f64; 2] {
 impl CostModel {
     /// Of a system.
     pub fn of(system: &System) -> Self {
-        let axes = system.dimension() as f64;
+        let axes = system.dimension();
         let (springs, dofs) = (system.active_springs().len() as f64, system.dofs().len() as f64);
-        let entries = 0.5 * (axes + 1.0) * dofs + axes * axes * springs;
+        let entries = 0.5 * (axes as f64 + 1.0) * dofs + (axes * axes) as f64 * springs;
         let in_a_row = share_in_a_row(system) * springs;
-        let force = nanoseconds(FORCE, [1.0, springs, dofs]);
-        Self { springs, in_a_row, dofs, entries, force, multiplications: None }
+        let costs = Self { axes, springs, in_a_row, dofs, entries, force: 1.0, multiplications: None };
+        let [_, far] = split(costs.scattered(), CACHED_SPRINGS);
+        Self { force: nanoseconds(FORCE, [1.0, springs, dofs, far]), ..costs }
     }
 
     /// With [so many multiplications](crate::multigrid::Multigrid::multiplications) in the coarse matrices of multigrid: in random networks they
@@ -109,6 +116,17 @@ impl CostModel {
     #[must_use]
     pub fn with_coarse_levels(self, multiplications: f64) -> Self {
         Self { multiplications: Some(multiplications), ..self }
+    }
+
+    /// The part of the springs that do not lie in rows: hardly any of a grid's, nearly all of a network's. In less than three dimensions
+    /// rows are not looked for, and none counts.
+    pub(super) fn scattered_share(&self) -> f64 {
+        self.scattered() / self.springs.max(1.0)
+    }
+
+    /// How many do not.
+    fn scattered(&self) -> f64 {
+        if self.axes < 3 { 0.0 } else { self.springs - self.in_a_row }
     }
 
     /// A product of A with a vector, matrix-free.
@@ -142,7 +160,8 @@ impl CostModel {
 
     /// An ordering with symbolic analysis.
     pub fn analysis(&self, size: FactorSize) -> f64 {
-        nanoseconds(ANALYSIS, [1.0, size.entries as f64]) / self.force
+        let dissected = if size.ordering == OrderingMethod::NestedDissection { self.springs } else { 0.0 };
+        nanoseconds(ANALYSIS, [1.0, size.entries as f64, dissected]) / self.force
     }
 
     /// A solve with a factor, its residual included.
@@ -190,7 +209,10 @@ impl CostModel {
         let time = match self.multiplications {
             _ if self.dofs <= DENSE => 0.0,
             Some(multiplications) => nanoseconds(SETUP, [self.dofs, multiplications]),
-            None => nanoseconds(UNKNOWN_SETUP, [self.dofs, self.springs]),
+            None => {
+                let scattered = self.scattered();
+                nanoseconds(UNKNOWN_SETUP, [self.dofs, self.springs - scattered, scattered.powf(4.0 / 3.0)])
+            }
         };
         time / self.force
     }
@@ -231,11 +253,10 @@ impl CostModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linear::OrderingMethod;
 
     fn model() -> CostModel {
         let (springs, in_a_row, dofs, entries) = (5000.0, 4000.0, 3000.0, 20_000.0);
-        CostModel { springs, in_a_row, dofs, entries, force: 1000.0, multiplications: None }
+        CostModel { axes: 3, springs, in_a_row, dofs, entries, force: 1000.0, multiplications: None }
     }
 
     /// 178 + 2 · 4000 + 4 · 1000 ns, in force evaluations of 1000 ns.
@@ -289,13 +310,15 @@ mod tests {
         assert!((costs.iterative_solve() - expected).abs() < 1e-9 && expected > 3.0, "{expected}");
     }
 
-    /// A first ordering by springs: 2400 + 150 · 5000 ns. An analysis by entries of the factor: 2700 + 6.5 · 100 000 ns. Of work without a factor an
-    /// ordering counts as the one, with it as the other.
+    /// A first ordering by springs: 2400 + 150 · 5000 ns. An analysis by entries of the factor: 2700 + 6.5 · 100 000 ns, and 900 · 5000 ns where
+    /// they are dissected. Of work without a factor an ordering counts as the one, with it as the other.
     #[test]
     fn orderings_cost_by_springs_and_by_entries() {
         let costs = model();
         let size = FactorSize { entries: 100_000, flops: 1e6, ordering: OrderingMethod::MinimumDegree };
         assert!((costs.glance() - 752.4).abs() < 1e-9 && (costs.analysis(size) - 652.7).abs() < 1e-9);
+        let dissected = FactorSize { ordering: OrderingMethod::NestedDissection, ..size };
+        assert!((costs.analysis(dissected) - costs.analysis(size) - 4500.0).abs() < 1e-9);
         let work = Work { symbolic_factorizations: 2, ..Work::default() };
         assert_eq!(
             [None, Some(size)].map(|size| costs.cost(&work, size)),
@@ -303,13 +326,17 @@ mod tests {
         );
     }
 
-    /// 357 · 3000 + 99 · 5000 ns by sizes, 124 · 3000 + 0.28 · 10⁶ ns by multiplications; one dense level has no others.
+    /// 357 · 3000 + 99 · 4000 + 14 · 1000^(4/3) ns by sizes, 124 · 3000 + 0.28 · 10⁶ ns by multiplications; one dense level has no others. In a plane, where
+    /// rows are not looked for, no spring is scattered: 357 · 3000 + 99 · 5000 ns.
     #[test]
     fn coarse_levels_cost_by_multiplications_where_these_are_known() {
         let costs = model();
         let known = costs.with_coarse_levels(1e6);
-        assert!((costs.multigrid_setup() - 1566.0).abs() < 1e-9, "{}", costs.multigrid_setup());
+        assert!((costs.multigrid_setup() - 1607.0).abs() < 1e-9, "{}", costs.multigrid_setup());
         assert!((known.multigrid_setup() - 652.0).abs() < 1e-9, "{}", known.multigrid_setup());
+        let plane = CostModel { axes: 2, ..costs };
+        assert!((plane.multigrid_setup() - 1566.0).abs() < 1e-9, "{}", plane.multigrid_setup());
+        assert_eq!([costs, plane].map(|costs| costs.scattered_share()), [0.2, 0.0]);
         for (dofs, has_levels) in [(400.0, false), (401.0, true)] {
             let setups = [costs, known].map(|costs| CostModel { dofs, ..costs }.multigrid_setup());
             assert!(setups.iter().all(|&cost| (cost > 0.0) == has_levels), "{dofs}: {setups:?}");

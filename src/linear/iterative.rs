@@ -65,10 +65,10 @@ struct Choice {
 }
 
 impl Choice {
-    fn new(system: &System) -> Self {
+    fn new(system: &System, costs: &CostModel) -> Self {
         let particles = system.particles();
         Self {
-            contest: Contest::new(system),
+            contest: Contest::new(system, costs),
             places: vec![Vector3::zeros(); particles],
             room: vec![0.0; particles],
             is_definite: false,
@@ -122,8 +122,9 @@ impl CgSolver {
         application: Application,
     ) -> Result<Self> {
         let preconditioner = Preconditioner::new(kind.unwrap_or(Contest::FIRST), system)?;
-        let choice = kind.is_none().then(|| Choice::new(system));
-        Ok(Self { choice, ..Self::of(system, preconditioner, tolerance, application) })
+        let solver = Self::of(system, preconditioner, tolerance, application);
+        let choice = kind.is_none().then(|| Choice::new(system, &solver.budget.costs));
+        Ok(Self { choice, ..solver })
     }
 
     fn of(system: &System, preconditioner: Preconditioner, tolerance: f64, application: Application) -> Self {

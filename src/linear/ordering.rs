@@ -71,8 +71,9 @@ impl Glance {
         Self { graph, method, elimination, may_gain, took: start.elapsed() }
     }
 
+    /// The method that the cheapest ordering probably comes from.
     pub fn method(&self) -> OrderingMethod {
-        self.method
+        if self.may_gain { OrderingMethod::NestedDissection } else { self.method }
     }
 
     /// The time that it has taken.

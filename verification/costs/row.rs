@@ -9,6 +9,7 @@ pub struct Row {
     pub size: usize,
     pub factor_entries: usize,
     pub factor_flops: f64,
+    pub dissected: bool,
     pub force: f64,
     pub product: f64,
     pub assembly: f64,

@@ -11,7 +11,7 @@ fn costs() -> CostModel {
 }
 
 fn contest() -> Contest {
-    Contest::new(&cloth())
+    Contest::new(&cloth(), &costs())
 }
 
 /// Solves of so many iterations for ten digits with each, as long as the contest does not move on, and the next.
@@ -113,7 +113,7 @@ fn masses_that_differ_ask_for_blocks() {
     builder.hold(2);
     let (unlike, _) = builder.build().unwrap();
     assert_eq!(unlike.free_masses(), [1.0, 100.0]);
-    let mut contest = Contest::new(&unlike);
+    let mut contest = Contest::new(&unlike, &costs());
     let costs = costs();
     let (blocks, none, with) =
         (costs.preparation(Kind::BlockJacobi), costs.iteration(Kind::None), costs.iteration(Kind::BlockJacobi));
@@ -360,4 +360,47 @@ fn what_cannot_be_finished_is_left_to_what_can_be() {
         budget.allow(taken + room);
         assert_eq!(contest.more(Kind::BlockJacobi, progress, &budget), more, "{room}");
     }
+}
+
+/// Where multigrid would cost less than what seems to be left, a solve changes to it if it can be afforded, and else goes on.
+#[test]
+fn nothing_is_changed_in_vain() {
+    let (contest, costs) = (contest(), costs());
+    let trial = ANALYSED * costs.multigrid_setup()
+        + costs.preparation(Kind::Multigrid)
+        + 5.0 * costs.iteration(Kind::Multigrid);
+    let with = costs.iteration(Kind::BlockJacobi);
+    let iterations = 2 * (trial / with) as u64;
+    let progress = Progress { iterations, gained: 5.0, left: 5.0 };
+    for (room, more) in [(f64::INFINITY, 0), (1.01 * trial, 0), (0.99 * trial, 3 * iterations / 2)] {
+        let mut budget = Budget::new(costs);
+        budget.allow(iterations as f64 * with + room);
+        assert_eq!(contest.more(Kind::BlockJacobi, progress, &budget), more, "{room}");
+    }
+}
+
+/// Where springs lie in rows, an iteration a digit is hoped for. Where none does, half the root of those with blocks: of 64 four, of those that they
+/// are known, hoped or seen to take in this very solve.
+#[test]
+fn of_networks_less_is_hoped_for() {
+    let (network, _) = builtin::network(2000, 0).unwrap().build().unwrap();
+    let of_network = CostModel::of(&network);
+    let multigrid = place(Kind::Multigrid);
+    for (kind, iterations) in [(Kind::BlockJacobi, 640), (Kind::None, 1066)] {
+        for (contest, expected) in [(contest(), 1.0), (Contest::new(&network, &of_network), 4.0)] {
+            let mut seen = contest.clone();
+            seen.blocks_at_best = 0.6;
+            assert_eq!(seen.per_digit(multigrid), 1.0, "nothing is known of blocks");
+            seen.record(kind, iterations, 10.0);
+            assert!((seen.per_digit(multigrid) / expected - 1.0).abs() < 0.01, "{}", seen.per_digit(multigrid));
+        }
+    }
+    // Multigrid promises to cost less than what is left where an iteration a digit would do, and not where four have to.
+    let contest = Contest::new(&network, &of_network);
+    let trial = ANALYSED * of_network.multigrid_setup() + of_network.preparation(Kind::Multigrid);
+    let [with, cycle] = [Kind::BlockJacobi, Kind::Multigrid].map(|kind| of_network.iteration(kind));
+    let left = trial / (64.0 * with - 3.0 * cycle);
+    assert!(left > 0.0 && 64.0 * left * with > trial + left * cycle);
+    let progress = Progress { iterations: 640, gained: 10.0, left };
+    assert_eq!(contest.more(Kind::BlockJacobi, progress, &Budget::new(of_network)), (96.0 * left).ceil() as u64);
 }

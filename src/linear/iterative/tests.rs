@@ -126,7 +126,7 @@ fn matrices_after_one_that_was_refused_have_blocks() {
     }
 }
 
-/// With a limit that leaves nothing for multigrid there is none.
+/// With a limit that leaves too little for blocks or multigrid a solve goes on as it is, up to that limit.
 #[test]
 fn solves_end_at_their_limit() {
     let scene = chain(500);
@@ -137,8 +137,8 @@ fn solves_end_at_their_limit() {
     solver.take(&a, &mut work).unwrap();
     solver.allow(80.0 * costs.iteration(PreconditionerKind::None));
     assert!(solver.solve(Held(&a), &b, &mut [0.0; 500], &mut work).is_err());
-    assert_eq!((solver.preconditioner(), work.multigrid_setups), (Some("block-jacobi"), 0));
-    assert!((50..80).contains(&work.cg_iterations), "{}", work.cg_iterations);
+    assert_eq!((solver.preconditioner(), work.multigrid_setups), (Some("none"), 0));
+    assert!((75..80).contains(&work.cg_iterations), "{}", work.cg_iterations);
 }
 
 /// The multigrid that takes over knows the places that the particles had.
