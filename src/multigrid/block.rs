@@ -115,6 +115,12 @@ pub(super) fn double<const R: usize, const C: usize>(a: &Block<R, C, f32>) -> Bl
     double
 }
 
+/// `factor·A`.
+#[inline(always)]
+pub(super) fn scaled<const R: usize, const C: usize>(factor: f64, a: &Block<R, C>) -> Block<R, C> {
+    a.map(|row| row.map(|entry| factor * entry))
+}
+
 /// What is nothing beside one: processors take very long for products and sums below 1e-38.
 const NOTHING: f64 = 1e-25;
 

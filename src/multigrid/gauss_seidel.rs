@@ -2,10 +2,8 @@
 //!
 //! With A = L + D + Lᵀ a forward sweep from zero is `x = (D + L)⁻¹ b`, and a backward sweep `x += (D + Lᵀ)⁻¹ (b − A x)`: one is the
 //! transpose of the other, which makes the preconditioner symmetric. Sweeps are sequential. To share them out, rows are cut
-//! into domains, by their number alone; L keeps the blocks within a domain, and every row i adds half its sum of the
-//! magnitudes of the entries E outside to its diagonal, `D̃ = D + ½ diag(Σ |E|)`. Then `M + Mᵀ − A = D + diag(Σ |E|) − E` for
-//! `M = D̃ + L`, positive definite because `diag(Σ |E|) − E` is diagonally dominant: smoothing converges whatever the domains are
-//! (Baker, Falgout, Kolev and Yang 2011, "Multigrid smoothers for ultraparallel computing", section 6).
+//! into domains, by their number alone; L keeps the blocks within a domain, and rows with blocks E outside are [damped](border),
+//! `D̃_i = (1 + ½ c_i) D_i` with c_i so large that smoothing converges whatever the domains are.
 //!
 //! Smoothing takes the time of reading the matrix, so little of it is kept, and in single precision, times a factor that brings
 //! its entries near one: rounding changes a correction by 1e-7 of itself, which conjugate gradients do not notice. Of the two
@@ -17,12 +15,15 @@
 //! ```
 //!
 //! and a backward sweep takes L x of the old x from the rows that it has not reached yet and Lᵀ x of the new x from those that
-//! it has.
+//! it has. With `δ = 1 / (1 + ½ c)` and what a row has to solve for, `D̃ x = s`, that is `x = δ D⁻¹ s` and `(D̃ − D) x = (1 − δ) s`.
 
-use super::block::{BadPivot, Block, add_transposed_apply, apply, inverse, single, subtract_apply, zero};
+mod border;
+
+use super::block::{BadPivot, Block, add_transposed_apply, apply, inverse, scaled, single, subtract_apply, zero};
 use super::parallel::{for_chunks, for_each_row, for_each_sparse_row};
 use super::sparse::{BlockMatrix, Pattern, Rows};
 use crate::error::Result;
+use border::Border;
 use std::sync::Arc;
 
 /// The least rows that a domain has, and the most domains: fewer domains smooth better, more keep more threads busy.
@@ -41,18 +42,19 @@ pub(super) struct GaussSeidel<const N: usize> {
     lower: BlockMatrix<N, N, f32>,
     /// E.
     outside: BlockMatrix<N, N, f32>,
+    border: Border<N>,
     diagonal: Vec<Diagonal<N>>,
-    /// b, the D̃ − D and E of a backward sweep, and then what is left of it.
+    /// b and the E of a backward sweep, and then what is left of it.
     rest: Vec<[f32; N]>,
 }
 
-/// D̃ of a row.
+/// D of a row.
 #[derive(Debug, Clone, Copy)]
 struct Diagonal<const N: usize> {
-    /// D̃⁻¹; zero where D̃ is not positive definite.
+    /// D⁻¹; zero where D is not positive definite.
     inverse: Block<N, N, f32>,
-    /// D̃ − D.
-    outside: [f32; N],
+    /// δ.
+    damping: f32,
 }
 
 /// A diagonal block that is not positive definite.
@@ -83,9 +85,10 @@ impl<const N: usize> GaussSeidel<N> {
         let outside = part(&|row, column| column / domain != row / domain)?;
         Ok(Self {
             domain,
+            border: Border::of(&outside),
             lower: BlockMatrix::zeros(Arc::new(lower)),
             outside: BlockMatrix::zeros(Arc::new(outside)),
-            diagonal: vec![Diagonal { inverse: zero(), outside: [0.0; N] }; rows],
+            diagonal: vec![Diagonal { inverse: zero(), damping: 1.0 }; rows],
             rest: vec![[0.0; N]; rows],
         })
     }
@@ -95,7 +98,7 @@ impl<const N: usize> GaussSeidel<N> {
     /// # Errors
     /// The first diagonal block that is not positive definite.
     pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), BadBlock> {
-        let Self { domain, lower, outside, diagonal, .. } = self;
+        let Self { domain, lower, outside, border, diagonal, .. } = self;
         let domain_of = |row: usize| row / *domain;
         for_each_sparse_row(
             &lower.pattern,
@@ -104,7 +107,6 @@ impl<const N: usize> GaussSeidel<N> {
             #[inline(always)]
             |row, lower, diagonal| {
                 let mut lower = lower.iter_mut();
-                let mut magnitudes = [0.0; N];
                 let mut block = zero();
                 a.visit(
                     row,
@@ -112,60 +114,49 @@ impl<const N: usize> GaussSeidel<N> {
                     |column, entries| {
                         if column == row {
                             block = *entries;
-                        } else if domain_of(column) != domain_of(row) {
-                            for (sum, entries) in magnitudes.iter_mut().zip(entries) {
-                                *sum += 0.5 * factor * entries.iter().map(|entry| entry.abs()).sum::<f64>();
-                            }
                         } else if column < row
+                            && domain_of(column) == domain_of(row)
                             && let Some(place) = lower.next()
                         {
                             *place = single(factor, entries);
                         }
                     },
                 );
-                let inverse = damped(&block, factor, &magnitudes).unwrap_or(zero());
-                *diagonal = Diagonal { inverse: single(1.0, &inverse), outside: magnitudes.map(|sum| sum as f32) };
+                let inverse = inverse_of(&block, factor).unwrap_or(zero());
+                *diagonal = Diagonal { inverse: single(1.0, &inverse), damping: 1.0 };
             },
         );
+        border.update(a, factor);
         for_each_sparse_row(
             &outside.pattern,
             &mut outside.values,
             diagonal,
             #[inline(always)]
-            |row, outside, _| {
+            |row, outside, diagonal| {
                 let mut outside = outside.iter_mut();
-                if outside.len() > 0 {
-                    a.visit(
-                        row,
-                        #[inline(always)]
-                        |column, entries| {
-                            if domain_of(column) != domain_of(row)
-                                && let Some(place) = outside.next()
-                            {
-                                *place = single(factor, entries);
-                            }
-                        },
-                    );
-                }
+                let Some(mine) = border.inverse(row) else { return };
+                let mut c = 0.0;
+                a.visit(
+                    row,
+                    #[inline(always)]
+                    |column, entries| {
+                        if domain_of(column) != domain_of(row)
+                            && let (Some(place), Some(other)) = (outside.next(), border.inverse(column))
+                        {
+                            *place = single(factor, entries);
+                            c += border::coupling(mine, &scaled(factor, entries), other);
+                        }
+                    },
+                );
+                diagonal.damping = (1.0 / (1.0 + 0.5 * c)) as f32;
             },
         );
         let is_missing = |diagonal: &Diagonal<N>| diagonal.inverse.iter().flatten().all(|&entry| entry == 0.0);
         let Some(row) = diagonal.iter().position(is_missing) else { return Ok(()) };
-        let mut block = zero();
-        a.visit(
-            row,
-            #[inline(always)]
-            |column, entries| {
-                if column == row {
-                    block = *entries;
-                }
-            },
-        );
-        let magnitudes = diagonal[row].outside.map(f64::from);
-        damped(&block, factor, &magnitudes).map(drop).map_err(|bad| BadBlock { row, bad })
+        inverse_of(&diagonal_block(a, row), factor).map(drop).map_err(|bad| BadBlock { row, bad })
     }
 
-    /// `D̃⁻¹` of a row of `factor·A`.
+    /// `D⁻¹` of a row of `factor·A`.
     #[inline(always)]
     pub fn inverse(&self, row: usize) -> &Block<N, N, f32> {
         &self.diagonal[row].inverse
@@ -181,17 +172,14 @@ impl<const N: usize> GaussSeidel<N> {
             |start, x, r| {
                 for i in 0..x.len() {
                     let row = start + i;
-                    let Diagonal { inverse, outside } = &self.diagonal[row];
+                    let Diagonal { inverse, damping } = &self.diagonal[row];
                     let mut sum = b[row];
                     for (column, a) in self.lower.row(row) {
                         subtract_apply(&mut sum, a, &x[column - start]);
                     }
-                    x[i] = apply(inverse, &sum);
-                    let mut opposite = [0.0; N];
-                    for k in 0..N {
-                        r[i][k] = outside[k] * x[i][k];
-                        opposite[k] = -x[i][k];
-                    }
+                    x[i] = apply(inverse, &sum).map(|x| damping * x);
+                    r[i] = sum.map(|sum| (1.0 - damping) * sum);
+                    let opposite = x[i].map(|x| -x);
                     for (column, a) in self.lower.row(row) {
                         add_transposed_apply(&mut r[column - start], a, &opposite);
                     }
@@ -214,12 +202,12 @@ impl<const N: usize> GaussSeidel<N> {
 
     /// `x += M⁻ᵀ (b − A x)`, a backward sweep.
     pub fn backward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
-        let Self { domain, lower, outside, diagonal, rest } = self;
+        let Self { domain, lower, outside, diagonal, rest, .. } = self;
         for_each_row(
             rest,
             #[inline(always)]
             |row, rest| {
-                let mut sum: [f32; N] = std::array::from_fn(|k| b[row][k] + diagonal[row].outside[k] * x[row][k]);
+                let mut sum = b[row];
                 for (column, a) in outside.row(row) {
                     subtract_apply(&mut sum, a, &x[column]);
                 }
@@ -238,7 +226,9 @@ impl<const N: usize> GaussSeidel<N> {
                     for (column, a) in lower.row(row) {
                         subtract_apply(&mut sum, a, &x[column - start]);
                     }
-                    x[i] = apply(&diagonal[row].inverse, &sum);
+                    let Diagonal { inverse, damping } = &diagonal[row];
+                    let solved = apply(inverse, &sum);
+                    x[i] = std::array::from_fn(|k| damping * solved[k] + (1.0 - damping) * x[i][k]);
                     let opposite = x[i].map(|x| -x);
                     for (column, a) in lower.row(row) {
                         add_transposed_apply(&mut rest[column - start], a, &opposite);
@@ -254,6 +244,7 @@ impl<const N: usize> GaussSeidel<N> {
         patterns
             + self.lower.bytes()
             + self.outside.bytes()
+            + self.border.bytes()
             + size_of_val(&self.diagonal[..])
             + size_of_val(&self.rest[..])
     }
@@ -264,20 +255,29 @@ fn domain(rows: usize) -> usize {
     rows.div_ceil((rows / LEAST_ROWS).clamp(1, MOST_DOMAINS)).max(1)
 }
 
-/// `D̃⁻¹` of a row of `factor·A`.
-fn damped<const N: usize>(
-    block: &Block<N, N>,
-    factor: f64,
-    magnitudes: &[f64; N],
-) -> std::result::Result<Block<N, N>, BadPivot> {
-    let mut damped = *block;
-    for k in 0..N {
-        for entry in &mut damped[k] {
-            *entry *= factor;
-        }
-        damped[k][k] += magnitudes[k] + LEAST_DIAGONAL;
+/// The diagonal block of a row.
+#[inline(always)]
+fn diagonal_block<const N: usize>(a: &impl Rows<N>, row: usize) -> Block<N, N> {
+    let mut block = zero();
+    a.visit(
+        row,
+        #[inline(always)]
+        |column, entries| {
+            if column == row {
+                block = *entries;
+            }
+        },
+    );
+    block
+}
+
+/// `D⁻¹` of a row of `factor·A`.
+fn inverse_of<const N: usize>(block: &Block<N, N>, factor: f64) -> std::result::Result<Block<N, N>, BadPivot> {
+    let mut block = scaled(factor, block);
+    for (k, row) in block.iter_mut().enumerate() {
+        row[k] += LEAST_DIAGONAL;
     }
-    inverse(&damped)
+    inverse(&block)
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use super::super::block::BadPivot;
 use super::super::sparse::{BlockMatrix, Pattern};
-use super::{BadBlock, GaussSeidel, LEAST_DIAGONAL, damped, domain};
-use nalgebra::{DMatrix, DVector};
+use super::{BadBlock, GaussSeidel, LEAST_DIAGONAL, domain, inverse_of};
+use nalgebra::{DMatrix, DVector, Matrix2};
 use std::sync::Arc;
 
 const ROWS: usize = 7;
@@ -50,21 +50,85 @@ fn assert_near(found: &[[f32; 2]], expected: &DVector<f64>) {
     assert!((vector(found) - expected).amax() <= 1e-5 * expected.amax(), "{found:?} {expected}");
 }
 
+/// The 2 × 2 block of two rows.
+fn block(a: &DMatrix<f64>, row: usize, column: usize) -> Matrix2<f64> {
+    a.fixed_view::<2, 2>(2 * row, 2 * column).into()
+}
+
+/// `D̃_i = (1 + ½ c_i) D_i` with `c_i = Σ_j (σ₁⁴ + σ₂⁴)^¼`, σ the singular values of `L_i⁻¹ E_ij L_j⁻ᵀ`.
+fn damped_diagonal(a: &DMatrix<f64>) -> Vec<Matrix2<f64>> {
+    let root = |row: usize| block(a, row, row).cholesky().unwrap().l().try_inverse().unwrap();
+    let norm = |row: usize, column: usize| {
+        let measured = root(row) * block(a, row, column) * root(column).transpose();
+        measured.singular_values().iter().map(|s| s.powi(4)).sum::<f64>().powf(0.25)
+    };
+    let c = |row: usize| (0..ROWS).filter(|column| row / 3 != column / 3).map(|column| norm(row, column)).sum::<f64>();
+    (0..ROWS).map(|row| (1.0 + 0.5 * c(row)) * block(a, row, row)).collect()
+}
+
+/// `M = D̃ + L`.
+fn splitting(a: &DMatrix<f64>, diagonal: &[Matrix2<f64>]) -> DMatrix<f64> {
+    DMatrix::from_fn(ORDER, ORDER, |r, c| match () {
+        () if r / 2 == c / 2 => diagonal[r / 2][(r % 2, c % 2)],
+        () if c < r && r / 6 == c / 6 => a[(r, c)],
+        () => 0.0,
+    })
+}
+
+/// A sweep is never too long: `M + Mᵀ − A` is positive definite however large the blocks outside are. Without damping it is not.
+#[test]
+fn smoothing_converges_whatever_the_domains_are() {
+    for (times, is_needed) in [(0.5, false), (10.0, true), (-10.0, true)] {
+        let outside = |r: usize, c: usize| if r / 6 == c / 6 { 1.0 } else { times };
+        let a = dense(&matrix());
+        let a = DMatrix::from_fn(ORDER, ORDER, |r, c| outside(r, c) * a[(r, c)]);
+        let undamped: Vec<_> = (0..ROWS).map(|row| block(&a, row, row)).collect();
+        let [damped, undamped] = [damped_diagonal(&a), undamped].map(|diagonal| {
+            let m = splitting(&a, &diagonal);
+            (&m + m.transpose() - &a).symmetric_eigenvalues().min()
+        });
+        assert!(damped > 0.0 && (undamped < 0.0) == is_needed, "{times}: {damped} {undamped}");
+    }
+}
+
+/// Seen from axes of its own at every row, a matrix is smoothed in the same way: what is soft across a spring stays soft at the border of a domain.
+#[test]
+fn axes_do_not_matter() {
+    let axes: Vec<Matrix2<f64>> =
+        (0..ROWS).map(|row| nalgebra::Rotation2::new(0.3 + row as f64).into_inner()).collect();
+    let (matrix, mut turned) = (matrix(), matrix());
+    for row in 0..ROWS {
+        for position in matrix.pattern.row(row) {
+            let column = matrix.pattern.columns(row)[position - matrix.pattern.row(row).start] as usize;
+            let entries = Matrix2::from_fn(|r, c| matrix.values[position][r][c]);
+            let entries = axes[row] * entries * axes[column].transpose();
+            turned.values[position] = [0, 1].map(|r| [0, 1].map(|c| entries[(r, c)]));
+        }
+    }
+    let turn = |x: &[[f32; 2]]| -> Vec<[f32; 2]> {
+        let turn = |(axes, x): (&Matrix2<f64>, &[f32; 2])| {
+            (axes * nalgebra::Vector2::from(x.map(f64::from))).map(|x| x as f32)
+        };
+        axes.iter().zip(x).map(turn).map(<[f32; 2]>::from).collect()
+    };
+    let b: Vec<[f32; 2]> = (0..ROWS).map(|row| [1.0 + row as f32, -2.0 * row as f32]).collect();
+    let smoothed = |matrix: &BlockMatrix<2, 2>, b: &[[f32; 2]]| {
+        let mut smoother = GaussSeidel::<2>::with_domains(&matrix.pattern, 3).unwrap();
+        smoother.update(matrix, 1.0).unwrap();
+        let (mut x, mut r) = (vec![[0.0; 2]; ROWS], vec![[0.0; 2]; ROWS]);
+        smoother.forward(b, &mut x, &mut r);
+        smoother.backward(&r, &mut x);
+        x
+    };
+    assert_near(&smoothed(&turned, &turn(&b)), &vector(&turn(&smoothed(&matrix, &b))));
+}
+
 #[test]
 fn sweeps_over_domains_are_their_formulas() {
     const FACTOR: f64 = 0.25;
     let matrix = matrix();
     let a = FACTOR * dense(&matrix);
-    let within = |r: usize, c: usize| r / 6 == c / 6;
-    // D̃ = D + ½ diag(Σ |E|), M = D̃ + L.
-    let m = DMatrix::from_fn(ORDER, ORDER, |r, c| {
-        let outside: f64 = (0..ORDER).filter(|&c| !within(r, c)).map(|c| a[(r, c)].abs()).sum();
-        match () {
-            () if r == c => a[(r, c)] + 0.5 * outside,
-            () if r / 2 == c / 2 || (c < r && within(r, c)) => a[(r, c)],
-            () => 0.0,
-        }
-    });
+    let m = splitting(&a, &damped_diagonal(&a));
     let inverse = m.try_inverse().unwrap();
 
     let mut smoother = GaussSeidel::<2>::with_domains(&matrix.pattern, 3).unwrap();
@@ -108,15 +172,16 @@ fn domains_have_eight_thousand_rows_and_are_sixteen_at_most() {
 /// A row without any entry gets a diagonal, however small.
 #[test]
 fn empty_rows_are_not_refused() {
-    let found = damped(&[[0.0, 0.0], [0.0, 2.0]], 1.0, &[0.0, 1.0]).unwrap();
-    assert!((found[0][0] * LEAST_DIAGONAL - 1.0).abs() < 1e-12 && (found[1][1] * 3.0 - 1.0).abs() < 1e-12, "{found:?}");
+    let found = inverse_of(&[[0.0, 0.0], [0.0, 2.0]], 2.0).unwrap();
+    assert!((found[0][0] * LEAST_DIAGONAL - 1.0).abs() < 1e-12 && (found[1][1] * 4.0 - 1.0).abs() < 1e-12, "{found:?}");
 }
 
 /// Of ten couplings four lie within a domain: these are kept once, the others for both of their rows. Offsets take 8 bytes, column numbers and
-/// single numbers 4; every row has an inverse and two sums, and two numbers to work with.
+/// single numbers 4; every row has an inverse and its damping, and two numbers to work with; all have blocks outside, so that they have a number and an
+/// inverse in double precision.
 #[test]
 fn memory_is_that_of_both_parts() {
     let smoother = GaussSeidel::<2>::with_domains(&matrix().pattern, 3).unwrap();
     let part = |blocks: usize| 8 * 8 + blocks * (4 + 4 * 4);
-    assert_eq!(smoother.bytes(), part(4) + part(12) + 7 * (4 + 2) * 4 + 7 * 2 * 4);
+    assert_eq!(smoother.bytes(), part(4) + part(12) + 7 * (4 + 1) * 4 + 7 * 2 * 4 + 7 * (4 + 4 * 8));
 }
