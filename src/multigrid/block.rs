@@ -121,6 +121,16 @@ pub(super) fn scaled<const R: usize, const C: usize>(factor: f64, a: &Block<R, C
     a.map(|row| row.map(|entry| factor * entry))
 }
 
+/// `A + B`.
+#[inline(always)]
+pub(super) fn sum<const R: usize, const C: usize>(a: &Block<R, C>, b: &Block<R, C>) -> Block<R, C> {
+    let mut sum = *a;
+    for (sum, b) in sum.as_flattened_mut().iter_mut().zip(b.as_flattened()) {
+        *sum += b;
+    }
+    sum
+}
+
 /// What is nothing beside one: processors take very long for products and sums below 1e-38.
 const NOTHING: f64 = 1e-25;
 
@@ -148,6 +158,25 @@ pub(super) fn norm_squared<const N: usize>(x: &[f64; N]) -> f64 {
 pub(super) struct BadPivot {
     pub index: usize,
     pub pivot: f64,
+}
+
+/// Whether a symmetric block is positive definite, by its pivots; the lower triangle is read.
+#[inline(always)]
+pub(super) fn is_definite<const N: usize>(a: &Block<N, N>) -> bool {
+    let mut rest = *a;
+    let mut is_definite = true;
+    for k in 0..N {
+        let pivot = rest[k][k];
+        let inverse = 1.0 / pivot;
+        for i in k + 1..N {
+            let factor = rest[i][k] * inverse;
+            for j in k + 1..=i {
+                rest[i][j] -= factor * rest[j][k];
+            }
+        }
+        is_definite &= pivot > 0.0;
+    }
+    is_definite
 }
 
 /// The inverse of a symmetric positive definite block, through its Cholesky factor; the lower triangle is read.
@@ -180,8 +209,8 @@ pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, Ba
 #[cfg(test)]
 mod tests {
     use super::{
-        BadPivot, add_product, add_transposed_apply, add_transposed_product, inverse, norm_squared, single,
-        subtract_apply,
+        BadPivot, add_product, add_transposed_apply, add_transposed_product, inverse, is_definite, norm_squared,
+        single, subtract_apply,
     };
 
     #[test]
@@ -219,6 +248,16 @@ mod tests {
             [[21.0, -6.0, -4.0], [-6.0, 20.0, -8.0], [-4.0, -8.0, 16.0]].map(|row| row.map(|entry| entry / 64.0));
         for (found, expected) in found.as_flattened().iter().zip(expected.as_flattened()) {
             assert!((found - expected).abs() < 1e-15, "{found} {expected}");
+        }
+    }
+
+    /// [[2, 1], [1, 1]] has the pivots 2 and ½, and with 2 beside the diagonal 2 and −1.
+    #[test]
+    fn definite_blocks_have_positive_pivots() {
+        let ignored = f64::NAN;
+        assert!(is_definite(&[[2.0, ignored], [1.0, 1.0]]));
+        for not in [[[2.0, 2.0], [2.0, 1.0]], [[0.0, 0.0], [0.0, 1.0]], [[f64::NAN, 0.0], [0.0, 1.0]]] {
+            assert!(!is_definite(&not), "{not:?}");
         }
     }
 

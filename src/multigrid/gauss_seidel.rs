@@ -2,8 +2,8 @@
 //!
 //! With A = L + D + Lᵀ a forward sweep from zero is `x = (D + L)⁻¹ b`, and a backward sweep `x += (D + Lᵀ)⁻¹ (b − A x)`: one is the
 //! transpose of the other, which makes the preconditioner symmetric. Sweeps are sequential. To share them out, rows are cut
-//! into domains, by their number alone; L keeps the blocks within a domain, and rows with blocks E outside are [damped](border),
-//! `D̃_i = (1 + ½ c_i) D_i` with c_i so large that smoothing converges whatever the domains are.
+//! into domains, by their number alone; L keeps the blocks within a domain, and rows with blocks E outside have more on the
+//! diagonal, [`D̃ = D + ½ S`](border), so that smoothing converges whatever the domains are.
 //!
 //! Smoothing takes the time of reading the matrix, so little of it is kept, and in single precision, times a factor that brings
 //! its entries near one: rounding changes a correction by 1e-7 of itself, which conjugate gradients do not notice. Of the two
@@ -11,19 +11,19 @@
 //! column: a forward sweep leaves the residual behind as it goes,
 //!
 //! ```text
-//! r = b − A x = (D̃ − D) x − Lᵀ x − E x,
+//! r = b − A x = −Lᵀ x − (E − ½ S) x,
 //! ```
 //!
 //! and a backward sweep takes L x of the old x from the rows that it has not reached yet and Lᵀ x of the new x from those that
-//! it has. With `δ = 1 / (1 + ½ c)` and what a row has to solve for, `D̃ x = s`, that is `x = δ D⁻¹ s` and `(D̃ − D) x = (1 − δ) s`.
+//! it has.
 
 mod border;
 
-use super::block::{BadPivot, Block, add_transposed_apply, apply, inverse, scaled, single, subtract_apply, zero};
+use super::block::{BadPivot, Block, add_transposed_apply, apply, inverse, scaled, single, subtract_apply, sum, zero};
 use super::parallel::{for_chunks, for_each_row, for_each_sparse_row};
 use super::sparse::{BlockMatrix, Pattern, Rows};
 use crate::error::Result;
-use border::Border;
+use border::More;
 use std::sync::Arc;
 
 /// The least rows that a domain has, and the most domains: fewer domains smooth better, more keep more threads busy.
@@ -40,21 +40,12 @@ pub(super) struct GaussSeidel<const N: usize> {
     domain: usize,
     /// L.
     lower: BlockMatrix<N, N, f32>,
-    /// E.
+    /// E − ½ S.
     outside: BlockMatrix<N, N, f32>,
-    border: Border<N>,
-    diagonal: Vec<Diagonal<N>>,
-    /// b and the E of a backward sweep, and then what is left of it.
+    /// D̃⁻¹; zero where D is not positive definite.
+    inverses: Vec<Block<N, N, f32>>,
+    /// b and what is outside of a backward sweep, and then what is left of it.
     rest: Vec<[f32; N]>,
-}
-
-/// D of a row.
-#[derive(Debug, Clone, Copy)]
-struct Diagonal<const N: usize> {
-    /// D⁻¹; zero where D is not positive definite.
-    inverse: Block<N, N, f32>,
-    /// δ.
-    damping: f32,
 }
 
 /// A diagonal block that is not positive definite.
@@ -76,19 +67,22 @@ impl<const N: usize> GaussSeidel<N> {
     /// With so many rows a domain.
     fn with_domains(pattern: &Pattern, domain: usize) -> Result<Self> {
         let rows = pattern.rows();
-        let part = |belongs: &dyn Fn(usize, usize) -> bool| {
-            Pattern::build(rows, |row, columns| {
-                columns.extend(pattern.columns(row).iter().filter(|&&column| belongs(row, column as usize)));
-            })
-        };
-        let lower = part(&|row, column| column < row && column / domain == row / domain)?;
-        let outside = part(&|row, column| column / domain != row / domain)?;
+        let is_within = |row: usize, column: u32| column as usize / domain == row / domain;
+        let lower = Pattern::build(rows, |row, columns| {
+            let is_lower = |column: u32| (column as usize) < row && is_within(row, column);
+            columns.extend(pattern.columns(row).iter().filter(|&&column| is_lower(column)));
+        })?;
+        let outside = Pattern::build(rows, |row, columns| {
+            columns.extend(pattern.columns(row).iter().filter(|&&column| !is_within(row, column)));
+            if !columns.is_empty() {
+                columns.push(row as u32);
+            }
+        })?;
         Ok(Self {
             domain,
-            border: Border::of(&outside),
             lower: BlockMatrix::zeros(Arc::new(lower)),
             outside: BlockMatrix::zeros(Arc::new(outside)),
-            diagonal: vec![Diagonal { inverse: zero(), damping: 1.0 }; rows],
+            inverses: vec![zero(); rows],
             rest: vec![[0.0; N]; rows],
         })
     }
@@ -98,68 +92,75 @@ impl<const N: usize> GaussSeidel<N> {
     /// # Errors
     /// The first diagonal block that is not positive definite.
     pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), BadBlock> {
-        let Self { domain, lower, outside, border, diagonal, .. } = self;
+        let Self { domain, lower, outside, inverses, .. } = self;
         let domain_of = |row: usize| row / *domain;
         for_each_sparse_row(
             &lower.pattern,
             &mut lower.values,
-            diagonal,
+            inverses,
             #[inline(always)]
-            |row, lower, diagonal| {
+            |row, lower, inverse| {
                 let mut lower = lower.iter_mut();
-                let mut block = zero();
+                let mut diagonal = zero();
                 a.visit(
                     row,
                     #[inline(always)]
-                    |column, entries| {
+                    |column, block| {
                         if column == row {
-                            block = *entries;
+                            diagonal = *block;
                         } else if column < row
                             && domain_of(column) == domain_of(row)
                             && let Some(place) = lower.next()
                         {
-                            *place = single(factor, entries);
+                            *place = single(factor, block);
                         }
                     },
                 );
-                let inverse = inverse_of(&block, factor).unwrap_or(zero());
-                *diagonal = Diagonal { inverse: single(1.0, &inverse), damping: 1.0 };
+                *inverse = single(1.0, &inverse_of(&scaled(factor, &diagonal)).unwrap_or(zero()));
             },
         );
-        border.update(a, factor);
+        let BlockMatrix { pattern, values } = outside;
         for_each_sparse_row(
-            &outside.pattern,
-            &mut outside.values,
-            diagonal,
+            pattern,
+            values,
+            inverses,
             #[inline(always)]
-            |row, outside, diagonal| {
-                let mut outside = outside.iter_mut();
-                let Some(mine) = border.inverse(row) else { return };
-                let mut c = 0.0;
+            |row, outside, inverse| {
+                if outside.is_empty() {
+                    return;
+                }
+                let own = pattern.columns(row).partition_point(|&column| (column as usize) < row);
+                let mut places = outside.iter_mut().enumerate().filter(|(place, _)| *place != own);
+                let (mut diagonal, mut more) = (zero(), More::of(row, factor));
                 a.visit(
                     row,
                     #[inline(always)]
-                    |column, entries| {
-                        if domain_of(column) != domain_of(row)
-                            && let (Some(place), Some(other)) = (outside.next(), border.inverse(column))
+                    |column, block| {
+                        if column == row {
+                            diagonal = scaled(factor, block);
+                        } else if domain_of(column) != domain_of(row)
+                            && let Some((_, place)) = places.next()
                         {
-                            *place = single(factor, entries);
-                            c += border::coupling(mine, &scaled(factor, entries), other);
+                            *place = single(factor, block);
+                            more.couple(a, column, &scaled(factor, block));
                         }
                     },
                 );
-                diagonal.damping = (1.0 / (1.0 + 0.5 * c)) as f32;
+                let half = more.half(&diagonal);
+                outside[own] = single(-1.0, &half);
+                if *inverse != [[0.0; N]; N] {
+                    *inverse = single(1.0, &inverse_of(&sum(&diagonal, &half)).unwrap_or(zero()));
+                }
             },
         );
-        let is_missing = |diagonal: &Diagonal<N>| diagonal.inverse.iter().flatten().all(|&entry| entry == 0.0);
-        let Some(row) = diagonal.iter().position(is_missing) else { return Ok(()) };
-        inverse_of(&diagonal_block(a, row), factor).map(drop).map_err(|bad| BadBlock { row, bad })
+        let Some(row) = inverses.iter().position(|inverse| *inverse == [[0.0; N]; N]) else { return Ok(()) };
+        inverse_of(&scaled(factor, &diagonal_block(a, row))).map(drop).map_err(|bad| BadBlock { row, bad })
     }
 
-    /// `D⁻¹` of a row of `factor·A`.
+    /// `D̃⁻¹` of a row of `factor·A`.
     #[inline(always)]
     pub fn inverse(&self, row: usize) -> &Block<N, N, f32> {
-        &self.diagonal[row].inverse
+        &self.inverses[row]
     }
 
     /// `x = M⁻¹ b`, a forward sweep from zero, and `r = b − A x`.
@@ -172,13 +173,12 @@ impl<const N: usize> GaussSeidel<N> {
             |start, x, r| {
                 for i in 0..x.len() {
                     let row = start + i;
-                    let Diagonal { inverse, damping } = &self.diagonal[row];
                     let mut sum = b[row];
                     for (column, a) in self.lower.row(row) {
                         subtract_apply(&mut sum, a, &x[column - start]);
                     }
-                    x[i] = apply(inverse, &sum).map(|x| damping * x);
-                    r[i] = sum.map(|sum| (1.0 - damping) * sum);
+                    x[i] = apply(&self.inverses[row], &sum);
+                    r[i] = [0.0; N];
                     let opposite = x[i].map(|x| -x);
                     for (column, a) in self.lower.row(row) {
                         add_transposed_apply(&mut r[column - start], a, &opposite);
@@ -202,7 +202,7 @@ impl<const N: usize> GaussSeidel<N> {
 
     /// `x += M⁻ᵀ (b − A x)`, a backward sweep.
     pub fn backward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
-        let Self { domain, lower, outside, diagonal, rest, .. } = self;
+        let Self { domain, lower, outside, inverses, rest, .. } = self;
         for_each_row(
             rest,
             #[inline(always)]
@@ -226,9 +226,7 @@ impl<const N: usize> GaussSeidel<N> {
                     for (column, a) in lower.row(row) {
                         subtract_apply(&mut sum, a, &x[column - start]);
                     }
-                    let Diagonal { inverse, damping } = &diagonal[row];
-                    let solved = apply(inverse, &sum);
-                    x[i] = std::array::from_fn(|k| damping * solved[k] + (1.0 - damping) * x[i][k]);
+                    x[i] = apply(&inverses[row], &sum);
                     let opposite = x[i].map(|x| -x);
                     for (column, a) in lower.row(row) {
                         add_transposed_apply(&mut rest[column - start], a, &opposite);
@@ -244,8 +242,7 @@ impl<const N: usize> GaussSeidel<N> {
         patterns
             + self.lower.bytes()
             + self.outside.bytes()
-            + self.border.bytes()
-            + size_of_val(&self.diagonal[..])
+            + size_of_val(&self.inverses[..])
             + size_of_val(&self.rest[..])
     }
 }
@@ -271,9 +268,9 @@ fn diagonal_block<const N: usize>(a: &impl Rows<N>, row: usize) -> Block<N, N> {
     block
 }
 
-/// `D⁻¹` of a row of `factor·A`.
-fn inverse_of<const N: usize>(block: &Block<N, N>, factor: f64) -> std::result::Result<Block<N, N>, BadPivot> {
-    let mut block = scaled(factor, block);
+/// The inverse of a diagonal block.
+fn inverse_of<const N: usize>(block: &Block<N, N>) -> std::result::Result<Block<N, N>, BadPivot> {
+    let mut block = *block;
     for (k, row) in block.iter_mut().enumerate() {
         row[k] += LEAST_DIAGONAL;
     }

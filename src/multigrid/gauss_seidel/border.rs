@@ -1,76 +1,93 @@
-//! Rows of a domain that have blocks outside it, and how much they have to be damped.
+//! Rows of a domain that have blocks outside it, and how much more they get on the diagonal.
 //!
-//! With L within the domains, E outside them and `M = D̃ + L`, smoothing converges for certain when
-//! `M + Mᵀ − A = 2 D̃ − D − E` is positive definite. Measured by the diagonal blocks `D_i = L_i L_iᵀ` of A, a block of E is
-//! `Ê_ij = L_i⁻¹ E_ij L_j⁻ᵀ`; with
+//! With L within the domains, E outside them and `M = D + ½ S + L`, smoothing converges for certain when
+//! `M + Mᵀ − A = D + S − E` is positive definite. S is block diagonal, a sum over the blocks of E, and each pair of rows must have
 //!
 //! ```text
-//! D̃_i = (1 + ½ c_i) D_i,   c_i = Σ_j ‖Ê_ij‖₂,   2 D̃ − D − E = D + diag(c_i D_i) − E,
+//! ⎡  S_ij   −E_ij ⎤
+//! ⎣ −E_ijᵀ   S_ji ⎦  ≥ 0.
 //! ```
 //!
-//! and `diag(c_i) − Ê` is diagonally dominant by blocks, thus positive semidefinite. The norm is bounded by `‖Ê‖₂⁴ ≤ Σ σ⁴ = tr H²` with
-//! `H = D_j⁻¹ E_ijᵀ D_i⁻¹ E_ij`, whose eigenvalues are the squares of the singular values σ of Ê.
+//! A block of springs that pull is the negative of a positive semidefinite one: `S_ij = S_ji = −E_ij` does, and resists what the springs
+//! resist and nothing else. Any other block is bounded by the diagonal blocks `D_i = L_i L_iᵀ` of its rows,
 //!
-//! Adding the sums of the magnitudes of E to the diagonal instead, `D̃ = D + ½ diag(Σ |E|)` (Baker, Falgout, Kolev and Yang 2011, "Multigrid smoothers
-//! for ultraparallel computing", section 6, for scalars), does as much for convergence. But it adds what springs resist along
-//! themselves to every axis: where a cloth is not parallel to the axes, motions across it, a thousand times softer, are then hardly smoothed
-//! at the borders. That made a falling cloth of 250² need 34 iterations where 18 do.
+//! ```text
+//! S_ij = c D_i,  S_ji = c D_j,   c = ‖L_i⁻¹ E_ij L_j⁻ᵀ‖₂,   c⁴ ≤ Σ σ⁴ = tr H²,   H = D_j⁻¹ E_ijᵀ D_i⁻¹ E_ij,
+//! ```
+//!
+//! where σ² are the eigenvalues of H.
+//!
+//! For scalars S is the sum of the magnitudes of E (Baker, Falgout, Kolev and Yang 2011, "Multigrid smoothers for ultraparallel computing",
+//! section 6). Taken entry by entry, that adds what springs resist along themselves to every axis: where a cloth is not parallel to the
+//! axes, motions across it, a thousand times softer, are then hardly smoothed at the borders. A falling cloth of 250² took 34
+//! iterations, where it takes 18.
 
-use super::super::block::{Block, add_product, add_transposed_product, zero};
-use super::super::parallel::for_each_row;
-use super::super::sparse::{Pattern, Rows};
+use super::super::block::{Block, add_product, add_transposed_product, is_definite, scaled, sum, zero};
+use super::super::sparse::Rows;
 use super::{diagonal_block, inverse_of};
 
-/// The rows with blocks outside their domain. Their columns are such rows, too.
-#[derive(Debug, Clone)]
-pub(super) struct Border<const N: usize> {
-    /// Ascending.
-    rows: Vec<u32>,
-    /// D⁻¹ of each, in double precision: what is stiff is hardly seen in it beside what is soft.
-    inverses: Vec<Block<N, N>>,
+/// What rounding may make of a zero eigenvalue, over the sum of all. Springs resist a million times less across than along at most.
+const ROUNDING: f64 = 1e-12;
+
+/// S of one row of `factor·A`, as it is summed up.
+pub(super) struct More<const N: usize> {
+    row: usize,
+    factor: f64,
+    /// Of blocks that are the negative of a positive semidefinite one.
+    resisted: Block<N, N>,
+    /// Of others, in D.
+    bounded: f64,
 }
 
-impl<const N: usize> Border<N> {
-    /// Of the pattern of E.
-    pub fn of(outside: &Pattern) -> Self {
-        let is_border = |row: &u32| !outside.row(*row as usize).is_empty();
-        let rows: Vec<u32> = (0..outside.rows() as u32).filter(is_border).collect();
-        let inverses = vec![zero(); rows.len()];
-        Self { rows, inverses }
+impl<const N: usize> More<N> {
+    /// Of a row without any block outside.
+    pub fn of(row: usize, factor: f64) -> Self {
+        Self { row, factor, resisted: zero(), bounded: 0.0 }
     }
 
-    /// Takes over `factor·A`; zero where D is not positive definite.
-    pub fn update(&mut self, a: &impl Rows<N>, factor: f64) {
-        let Self { rows, inverses } = self;
-        for_each_row(
-            inverses,
-            #[inline(always)]
-            |at, inverse| {
-                *inverse = inverse_of(&diagonal_block(a, rows[at] as usize), factor).unwrap_or(zero());
-            },
-        );
+    /// Takes note of a block outside.
+    #[inline(always)]
+    pub fn couple(&mut self, a: &impl Rows<N>, column: usize, outside: &Block<N, N>) {
+        match resisted(outside) {
+            Some(resisted) => self.resisted = sum(&self.resisted, &resisted),
+            None => self.bounded += self.bound(a, column, outside),
+        }
     }
 
-    /// D⁻¹ of a row, if it is one of them.
-    pub fn inverse(&self, row: usize) -> Option<&Block<N, N>> {
-        let at = self.rows.binary_search(&(row as u32)).ok()?;
-        self.inverses.get(at)
+    /// A bound on c; none where D_i or D_j is not positive definite, for then there is no smoother.
+    #[inline(never)]
+    fn bound(&self, a: &impl Rows<N>, column: usize, outside: &Block<N, N>) -> f64 {
+        let [mine, other] = [self.row, column].map(|row| inverse_of(&scaled(self.factor, &diagonal_block(a, row))));
+        let (Ok(mine), Ok(other)) = (mine, other) else { return 0.0 };
+        let (mut solved, mut square, mut h) = (zero(), zero(), zero());
+        add_product(&mut solved, &mine, outside);
+        add_transposed_product(&mut square, outside, &solved);
+        add_product(&mut h, &other, &square);
+        let trace = (0..N).map(|i| (0..N).map(|j| h[i][j] * h[j][i]).sum::<f64>()).sum::<f64>();
+        // Rounding may make what is nothing negative.
+        trace.max(0.0).sqrt().sqrt()
     }
 
-    /// Bytes held.
-    pub fn bytes(&self) -> usize {
-        size_of_val(&self.rows[..]) + size_of_val(&self.inverses[..])
+    /// ½ S, with the D of the row.
+    pub fn half(&self, diagonal: &Block<N, N>) -> Block<N, N> {
+        sum(&scaled(0.5, &self.resisted), &scaled(0.5 * self.bounded, diagonal))
     }
 }
 
-/// A bound on `‖Ê_ij‖₂`, from D_i⁻¹, E_ij and D_j⁻¹.
+/// `−E_ij`, if it is symmetric and positive semidefinite, up to rounding and with that on its diagonal.
 #[inline(always)]
-pub(super) fn coupling<const N: usize>(mine: &Block<N, N>, outside: &Block<N, N>, other: &Block<N, N>) -> f64 {
-    let (mut e, mut h, mut seen) = (zero(), zero(), zero());
-    add_product(&mut e, mine, outside);
-    add_transposed_product(&mut seen, outside, &e);
-    add_product(&mut h, other, &seen);
-    let trace = (0..N).map(|i| (0..N).map(|j| h[i][j] * h[j][i]).sum::<f64>()).sum::<f64>();
-    // H² has no negative eigenvalues, but rounding errors where they are nothing.
-    trace.max(0.0).sqrt().sqrt()
+fn resisted<const N: usize>(outside: &Block<N, N>) -> Option<Block<N, N>> {
+    let trace = -(0..N).map(|k| outside[k][k]).sum::<f64>();
+    let is_symmetric = |r: usize| (0..r).all(|c| (outside[r][c] - outside[c][r]).abs() <= ROUNDING * trace);
+    if !(0..N).all(is_symmetric) {
+        return None;
+    }
+    let mut block = scaled(-1.0, outside);
+    let add_rounding = |block: &mut Block<N, N>| (0..N).for_each(|k| block[k][k] += ROUNDING * trace);
+    add_rounding(&mut block);
+    // Eigenvalues from −ROUNDING on: with twice as much, none is smaller than what it was in magnitude.
+    is_definite(&block).then(|| {
+        add_rounding(&mut block);
+        block
+    })
 }
