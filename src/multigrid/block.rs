@@ -164,19 +164,14 @@ pub(super) struct BadPivot {
 #[inline(always)]
 pub(super) fn is_definite<const N: usize>(a: &Block<N, N>) -> bool {
     let mut rest = *a;
-    let mut is_definite = true;
-    for k in 0..N {
-        let pivot = rest[k][k];
-        let inverse = 1.0 / pivot;
-        for i in k + 1..N {
-            let factor = rest[i][k] * inverse;
-            for j in k + 1..=i {
-                rest[i][j] -= factor * rest[j][k];
-            }
+    (0..N).all(|k| {
+        let column: [f64; N] = std::array::from_fn(|row| rest[row][k]);
+        for row in rest.iter_mut().skip(k + 1) {
+            let factor = row[k] / column[k];
+            row.iter_mut().zip(column).skip(k + 1).for_each(|(entry, other)| *entry -= factor * other);
         }
-        is_definite &= pivot > 0.0;
-    }
-    is_definite
+        column[k] > 0.0
+    })
 }
 
 /// The inverse of a symmetric positive definite block, through its Cholesky factor; the lower triangle is read.
