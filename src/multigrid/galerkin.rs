@@ -11,7 +11,7 @@
 //!
 //! Both terms are positive semidefinite where A is, so `A_c` is refused only if A is indefinite.
 
-use super::block::{Block, add_product, add_transposed_product, double, zero};
+use super::block::{Block, add_product, add_transposed_product, double, scaled, zero};
 use super::parallel::for_each_row_of;
 use super::prolongator::Prolongator;
 use super::sparse::{BlockMatrix, Pattern, Rows};
@@ -147,34 +147,31 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
             |row, sums| {
                 for (node, t) in prolongator.tentative_column(row) {
                     let t: Block<N, M> = double(t);
-                    let mut add = |aggregate: u32, product: &Block<N, M>| {
-                        if let Ok(slot) = pattern.columns(row).binary_search(&aggregate)
-                            && let Some(sum) = sums.get_mut(slot)
-                        {
-                            add_transposed_product(sum, &t, product);
-                        }
-                    };
                     // A node has many neighbours in few aggregates: A T is added up by these first.
                     let mut count = 0;
                     let mut products = [(0, zero()); FEW];
-                    a.visit(node, |other, a| {
-                        let Some((aggregate, of_other)) = prolongator.tentative_row(other) else { return };
-                        let found = products[..count].iter().position(|&(known, _)| known == aggregate);
-                        let at = found.unwrap_or_else(|| {
-                            if count == FEW {
+                    a.visit(
+                        node,
+                        #[inline(always)]
+                        |other, a| {
+                            let Some((aggregate, of_other)) = prolongator.tentative_row(other) else { return };
+                            let found = products[..count].iter().position(|&(known, _)| known == aggregate);
+                            let at = found.unwrap_or(count);
+                            if at == FEW {
                                 let (aggregate, product) = products[FEW - 1];
-                                add(aggregate, &product);
-                                count -= 1;
+                                add(pattern.columns(row), sums, aggregate, &t, &product);
                             }
-                            products[count] = (aggregate, zero());
-                            count += 1;
-                            count - 1
-                        });
-                        let mut weighted = *a;
-                        weighted.as_flattened_mut().iter_mut().for_each(|entry| *entry *= UNSMOOTHED);
-                        add_product(&mut products[at].1, &weighted, &double(of_other));
-                    });
-                    products[..count].iter().for_each(|(aggregate, product)| add(*aggregate, product));
+                            let at = at.min(FEW - 1);
+                            if found.is_none() {
+                                products[at] = (aggregate, zero());
+                                count = at + 1;
+                            }
+                            add_product(&mut products[at].1, &scaled(UNSMOOTHED, a), &double(of_other));
+                        },
+                    );
+                    for (aggregate, product) in &products[..count] {
+                        add(pattern.columns(row), sums, *aggregate, &t, product);
+                    }
                 }
                 if let Some(block) = Slots::new(pattern.columns(row), sums).find(row) {
                     for motion in (0..M).filter(|&motion| !prolongator.modes[row].has(motion)) {
@@ -189,6 +186,22 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
     pub fn bytes(&self) -> usize {
         let patterns = self.product.bytes() + self.coarse.pattern.bytes();
         patterns + size_of_val(&self.section[..]) + size_of_val(&self.sections[..]) + self.coarse.bytes()
+    }
+}
+
+/// `A_c += Tᵀ (A T)` in one block of a row with these columns.
+#[inline(always)]
+fn add<const N: usize, const M: usize>(
+    columns: &[u32],
+    sums: &mut [Block<M, M>],
+    aggregate: u32,
+    t: &Block<N, M>,
+    product: &Block<N, M>,
+) {
+    if let Ok(slot) = columns.binary_search(&aggregate)
+        && let Some(sum) = sums.get_mut(slot)
+    {
+        add_transposed_product(sum, t, product);
     }
 }
 
