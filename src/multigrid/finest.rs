@@ -89,8 +89,14 @@ impl<const D: usize> Finest<D> {
     /// A reduced vector times a factor as one block a node, zero on prescribed axes.
     pub fn gather(&self, reduced: &[f64], factor: f64, blocks: &mut [[f32; D]]) {
         for ((block, free), &first) in blocks.iter_mut().zip(&self.free).zip(&self.first_rows) {
+            let values = &reduced[first as usize..];
+            // Nearly all particles move along every axis.
+            if let Some(values) = values.first_chunk().filter(|_| *free == Axes::first(D)) {
+                *block = values.map(|value: f64| (factor * value) as f32);
+                continue;
+            }
             *block = [0.0; D];
-            for (axis, value) in free.iter().zip(&reduced[first as usize..]) {
+            for (axis, value) in free.iter().zip(values) {
                 block[axis] = (factor * value) as f32;
             }
         }
@@ -99,7 +105,12 @@ impl<const D: usize> Finest<D> {
     /// Back from blocks to a reduced vector.
     pub fn scatter(&self, blocks: &[[f32; D]], factor: f64, reduced: &mut [f64]) {
         for ((block, free), &first) in blocks.iter().zip(&self.free).zip(&self.first_rows) {
-            for (axis, value) in free.iter().zip(&mut reduced[first as usize..]) {
+            let values = &mut reduced[first as usize..];
+            if let Some(values) = values.first_chunk_mut().filter(|_| *free == Axes::first(D)) {
+                *values = block.map(|value| factor * f64::from(value));
+                continue;
+            }
+            for (axis, value) in free.iter().zip(values) {
                 *value = factor * f64::from(block[axis]);
             }
         }
