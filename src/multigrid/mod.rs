@@ -47,20 +47,21 @@
 //! | scene | particles | nodes of the levels | entries of all / of A | tension | axial | block Jacobi |
 //! |---|---|---|---|---|---|---|
 //! | cloth 100 | 10 000 | 9998, 686, 82, 12 | 1.46 | 24 (25) | 24 (44) | 1018 |
-//! | cloth 316 | 99 856 | 99 854, 6720, 768, 93, 13 | 1.48 | 26 (28) | | 1633 |
-//! | cloth 1000 | 10⁶ | 999 998, 66 866, 7473, 875, 109, 16 | 1.48 | 33 | | 1844 |
+//! | cloth 316 | 99 856 | 99 854, 6720, 768, 93, 13 | 1.48 | 25 (28) | | 1633 |
+//! | cloth 1000 | 10⁶ | 999 998, 66 866, 7473, 875, 109, 16 | 1.49 | 32 | | 1844 |
 //! | lattice 10 | 1000 | 900, 48 | 1.19 | 12 | | |
 //! | lattice 22 | 10 648 | 10 164, 448, 27 | 1.21 | 12 (13) | | 479 |
-//! | lattice 46 | 97 336 | 95 220, 3840, 180, 12 | 1.22 | 13 | | 922 |
+//! | lattice 46 | 97 336 | 95 220, 3840, 180, 12 | 1.22 | 15 | | 922 |
 //!
 //! What a solve to 1e-10 costs, set-up included, in products A·w of the same matrix (`cargo bench --bench multigrid`; one thread of a busy
-//! machine, a product timed beside every cycle; runs of the same program differ by a tenth):
+//! machine, a product timed beside every cycle; runs of the same program differ by a tenth). The products are those of springs in rows, which take
+//! half the time that they took:
 //!
 //! | scene | all | set-up | solve | of an iteration: smoothing of the finest level / transfers / coarse levels / conjugate gradients |
 //! |---|---|---|---|---|
-//! | cloth 316 | 280–330 | 83–96 | 199–232 | 3.2 / 1.5 / 2.2 / 1.6 |
-//! | cloth 1000 | 440–450 | 129–134 | 312–315 | 3.4 / 1.4 / 2.3 / 1.9 |
-//! | lattice 46 | 186 | 87 | 100 | 3.0 / 1.2 / 0.7 / 1.5 |
+//! | cloth 316 | 450–530 | 180–210 | 260–320 | 5.0 / 2.5 / 2.3 / 1.6 |
+//! | cloth 1000 | 690 | 200 | 490 | 6.4 / 2.5 / 3.4 / 2.2 |
+//! | lattice 46 | 310–360 | 160–200 | 140–170 | 5.9 / 2.1 / 1.1 / 1.6 |
 //!
 //! In the way of fewer stand the bytes. A sweep reads 340 a particle, its share of one triangle, where a product reads 40 a spring, 240 a
 //! particle of a cloth; the transfers read P, about 200 a particle, twice; the coarse levels of a cloth have half as many entries as A.
