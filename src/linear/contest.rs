@@ -171,8 +171,9 @@ impl Contest {
                 Some(Kind::BlockJacobi) if self.is_seen(0) => self.blocks_at_best * self.per_digit(0),
                 Some(Kind::Multigrid) => {
                     let [in_rows, scattered] = MULTIGRID_AT_BEST;
-                    let with_blocks = Some(self.per_digit(1)).filter(|per_digit| per_digit.is_finite());
-                    in_rows.max(scattered * self.scattered * with_blocks.unwrap_or(0.0).sqrt())
+                    let with_blocks = self.per_digit(1);
+                    let least = scattered * self.scattered * with_blocks.sqrt();
+                    if with_blocks.is_finite() { in_rows.max(least) } else { in_rows }
                 }
                 _ => f64::INFINITY,
             },

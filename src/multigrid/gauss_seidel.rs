@@ -23,7 +23,7 @@ use super::block::{BadPivot, Block, add_transposed_apply, apply, inverse, scaled
 use super::parallel::{for_chunks, for_each_row, for_each_sparse_row};
 use super::sparse::{BlockMatrix, Pattern, Rows};
 use crate::error::Result;
-use border::More;
+use border::Damping;
 use std::sync::Arc;
 
 /// The least rows that a domain has, and the most domains: fewer domains smooth better, more keep more threads busy.
@@ -59,7 +59,7 @@ impl<const N: usize> GaussSeidel<N> {
     /// For matrices of a pattern.
     ///
     /// # Errors
-    /// More blocks than 32-bit indices can count.
+    /// Damping blocks than 32-bit indices can count.
     pub fn new(pattern: &Pattern) -> Result<Self> {
         Self::with_domains(pattern, domain(pattern.rows()))
     }
@@ -131,7 +131,7 @@ impl<const N: usize> GaussSeidel<N> {
                 }
                 let own = pattern.columns(row).partition_point(|&column| (column as usize) < row);
                 let mut places = outside.iter_mut().enumerate().filter(|(place, _)| *place != own);
-                let (mut diagonal, mut more) = (zero(), More::of(row, factor));
+                let (mut diagonal, mut damping) = (zero(), Damping::of(row, factor));
                 a.visit(
                     row,
                     #[inline(always)]
@@ -142,11 +142,11 @@ impl<const N: usize> GaussSeidel<N> {
                             && let Some((_, place)) = places.next()
                         {
                             *place = single(factor, block);
-                            more.couple(a, column, &scaled(factor, block));
+                            damping.couple(a, column, &scaled(factor, block));
                         }
                     },
                 );
-                let half = more.half(&diagonal);
+                let half = damping.half(&diagonal);
                 outside[own] = single(-1.0, &half);
                 if *inverse != [[0.0; N]; N] {
                     *inverse = single(1.0, &inverse_of(&sum(&diagonal, &half)).unwrap_or(zero()));

@@ -342,40 +342,30 @@ fn what_is_known_decides_whether_a_solve_goes_on() {
     }
 }
 
-/// A solve that seems to need as many iterations again as it has taken, and may take half as many more: where these cannot be afforded, but a trial of
-/// multigrid that takes an iteration a digit, it leaves room for that. Those that it has taken are not spent yet. Where neither can be afforded it goes on.
+/// A solve that seems to need as many iterations again as it has taken, and may take half as many more. Where they cost less than a trial of multigrid that
+/// takes an iteration a digit, but cannot be afforded, it leaves room for that; where they cost more, in any case: if the trial can be afforded, and else
+/// it goes on. Those that it has taken are not spent yet.
 #[test]
-fn what_cannot_be_finished_is_left_to_what_can_be() {
+fn what_can_be_finished_goes_first() {
     let (contest, costs) = (contest(), costs());
     let with = costs.iteration(Kind::BlockJacobi);
     let [prepared, cycle] = [costs.preparation(Kind::Multigrid), costs.iteration(Kind::Multigrid)];
     let trial = ANALYSED * costs.multigrid_setup() + prepared + 5.0 * cycle;
-    let iterations = 2 * (0.4 * trial / with) as u64;
-    let progress = Progress { iterations, gained: 5.0, left: 5.0 };
-    let taken = iterations as f64 * with;
-    let goes_on = 3 * iterations / 2;
-    for (room, more) in [(1.51 * taken, goes_on), (1.49 * taken, 0), (1.01 * trial, 0), (0.99 * trial, goes_on)] {
+    let [cheaper, dearer] = [0.4, 1.0].map(|share| 2 * (share * trial / with) as u64);
+    for (iterations, room, goes_on) in [
+        (cheaper, 1.51 * cheaper as f64 * with, true),
+        (cheaper, 1.49 * cheaper as f64 * with, false),
+        (cheaper, 1.01 * trial, false),
+        (cheaper, 0.99 * trial, true),
+        (dearer, f64::INFINITY, false),
+        (dearer, 1.01 * trial, false),
+        (dearer, 0.99 * trial, true),
+    ] {
         let mut budget = Budget::new(costs);
         budget.spend(1000.0);
-        budget.allow(taken + room);
-        assert_eq!(contest.more(Kind::BlockJacobi, progress, &budget), more, "{room}");
-    }
-}
-
-/// Where multigrid would cost less than what seems to be left, a solve changes to it if it can be afforded, and else goes on.
-#[test]
-fn nothing_is_changed_in_vain() {
-    let (contest, costs) = (contest(), costs());
-    let trial = ANALYSED * costs.multigrid_setup()
-        + costs.preparation(Kind::Multigrid)
-        + 5.0 * costs.iteration(Kind::Multigrid);
-    let with = costs.iteration(Kind::BlockJacobi);
-    let iterations = 2 * (trial / with) as u64;
-    let progress = Progress { iterations, gained: 5.0, left: 5.0 };
-    for (room, more) in [(f64::INFINITY, 0), (1.01 * trial, 0), (0.99 * trial, 3 * iterations / 2)] {
-        let mut budget = Budget::new(costs);
         budget.allow(iterations as f64 * with + room);
-        assert_eq!(contest.more(Kind::BlockJacobi, progress, &budget), more, "{room}");
+        let more = contest.more(Kind::BlockJacobi, Progress { iterations, gained: 5.0, left: 5.0 }, &budget);
+        assert_eq!(more, if goes_on { 3 * iterations / 2 } else { 0 }, "{iterations} {room}");
     }
 }
 
@@ -387,8 +377,7 @@ fn of_networks_less_is_hoped_for() {
     let of_network = CostModel::of(&network);
     let multigrid = place(Kind::Multigrid);
     for (kind, iterations) in [(Kind::BlockJacobi, 640), (Kind::None, 1066)] {
-        for (contest, expected) in [(contest(), 1.0), (Contest::new(&network, &of_network), 4.0)] {
-            let mut seen = contest.clone();
+        for (mut seen, expected) in [(contest(), 1.0), (Contest::new(&network, &of_network), 4.0)] {
             seen.blocks_at_best = 0.6;
             assert_eq!(seen.per_digit(multigrid), 1.0, "nothing is known of blocks");
             seen.record(kind, iterations, 10.0);

@@ -26,11 +26,11 @@ use super::super::block::{Block, add_product, add_transposed_product, is_definit
 use super::super::sparse::Rows;
 use super::{diagonal_block, inverse_of};
 
-/// What rounding may make of a zero eigenvalue, over the sum of all. Springs resist a million times less across than along at most.
+/// What rounding may make of a zero eigenvalue, over the sum of all. It adds nothing to what springs resist across, some millionth of what they do along.
 const ROUNDING: f64 = 1e-12;
 
 /// S of one row of `factor·A`, as it is summed up.
-pub(super) struct More<const N: usize> {
+pub(super) struct Damping<const N: usize> {
     row: usize,
     factor: f64,
     /// Of blocks that are the negative of a positive semidefinite one.
@@ -39,7 +39,7 @@ pub(super) struct More<const N: usize> {
     bounded: f64,
 }
 
-impl<const N: usize> More<N> {
+impl<const N: usize> Damping<N> {
     /// Of a row without any block outside.
     pub fn of(row: usize, factor: f64) -> Self {
         Self { row, factor, resisted: zero(), bounded: 0.0 }
@@ -90,4 +90,32 @@ fn resisted<const N: usize>(outside: &Block<N, N>) -> Option<Block<N, N>> {
         add_rounding(&mut block);
         block
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `t I + (k − t) d dᵀ`, negative as beside the diagonal.
+    fn spring(k: f64, t: f64) -> Block<3, 3> {
+        let d = [1.0f64, 2.0, -3.0].map(|x| x / 14.0f64.sqrt());
+        std::array::from_fn(|r| std::array::from_fn(|c| (t - k) * d[r] * d[c] - if r == c { t } else { 0.0 }))
+    }
+
+    /// A spring that resists along itself alone has two eigenvalues that are zero or what rounding makes of them. One that is pressed,
+    /// one that pushes, no spring, and a block that is not symmetric are none of these.
+    #[test]
+    fn springs_that_pull_are_resisted_as_they_are() {
+        for (k, t) in [(5.0, 0.0), (5.0, 1e-6), (2.0, 2.0)] {
+            let (found, expected) = (resisted(&spring(k, t)).unwrap(), scaled(-1.0, &spring(k, t)));
+            let difference = sum(&found, &scaled(-1.0, &expected));
+            let largest = difference.as_flattened().iter().fold(0.0, |largest, entry| f64::max(largest, entry.abs()));
+            assert!(largest > 0.0 && largest < 3.0 * ROUNDING * (k + 2.0 * t), "{largest}");
+        }
+        let mut skew = spring(5.0, 1.0);
+        skew[0][1] += 1e-6;
+        for block in [spring(5.0, -1e-6), spring(-5.0, 1.0), spring(-5.0, -1.0), zero(), skew] {
+            assert_eq!(resisted(&block), None);
+        }
+    }
 }
