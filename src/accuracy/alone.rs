@@ -6,7 +6,7 @@
 use super::audience::Audience;
 use super::course::Course;
 use super::rates::Rates;
-use super::resolution::unresolved;
+use super::resolution::{Unresolved, unresolved};
 use super::search::{Search, Verdict, Went};
 use super::stiff::linear_options;
 use super::{Configuration, Pace};
@@ -76,9 +76,11 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, method: Method, ra
                 let step = 2.0 * duration / run.steps.max(1) as f64;
                 let mut resolved = true;
                 if method.is_implicit() && estimate <= accuracy {
-                    let left = unresolved(search.task.system, search.task.start, step, &linear, &search.task.costs)?;
-                    search.spend(left.cost);
-                    resolved = left.amplitude <= UNRESOLVED * accuracy;
+                    let (system, start, costs) = (search.task.system, search.task.start, &search.task.costs);
+                    let harmless = Unresolved { amplitude: UNRESOLVED * accuracy, drift: f64::INFINITY };
+                    let (left, cost) = unresolved(system, start, [step, duration], &[], &harmless, &linear, costs)?;
+                    search.spend(cost);
+                    resolved = left.is_within(&harmless);
                 }
                 if resolved {
                     search.estimate(estimate);

@@ -38,6 +38,8 @@ pub fn answer<A: Audience>(
     go_on: &dyn Fn() -> bool,
 ) -> Result<Option<Answer<A::Records>>> {
     let Requirement { duration, interval, .. } = *requirement;
+    // Runs share what is known of the matrix.
+    let system = &system.keeping();
     let costs = CostModel::of(system);
     let grid = Grid::new(duration, interval, system.particles());
     let task = Task { system, start, duration, costs, grid, go_on };

@@ -25,10 +25,16 @@ pub(super) struct Task<'a> {
 }
 
 impl Task<'_> {
+    /// When prescribed paths bend on the way, in s.
+    pub fn kinks(&self) -> impl Iterator<Item = f64> {
+        let (prescribed, start) = (self.system.prescribed(), self.start.time);
+        let kinks = std::iter::successors(prescribed.next_kink(start), |kink| prescribed.next_kink(*kink));
+        kinks.take_while(move |kink| *kink < start + self.duration)
+    }
+
     /// Whether a prescribed path bends on the way.
     pub fn has_kinks(&self) -> bool {
-        let start = self.start.time;
-        self.system.prescribed().next_kink(start).is_some_and(|kink| kink < start + self.duration)
+        self.kinks().next().is_some()
     }
 }
 

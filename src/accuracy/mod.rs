@@ -11,6 +11,8 @@ mod course;
 mod dop853;
 mod equal;
 mod explicit;
+mod filter;
+mod floppiness;
 mod horizon;
 mod metered;
 mod norm;

@@ -2,16 +2,17 @@
 //! implicit steps follow them, where explicit ones would have to follow vibrations that are not there.
 //!
 //! Long steps that damp what they do not resolve agree on a motion without it. So they are not even tried before that is known
-//! to be right: what [they do not resolve](super::resolution) has a small amplitude at the start and pushes little, no kink of a prescribed path sets it
-//! off later, and no compressed spring makes the state unstable within a step, which long implicit steps would calm as they calm
-//! everything. Then runs of the second-order backward differentiation formula follow. By its order the difference d of two with steps h and h/r leaves
-//! `d/(r² − 1)` of the finer one, and four times that is believed; the next has steps so much shorter that it will do by the same law, as long as
-//! that costs less than half of an explicit answer.
+//! to be right: what [they do not resolve](super::resolution) has a small amplitude, that of kinks of prescribed paths included, and pushes little,
+//! and no compressed spring makes the state unstable within a step, which long implicit steps would calm as they calm everything. Where one does,
+//! steps of half the length are thought of, as long as they pay. Then runs of the second-order backward differentiation formula follow. By its order the
+//! difference d of two with steps h and h/r leaves `d/(r² − 1)` of the finer one. Four times that is believed, and what is left out beside; the next has
+//! steps so much shorter that it will do by the same law, as long as that costs less than half of an explicit answer.
 
+use super::attempt::Task;
 use super::audience::Audience;
 use super::course::Course;
 use super::price::Price;
-use super::resolution::unresolved;
+use super::resolution::{Unresolved, unresolved};
 use super::search::{Search, Verdict, Went};
 use super::stiff::linear_options;
 use super::{Configuration, Pace};
@@ -22,13 +23,14 @@ use crate::linear::{CholeskySolver, LinearSolver, Prepare, SolverOptions};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::work::Work;
+use nalgebra::Vector3;
 
-/// Steps of the first two runs.
+/// Steps of the first two runs, where no spring asks for more.
 const STEPS: [f64; 2] = [6.0, 12.0];
 
 /// How many times the price of the first two runs an explicit answer must have, for them to be tried, to one digit; and by what power of the accuracy
 /// more for more digits, for which what is fast seldom is slight enough.
-const WORTH: f64 = 3.0;
+const WORTH: f64 = 2.0;
 const MORE_DIGITS: f64 = 0.12;
 
 /// The part of what an explicit answer costs that a run may.
@@ -49,7 +51,10 @@ const SHORTER: f64 = 2.0;
 const UNRESOLVED: f64 = 0.5;
 const DRIFTING: f64 = 0.7;
 
-/// Free coordinates of a matrix that is factored to see whether it is definite.
+/// Of each kink of a path it is looked for what it sets off, which costs several solves.
+const MOST_KINKS: usize = 4;
+
+/// Free coordinates of a matrix that may be factored to see whether it is definite.
 const LARGEST: usize = 30_000;
 
 /// An answer, or `None` where other methods are to find one.
@@ -57,21 +62,28 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
     let (accuracy, duration) = (search.requirement.accuracy, search.task.duration);
     let (system, start, costs) = (search.task.system, search.task.start, search.task.costs);
     let explicit = price.answer(accuracy);
-    let [first, second] = STEPS;
     let step = 2.0 + costs.assembly() + costs.least_factorization() + costs.least_direct_solve();
     let worth = WORTH * (0.1 / accuracy).powf(MORE_DIGITS);
-    if explicit <= worth * (first + second) * step || search.task.has_kinks() {
+    if search.task.kinks().nth(MOST_KINKS).is_some() {
         return Ok(None);
     }
     search.left = explicit;
     let linear = linear_options(search);
-    let h = duration / second;
-    if !is_definite(search, h, &linear)? {
-        return Ok(None);
+    let [mut first, mut second] = STEPS;
+    loop {
+        if explicit <= worth * (first + second) * step {
+            return Ok(None);
+        }
+        if is_definite(search, duration / second, &linear)? {
+            break;
+        }
+        [first, second] = [2.0 * first, 2.0 * second];
     }
-    let left = unresolved(system, start, h, &linear, &costs)?;
-    search.spend(left.cost);
-    if left.amplitude > UNRESOLVED * accuracy || left.drift * duration * duration > DRIFTING * accuracy {
+    let harmless = Unresolved { amplitude: UNRESOLVED * accuracy, drift: DRIFTING * accuracy };
+    let spans = [duration / second, duration];
+    let (left, cost) = unresolved(system, start, spans, &jumps(search.task), &harmless, &linear, &costs)?;
+    search.spend(cost);
+    if !left.is_within(&harmless) {
         return Ok(None);
     }
     let configuration =
@@ -87,7 +99,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
         let mut next = second;
         if let Some((coarse, before)) = coarse.take() {
             let by_law = search.difference(&fine, &coarse).largest() / ((steps / before).powi(2) - 1.0);
-            let estimate = SAFETY * by_law;
+            let estimate = SAFETY * by_law + left.amplitude;
             search.estimate(estimate);
             if estimate <= USABLE * accuracy {
                 return Ok(Some(Verdict::Confirmed));
@@ -103,12 +115,32 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
     }
 }
 
+/// By how much prescribed velocities jump at each kink, in m/s; zero where nothing is prescribed.
+fn jumps(task: &Task) -> Vec<Vec<Vector3<f64>>> {
+    let after = |time: f64| {
+        let mut velocities = vec![Vector3::zeros(); task.system.particles()];
+        task.system.prescribed().set_velocities(time, &mut velocities);
+        velocities
+    };
+    let mut before = after(task.start.time);
+    let jump = |kink: f64| {
+        let then = after(kink);
+        let jump = then.iter().zip(&before).map(|(then, before)| then - before).collect();
+        before = then;
+        jump
+    };
+    task.kinks().map(jump).collect()
+}
+
 /// Whether the full matrix of a step of h seconds is positive definite at the start, as far as can be told.
 fn is_definite<A: Audience>(search: &mut Search<'_, A>, h: f64, linear: &SolverOptions) -> Result<bool> {
     let (system, start) = (search.task.system, search.task.start);
     let extensions = Extensions::at(system, &start.positions)?;
     if system.dofs().len() > LARGEST {
         return Ok(false);
+    }
+    if extensions.springs(system).all(|((.., spring), at)| !spring.is_compressed(at)) {
+        return Ok(true);
     }
     let operator = SystemOperator::new(system, &extensions, Stiffness::Full, Combination::step(h));
     let mut work = Work::default();

@@ -4,7 +4,7 @@
 use super::audience::Audience;
 use super::course::Course;
 use super::price::Price;
-use super::resolution::unresolved;
+use super::resolution::{Unresolved, unresolved};
 use super::search::{Search, Verdict, Went};
 use super::{Configuration, Pace};
 use crate::error::Result;
@@ -68,9 +68,11 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
             let step = 2.0 * duration / run.steps.max(1) as f64;
             let mut resolved = true;
             if estimate <= accuracy {
-                let left = unresolved(system, search.task.start, step, &linear, &search.task.costs)?;
-                search.spend(left.cost);
-                resolved = left.amplitude <= UNRESOLVED * accuracy;
+                let harmless = Unresolved { amplitude: UNRESOLVED * accuracy, drift: f64::INFINITY };
+                let (start, costs) = (search.task.start, &search.task.costs);
+                let (left, cost) = unresolved(system, start, [step, duration], &[], &harmless, &linear, costs)?;
+                search.spend(cost);
+                resolved = left.is_within(&harmless);
             }
             if resolved {
                 search.estimate(estimate);

@@ -104,6 +104,13 @@ impl CholeskyGlance {
     }
 }
 
+/// What is known of a system's matrix once it has been analysed, without memory for a factor: kept with systems that have room for it.
+struct Analysed {
+    pattern: Arc<SpringPattern>,
+    factorization: Cholesky,
+    par: Par,
+}
+
 /// A sparse Cholesky factorization that is known but has no memory yet: what it would take can be asked.
 pub struct CholeskyPlan {
     pattern: Arc<SpringPattern>,
@@ -111,12 +118,19 @@ pub struct CholeskyPlan {
 }
 
 impl CholeskyPlan {
-    /// Analyses the system's pattern; counts one symbolic factorization.
+    /// Analyses the system's pattern and counts one symbolic factorization, or takes over what is kept with the system.
     ///
     /// # Errors
     /// When the factor does not fit 32-bit indices, or its analysis the memory.
     pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
-        CholeskyGlance::new(system, work)?.plan(par)
+        if let Some(analysed) = system.kept().get::<Analysed>().filter(|analysed| analysed.par == par) {
+            let factorization = analysed.factorization.analysis_alone();
+            return Ok(Self { pattern: analysed.pattern.clone(), factorization });
+        }
+        let plan = CholeskyGlance::new(system, work)?.plan(par)?;
+        let factorization = plan.factorization.analysis_alone();
+        system.kept().keep(Analysed { pattern: plan.pattern.clone(), factorization, par });
+        Ok(plan)
     }
 
     /// Entries and operations of the factor.
@@ -383,5 +397,17 @@ mod tests {
             }
         }
         assert_eq!(work.solves, 6);
+    }
+
+    /// The first of several solvers analyses, the others know. A system without room for that is analysed by each.
+    #[test]
+    fn systems_that_keep_are_analysed_once() {
+        let (system, _) = crate::system::fixtures::oscillator();
+        for (system, expected) in [(system.keeping(), 1), (system.clone(), 3)] {
+            let mut work = Work::default();
+            let sizes = [(); 3].map(|()| CholeskySolver::new(&system, Par::Seq, &mut work).unwrap().size());
+            assert_eq!(work.symbolic_factorizations, expected);
+            assert!(sizes.iter().all(|size| *size == sizes[0]));
+        }
     }
 }

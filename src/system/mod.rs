@@ -7,6 +7,7 @@ mod dofs;
 mod external;
 #[cfg(test)]
 pub(crate) mod fixtures;
+mod kept;
 mod part;
 mod shares;
 mod state;
@@ -26,6 +27,7 @@ pub(crate) use shares::Share;
 pub use state::{Moment, State};
 
 use crate::spring::{Extension, Spring, SpringLaw};
+use kept::Kept;
 use nalgebra::Vector3;
 use shares::Shares;
 use std::sync::Arc;
@@ -66,6 +68,7 @@ pub struct System {
     external: Vec<Arc<dyn ExternalForce>>,
     shares: Shares,
     part: Option<part::Part>,
+    kept: Kept,
 }
 
 impl System {
