@@ -289,6 +289,17 @@ mod tests {
         assert!(with.amplitude / without.amplitude > (-decay / 2.0).exp());
         assert!(with.drift / without.drift > 2.0 * ((-decay).exp() - 1.0 + decay) / (decay * decay));
         assert!(closer > cost);
+
+        // One spring without damping, and nothing is known.
+        let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
+        (0..3).for_each(|p| _ = builder.particle([f64::from(p), 0.0, 0.0], 1.0));
+        for (p, damping) in [(0, 0.2), (1, 0.0)] {
+            builder.spring(p, p + 1, Spring { stiffness: 100.0, rest_length: 1.0, damping });
+        }
+        builder.hold(0);
+        builder.velocities[2].x = 0.3;
+        let partly = builder.build().unwrap();
+        assert_eq!(left(&partly, &NOTHING), left(&partly, &ANYTHING));
     }
 
     /// An anchor that is led away from now on with a velocity sets off what a particle's own velocity would that is as large: a spring of ω = 10/s.
