@@ -7,8 +7,8 @@
 //! ½ T²/(1 + ½ (Tω)²)  =  ½ T² for Tω → 0,     1/ω² for Tω → ∞.
 //! ```
 //!
-//! So the floppiness of a scene is the root of the mean square of F, over accelerations of one length and of any direction at every particle: near one for chains and
-//! cloths, which can fold; near zero for frameworks that are held. K is that along the springs alone: a pull that stiffens them across may come and go.
+//! So the floppiness of a scene is the root of the mean square of F, over accelerations of one length and of any direction at every particle: near one for
+//! chains and cloths, which can fold; near zero for frameworks. K is that along the springs alone: a pull that stiffens them across may come and go.
 //!
 //! Forces between particles do not move a free scene as a whole, nor turn it, so that part is taken off beforehand, where nothing is prescribed.
 
@@ -55,7 +55,7 @@ fn directions(system: &System) -> Vec<Vector3<f64>> {
     (0..system.particles()).map(|p| direction(p).try_normalize(0.0).unwrap_or_default()).collect()
 }
 
-/// Takes off the accelerations with which the scene would move and turn as a whole.
+/// Takes off the accelerations with which the scene would move and turn as a whole; of scenes too large for numbers the second is left.
 fn take_off_rigid_motion(system: &System, positions: &[Vector3<f64>], a: &mut [Vector3<f64>]) {
     let masses = system.masses();
     let mean = |of: &[Vector3<f64>]| {
@@ -68,6 +68,9 @@ fn take_off_rigid_motion(system: &System, positions: &[Vector3<f64>], a: &mut [V
         let r = x - centre;
         inertia += (Matrix3::identity() * r.norm_squared() - r * r.transpose()) * *mass;
         torque += r.cross(a) * *mass;
+    }
+    if !inertia.norm().is_finite() {
+        return;
     }
     // What lies on a line does not turn about it.
     let about = inertia.pseudo_inverse(1e-9 * inertia.norm()).map_or(Vector3::zeros(), |inverse| inverse * torque);
@@ -135,6 +138,15 @@ mod tests {
         let mut a: Vec<_> = state.positions.iter().map(rigid).collect();
         take_off_rigid_motion(&system, &state.positions, &mut a);
         assert!(a.iter().all(|a| a.norm() < 1e-13), "{a:?}");
+    }
+
+    #[test]
+    fn scenes_too_large_for_numbers_are_not_turned() {
+        let (system, state) = framework(&[[5.0, 2.0], [6.0, 2.5]], &[[0, 1]], 0);
+        let far: Vec<_> = state.positions.iter().map(|x| x * 1e200).collect();
+        let mut a = vec![Vector3::x(), -Vector3::y()];
+        take_off_rigid_motion(&system, &far, &mut a);
+        assert!(a.iter().all(|a| a.norm() < 2.0), "{a:?}");
     }
 
     #[test]

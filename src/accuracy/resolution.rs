@@ -35,7 +35,8 @@
 //! ```
 //!
 //! instead of ½ T². A second filter, with the stiffness along the springs and `h² = βT/4`, keeps `D = 1/(1 + z/4)` of such a vibration: w² counts with D,
-//! and amplitudes with D², since `exp(−z/2) ≤ 1/(1 + z/4)²`. (Own derivation. One spring without damping, and nothing is known of its vibrations.)
+//! and amplitudes with D², since `exp(−z/2) ≤ 1/(1 + z/4)²`. What is damped so much that it creeps back does so in a time of β or more, which steps that damp
+//! follow or need not follow. (Own derivation. One spring without damping, and nothing is known of its vibrations.)
 //!
 //! **Stiffness** holds what is pushed. A drift counts with the [floppiness](super::floppiness) of the scene: the part of ½ T² a by which an acceleration a of any
 //! direction displaces it. (Of 234 implicit answers to the thousand random scenes of the study, made whatever the drift, 215 had a drift below 0.7 of the
