@@ -53,7 +53,7 @@ fn take_here() -> bool {
 const ORDER: usize = 32;
 
 /// Bytes that a thread takes.
-fn bytes() -> u64 {
+pub(super) fn bytes() -> u64 {
     static BYTES: OnceLock<u64> = OnceLock::new();
     *BYTES.get_or_init(|| twice_the_last_level(caches(Path::new("/sys/devices/system/cpu"))))
 }
