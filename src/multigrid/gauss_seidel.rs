@@ -21,7 +21,7 @@ mod border;
 
 use super::block::{BadPivot, Block, add_transposed_apply, apply, inverse, scaled, single, subtract_apply, sum, zero};
 use super::parallel::{for_chunks, for_each_row, for_each_sparse_row};
-use super::sparse::{BlockMatrix, Pattern, Rows};
+use super::sparse::{AHEAD, BlockMatrix, Pattern, Rows};
 use crate::error::Result;
 use border::Damping;
 use std::sync::Arc;
@@ -173,6 +173,7 @@ impl<const N: usize> GaussSeidel<N> {
             |start, x, r| {
                 for i in 0..x.len() {
                     let row = start + i;
+                    self.lower.ask_for(row + AHEAD);
                     let mut sum = b[row];
                     for (column, a) in self.lower.row(row) {
                         subtract_apply(&mut sum, a, &x[column - start]);
@@ -222,6 +223,7 @@ impl<const N: usize> GaussSeidel<N> {
             |start, x, rest| {
                 for i in (0..x.len()).rev() {
                     let row = start + i;
+                    lower.ask_for(row.wrapping_sub(AHEAD));
                     let mut sum = rest[i];
                     for (column, a) in lower.row(row) {
                         subtract_apply(&mut sum, a, &x[column - start]);

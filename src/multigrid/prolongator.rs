@@ -14,13 +14,17 @@ use super::block::{Block, add_apply, add_product, add_transposed_apply, single, 
 use super::gauss_seidel::GaussSeidel;
 use super::modes::{AggregateModes, Frames};
 use super::parallel::{for_each_row, for_each_sparse_row};
-use super::sparse::{BlockMatrix, Pattern, Rows, Transpose};
+use super::sparse::{AHEAD, BlockMatrix, Pattern, Rows, Transpose};
 use crate::error::Result;
+use crate::operator::prefetch_all;
 use std::ops::Range;
 use std::sync::Arc;
 
 /// ω, for `λ_max = 2`.
 const OMEGA: f32 = 2.0 / 3.0;
+
+/// How many blocks ahead of their use those by columns are asked for, as [rows](AHEAD) are.
+const BLOCKS_AHEAD: usize = 64;
 
 /// The smoothed prolongator of a level, with the modes of its aggregates.
 #[derive(Debug, Clone)]
@@ -198,7 +202,10 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             #[inline(always)]
             |aggregate, sum| {
                 *sum = [0.0; M];
-                for (node, p) in self.column(aggregate) {
+                let places = self.transpose.column(aggregate);
+                let later = self.by_columns.get(places.start + BLOCKS_AHEAD..).unwrap_or_default();
+                prefetch_all(later.get(..places.len()).unwrap_or(later).as_flattened().as_flattened());
+                for (node, p) in self.blocks_at(places) {
                     add_transposed_apply(sum, p, &r[node]);
                 }
             },
@@ -211,6 +218,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             x,
             #[inline(always)]
             |row, x| {
+                self.matrix.ask_for(row + AHEAD);
                 for (aggregate, p) in self.matrix.row(row) {
                     add_apply(x, p, &coarse[aggregate]);
                 }

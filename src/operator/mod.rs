@@ -7,7 +7,7 @@ mod prefetch;
 mod stream;
 mod system_operator;
 
-pub(crate) use prefetch::prefetch;
+pub(crate) use prefetch::{prefetch, prefetch_all};
 pub(crate) use stream::share_in_a_row;
 pub use system_operator::{Combination, SystemOperator};
 

@@ -11,3 +11,12 @@ pub(crate) fn prefetch<T>(value: &T) {
 #[cfg(not(target_arch = "x86_64"))]
 #[inline(always)]
 pub(crate) fn prefetch<T>(_: &T) {}
+
+/// Bytes of a cache line, on nearly all processors.
+const LINE: usize = 64;
+
+/// Asks for all memory of some numbers that follow each other, a line at a time. The last line may be left to what follows.
+#[inline(always)]
+pub(crate) fn prefetch_all<T>(values: &[T]) {
+    values.iter().step_by((LINE / size_of::<T>()).max(1)).for_each(prefetch);
+}
