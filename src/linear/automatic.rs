@@ -232,10 +232,11 @@ impl LinearSolver for AutomaticSolver {
                 (solved, _) => return solved,
             }
             self.reconsider(a.system(), work);
+            // Conjugate gradients go on from where they were.
             if let Direct::Chosen(direct) = &mut self.direct {
                 direct.take(&a, work)?;
+                x.fill(0.0);
             }
-            x.fill(0.0);
         }
     }
 }

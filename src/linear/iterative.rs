@@ -82,12 +82,19 @@ impl Choice {
         self.contest.next(kind, costs, self.is_definite)
     }
 
-    /// Looks at the blocks of a matrix that nothing else looks at.
+    /// Looks at the blocks of a matrix that nothing else looks at: they may show that it is not definite, and those of the first whether they would
+    /// be of use.
     fn watch(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
         if self.watch.is_none() {
             self.watch = Preconditioner::new(PreconditionerKind::BlockJacobi, a.system()).ok();
         }
-        self.watch.as_mut().map_or(Ok(()), |blocks| blocks.update(a, work))
+        let updated = self.watch.as_mut().map_or(Ok(()), |blocks| blocks.update(a, work));
+        if let (Ok(()), Some(Preconditioner::BlockJacobi(blocks)), false) =
+            (&updated, &self.watch, self.contest.knows_blocks())
+        {
+            self.contest.see_blocks(blocks.spread());
+        }
+        updated
     }
 }
 
@@ -210,13 +217,13 @@ impl CgSolver {
         }
     }
 
-    /// Gives a solve that has lost patience better coarse levels, or the next preconditioner, or all the patience there is where that cannot be
-    /// had; `false` where it costs too much.
-    fn improve(&mut self, a: &SystemOperator, work: &mut Work) -> Result<bool, SolveFailure> {
-        let next = Contest::patience(self.kind()).map_or(PreconditionerKind::Multigrid, |(_, next)| next);
-        if !self.budget.affords(next) {
-            return Ok(false);
-        }
+    /// Gives a solve that has lost patience better coarse levels, or the preconditioner that seems to cost least, or all the patience there is where that
+    /// cannot be had; `false` where it costs too much.
+    fn improve(&mut self, report: &CgReport, a: &SystemOperator, work: &mut Work) -> Result<bool, SolveFailure> {
+        let (kind, digits) = (self.kind(), (report.relative_residual / self.method.tolerance).log10());
+        let better = self.choice.as_ref().and_then(|choice| choice.contest.better(kind, digits, &self.budget));
+        let next = if kind == PreconditionerKind::Multigrid { Some(kind) } else { better.map(|(next, _)| next) };
+        let Some(next) = next.filter(|&next| self.budget.affords(next)) else { return Ok(false) };
         if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
             self.budget.spend(self.budget.costs.multigrid_setup());
             if let Some(choice) = &mut self.choice {
@@ -277,7 +284,7 @@ impl CgSolver {
         let is_plain = self.kind() == PreconditionerKind::None;
         let Some(choice) = &mut self.choice else { return updated };
         choice.contest.set_up(setups);
-        if is_plain && !choice.is_definite {
+        if is_plain && (!choice.is_definite || !choice.contest.knows_blocks()) {
             self.budget.spend(costs.preparation(PreconditionerKind::BlockJacobi));
             updated = choice.watch(a, work);
         }
@@ -355,7 +362,7 @@ impl LinearSolver for CgSolver {
             self.record(&report, x);
             let is_late = report.outcome == CgOutcome::IterationLimit
                 && patience.is_some_and(|patience| report.iterations >= patience);
-            if !(is_late && self.improve(&a, work)?) {
+            if !(is_late && self.improve(&report, &a, work)?) {
                 return accept(&report);
             }
         }

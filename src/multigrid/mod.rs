@@ -37,6 +37,7 @@
 //! | cycle in single precision, coarse matrices computed in double | half the time, the same iterations |
 //! | loops compiled for wide vectors, picked at run time | set-up in eight tenths of the time, see `parallel` |
 //! | one triangle of each matrix, each block used twice | half the time of a sweep, see `gauss_seidel` |
+//! | blocks asked for before they are used | from 10⁵ particles on a cycle in three quarters of the time, see `sparse` |
 //! | finest matrix in double precision never stored | recomputing rows from the springs is cheap |
 //! | the smoother's domains depend on size alone | the same bits for any number of threads |
 //! | rows at their borders resist what their springs resist | motions across a cloth stay smoothed, see `gauss_seidel::border` |
@@ -59,11 +60,13 @@
 //!
 //! | scene | all | set-up | solve | of an iteration: smoothing of the finest level / transfers / coarse levels / conjugate gradients |
 //! |---|---|---|---|---|
-//! | cloth 316 | 450–530 | 180–210 | 260–320 | 5.0 / 2.5 / 2.3 / 1.6 |
-//! | cloth 1000 | 690 | 200 | 490 | 6.4 / 2.5 / 3.4 / 2.2 |
-//! | lattice 46 | 310–360 | 160–200 | 140–170 | 5.9 / 2.1 / 1.1 / 1.6 |
+//! | cloth 100 | 340–410 | 130–170 | 230–250 | 4.5 / 2.2 / 1.7 / 1.6 |
+//! | cloth 316 | 365–380 | 140–155 | 225–240 | 3.3 / 2.1 / 1.7 / 1.8 |
+//! | lattice 46 | 240–255 | 115–130 | 125–130 | 3.4 / 2.0 / 0.8 / 1.7 |
 //!
-//! In the way of fewer stand the bytes. A sweep reads 340 a particle, its share of one triangle, where a product reads 40 a spring, 240 a
+//! (On a machine of Intel's; before blocks were asked for ahead cloth 316 took 430–460 there and lattice 46 260–280, and on one of AMD's 450–530 and 310–360.)
+//!
+//! In the way of fewer stand the bytes, and the arithmetic of small blocks: in the caches a cycle takes two thirds of what it takes at 10⁵ particles. A sweep reads 340 a particle, its share of one triangle, where a product reads 40 a spring, 240 a
 //! particle of a cloth; the transfers read P, about 200 a particle, twice; the coarse levels of a cloth have half as many entries as A.
 //! Half of the set-up is the first `Pᵀ A P`, about 3000 multiplications a particle.
 //!

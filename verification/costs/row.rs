@@ -15,8 +15,9 @@ pub struct Row {
     pub assembly: f64,
     pub glance: f64,
     pub analysis: f64,
-    pub factorization: f64,
-    pub solve: f64,
+    /// Of scenes whose factorization takes seconds at most.
+    pub factorization: Option<f64>,
+    pub solve: Option<f64>,
     pub iteration_none: f64,
     pub iteration_jacobi: f64,
     pub iteration_block_jacobi: f64,

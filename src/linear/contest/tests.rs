@@ -1,3 +1,5 @@
+mod going_on;
+
 use super::*;
 use crate::SystemBuilder;
 use crate::scene::builtin;
@@ -316,57 +318,44 @@ fn solves_that_are_nearly_done_go_on() {
     assert_eq!([more(Kind::Multigrid, 8.0, 0.25), more(Kind::None, 0.0, 8.0), more(Kind::None, -1.0, 9.0)], [0; 3]);
 }
 
-/// Of what is known its own iterations count, and one set-up.
+/// Blocks that are all alike precondition nothing: they are not expected to save iterations, and are not asked for after a matrix that was refused. Where
+/// masses of 1 and 4 kg differ, blocks that do not are no such sign.
 #[test]
-fn what_is_known_decides_whether_a_solve_goes_on() {
-    let (costs, budget) = (costs(), Budget::new(costs()));
-    let with = costs.iteration(Kind::BlockJacobi);
-    let cycle = costs.iteration(Kind::Multigrid);
-    let once = costs.preparation(Kind::Multigrid) + costs.multigrid_setup();
-    for per_digit in [1.0, 2.0, 5.0, 20.0, 50.0] {
-        let mut contest = contest();
-        contest.record(Kind::Multigrid, (10.0 * per_digit) as u64, 10.0);
-        let progress = Progress { iterations: 100, gained: 5.0, left: 5.0 };
-        let goes_on = 100.0 * with <= once + 5.0 * per_digit * cycle;
-        assert_eq!(contest.more(Kind::BlockJacobi, progress, &budget), if goes_on { 150 } else { 0 }, "{per_digit}");
-    }
-    // Without a preconditioner twelve iterations are left. Blocks may take six tenths of them, or what they are known to.
-    let progress = Progress { iterations: 24, gained: 8.0, left: 4.0 };
-    let blocks = costs.preparation(Kind::BlockJacobi);
-    for per_digit in [None, Some(0.5), Some(1.0), Some(2.0), Some(3.0)] {
-        let mut contest = contest();
-        per_digit.into_iter().for_each(|per_digit| contest.record(Kind::BlockJacobi, (10.0 * per_digit) as u64, 10.0));
-        let of_blocks = per_digit.map_or(0.6 * 12.0, |per_digit| 4.0 * per_digit);
-        let goes_on = 12.0 * costs.iteration(Kind::None) <= blocks + of_blocks * with;
-        assert_eq!(contest.more(Kind::None, progress, &budget), if goes_on { 18 } else { 0 }, "{per_digit:?}");
+fn blocks_that_are_alike_promise_nothing() {
+    let costs = costs();
+    for (spread, unlike, expected) in [
+        (1.0, 1.0, 1.0),
+        (1.02, 1.0, 0.9612),
+        (2.0, 1.0, 0.6),
+        (5000.0, 1.0, 0.6),
+        (1.0, 1.44, 0.8333),
+        (1.0, 4.0, 0.3),
+    ] {
+        let mut contest = Contest { unlike, blocks_at_best: 0.6 / f64::sqrt(unlike), ..contest() };
+        assert!(!contest.knows_blocks());
+        contest.see_blocks(spread);
+        assert!(contest.knows_blocks());
+        assert!((contest.blocks_at_best - expected).abs() < 1e-4, "{}", contest.blocks_at_best);
+        contest.record(Kind::None, 100, 10.0);
+        assert_eq!(contest.per_digit(1), 10.0 * contest.blocks_at_best);
+        contest.refused();
+        let kept = contest.next(Kind::None, &costs, false);
+        assert_eq!(kept, (contest.blocks_at_best < SURE).then_some(Kind::BlockJacobi), "{spread} {unlike}");
     }
 }
 
-/// A solve that seems to need as many iterations again as it has taken, and may take half as many more. Where they cost less than a trial of multigrid that
-/// takes an iteration a digit, but cannot be afforded, it leaves room for that; where they cost more, in any case: if the trial can be afforded, and else
-/// it goes on. Those that it has taken are not spent yet.
+/// A solve that was left after its slow beginning says too much of what it would have taken: no more is believed than what blocks take over what
+/// they save at best.
 #[test]
-fn what_can_be_finished_goes_first() {
-    let (contest, costs) = (contest(), costs());
-    let with = costs.iteration(Kind::BlockJacobi);
-    let [prepared, cycle] = [costs.preparation(Kind::Multigrid), costs.iteration(Kind::Multigrid)];
-    let trial = ANALYSED * costs.multigrid_setup() + prepared + 5.0 * cycle;
-    let [cheaper, dearer] = [0.4, 1.0].map(|share| 2 * (share * trial / with) as u64);
-    for (iterations, room, goes_on) in [
-        (cheaper, 1.51 * cheaper as f64 * with, true),
-        (cheaper, 1.49 * cheaper as f64 * with, false),
-        (cheaper, 1.01 * trial, false),
-        (cheaper, 0.99 * trial, true),
-        (dearer, f64::INFINITY, false),
-        (dearer, 1.01 * trial, false),
-        (dearer, 0.99 * trial, true),
-    ] {
-        let mut budget = Budget::new(costs);
-        budget.spend(1000.0);
-        budget.allow(iterations as f64 * with + room);
-        let more = contest.more(Kind::BlockJacobi, Progress { iterations, gained: 5.0, left: 5.0 }, &budget);
-        assert_eq!(more, if goes_on { 3 * iterations / 2 } else { 0 }, "{iterations} {room}");
-    }
+fn beginnings_are_not_taken_for_whole_solves() {
+    let mut contest = contest();
+    contest.record(Kind::None, 500, 1.0);
+    contest.see_blocks(1.0);
+    assert_eq!(contest.per_digit(0), 500.0);
+    contest.record(Kind::BlockJacobi, 200, 10.0);
+    assert_eq!(contest.per_digit(0), 20.0);
+    contest.see_blocks(2.0);
+    assert!((contest.per_digit(0) - 20.0 / 0.6).abs() < 1e-12);
 }
 
 /// Where springs lie in rows, an iteration a digit is hoped for. Where none does, half the root of those with blocks: of 64 four, of those that they

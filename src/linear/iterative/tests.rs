@@ -40,8 +40,8 @@ fn iterations_are_paid_for() {
     assert_eq!((iterations, reason), (((21.7 - residuals) / iteration) as u64, NotConverged::IterationLimit));
 }
 
-/// Without multigrid the chain needs as many iterations as it has particles. After 50 without a preconditioner blocks take over, after
-/// 100 with them multigrid, all in the same solve.
+/// Without multigrid the chain needs as many iterations as it has particles. After 50 without a preconditioner multigrid takes over in the same
+/// solve: blocks, which were looked at, are all alike.
 #[test]
 fn solves_that_take_long_go_on_with_better_preconditioners() {
     let scene = chain(500);
@@ -53,12 +53,12 @@ fn solves_that_take_long_go_on_with_better_preconditioners() {
     solver.solve(Held(&a), &b, &mut [0.0; 500], &mut work).unwrap();
     assert_eq!((solver.preconditioner(), work.multigrid_setups), (Some("multigrid"), 1));
     assert_eq!((work.iterative_solves, work.plain_iterations), (1, 50));
-    assert_eq!(work.multigrid_iterations, work.cg_iterations - 150);
+    assert_eq!(work.multigrid_iterations, work.cg_iterations - 50);
     let costs = CostModel::of(&scene.0);
     let [none, blocks, multigrid] =
         [PreconditionerKind::None, PreconditionerKind::BlockJacobi, PreconditionerKind::Multigrid]
             .map(|kind| (costs.iteration(kind), costs.preparation(kind)));
-    let iterations = 50.0 * none.0 + 100.0 * blocks.0 + multigrid.0 * work.multigrid_iterations as f64;
+    let iterations = 50.0 * none.0 + multigrid.0 * work.multigrid_iterations as f64;
     assert_near(
         solver.effort(),
         iterations + blocks.1 + multigrid.1 + solver.budget.costs.multigrid_setup() + costs.iterative_solve(),
@@ -66,7 +66,7 @@ fn solves_that_take_long_go_on_with_better_preconditioners() {
 }
 
 /// Conjugate gradients along a spring do not come across what makes a pressed one's matrix indefinite. Its block, which is made where nothing is
-/// preconditioned, shows it; where masses make sure that it is definite there is none, and who asks for no preconditioner gets none.
+/// preconditioned, shows it; where masses make sure that it is definite there is none after the first, and who asks for no preconditioner gets none.
 #[test]
 fn blocks_watch_over_what_may_be_indefinite() {
     let is_refused = |kind, dt| {
@@ -80,9 +80,9 @@ fn blocks_watch_over_what_may_be_indefinite() {
         let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(dt));
         let mut work = Work::default();
         let mut solver = matrix_free(&system, kind);
-        let taken = solver.take(&a, &mut work);
         let blocks = solver.budget.costs.preparation(PreconditionerKind::BlockJacobi);
-        assert_eq!(solver.effort() == blocks, kind.is_none() && dt > 0.01, "{kind:?} {dt}");
+        let taken = solver.take(&a, &mut work);
+        assert_eq!(solver.effort(), if kind.is_none() { blocks } else { 0.0 }, "{kind:?} {dt}");
         assert_eq!(solver.preconditioner(), Some("none"));
         match taken {
             Err(failure) => {
@@ -92,6 +92,9 @@ fn blocks_watch_over_what_may_be_indefinite() {
             Ok(_) => {
                 solver.solve(Held(&a), &[1.0, 0.0, 0.0], &mut [0.0; 3], &mut work).unwrap();
                 assert_eq!((work.cg_iterations, work.plain_iterations), (1, 1));
+                let before = solver.effort();
+                solver.take(&a, &mut work).unwrap();
+                assert_eq!(solver.effort(), before, "{kind:?} {dt}");
                 false
             }
         }
@@ -274,10 +277,10 @@ fn solves_that_are_nearly_done_keep_their_preconditioner() {
     }
 }
 
-/// A cloth whose solve takes hundreds of iterations with blocks, which could be gone on with: where so many cannot be afforded they leave room for
-/// multigrid, if a solve with it can be; so no coarse levels are made for a solve that they cannot finish either.
+/// A cloth whose solve takes hundreds of iterations without a preconditioner leaves room for multigrid where a solve with it can be afforded; no coarse levels
+/// are made for a solve that they cannot finish.
 #[test]
-fn what_cannot_be_finished_leaves_room_for_multigrid() {
+fn multigrid_is_made_where_it_can_finish_a_solve() {
     let scene = builtin::cloth(48).unwrap().build().unwrap();
     let rows = scene.0.dofs().len();
     let b = right_hand_side(rows);
@@ -285,7 +288,7 @@ fn what_cannot_be_finished_leaves_room_for_multigrid() {
     let [none, blocks] = [PreconditionerKind::None, PreconditionerKind::BlockJacobi].map(|kind| costs.iteration(kind));
     let setup = costs.multigrid_setup();
     let solve = |room: f64| {
-        let a = operator(&scene, 3e-3);
+        let a = operator(&scene, 1e-2);
         let mut work = Work::default();
         let mut solver = matrix_free(&scene.0, None);
         solver.take(&a, &mut work).unwrap();
@@ -294,8 +297,8 @@ fn what_cannot_be_finished_leaves_room_for_multigrid() {
         (work.multigrid_setups, is_done)
     };
     let outcomes: Vec<_> = (1..16).map(|parts| solve(0.5 * f64::from(parts))).collect();
-    assert!(outcomes.first() == Some(&(0, false)) && outcomes.last() == Some(&(0, true)), "{outcomes:?}");
-    assert!(outcomes.contains(&(1, true)) && !outcomes.contains(&(1, false)), "{outcomes:?}");
+    assert!(outcomes.first() == Some(&(0, false)) && outcomes.last() == Some(&(1, true)), "{outcomes:?}");
+    assert!(!outcomes.contains(&(1, false)), "{outcomes:?}");
 }
 
 /// The coarse levels at hand are priced by their multiplications.
