@@ -114,7 +114,7 @@ fn proofs_are_preferred_where_nothing_else_finds_out() {
     assert_eq!((name(&auto), auto.statistics().work.factorizations), ("cg", 0));
 }
 
-/// Three scenes that the weights were not fitted to, where one solver takes many times as long as the other.
+/// Scenes that the weights were not fitted to, within ten steps. On the first three one solver takes many times as long as the other.
 #[test]
 fn the_cheaper_solver_is_found_where_it_matters() {
     for (scene, dt, expected) in [
@@ -125,7 +125,7 @@ fn the_cheaper_solver_is_found_where_it_matters() {
     ] {
         let scene = scene.build().unwrap();
         let mut auto = stepper(&scene, SolverChoice::Auto, StiffnessPolicy::OnDemand);
-        walk(&mut auto, &scene.1, 6, dt);
+        walk(&mut auto, &scene.1, 10, dt);
         assert_eq!(name(&auto), expected, "{:?}", auto.linear_solver().unwrap().choice());
     }
 }
