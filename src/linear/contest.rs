@@ -121,7 +121,7 @@ impl Contest {
     /// Takes note of how much they differ: where they hardly do, and masses neither, nothing is preconditioned.
     pub fn see_blocks(&mut self, spread: f64) {
         if self.unlike < ALIKE {
-            self.blocks_at_best = spread.powi(BY_SPREAD).max(BLOCKS_AT_BEST).min(1.0) / self.unlike.sqrt();
+            self.blocks_at_best = spread.max(1.0).powi(BY_SPREAD).max(BLOCKS_AT_BEST) / self.unlike.sqrt();
         }
         self.knows_blocks = true;
     }

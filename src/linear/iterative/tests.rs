@@ -66,7 +66,8 @@ fn solves_that_take_long_go_on_with_better_preconditioners() {
 }
 
 /// Conjugate gradients along a spring do not come across what makes a pressed one's matrix indefinite. Its block, which is made where nothing is
-/// preconditioned, shows it; where masses make sure that it is definite there is none after the first, and who asks for no preconditioner gets none.
+/// preconditioned, shows it, in a later matrix too; where masses make sure that it is definite there is none after the first, and who asks for no
+/// preconditioner gets none.
 #[test]
 fn blocks_watch_over_what_may_be_indefinite() {
     let is_refused = |kind, dt| {
@@ -95,6 +96,8 @@ fn blocks_watch_over_what_may_be_indefinite() {
                 let before = solver.effort();
                 solver.take(&a, &mut work).unwrap();
                 assert_eq!(solver.effort(), before, "{kind:?} {dt}");
+                let later = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0));
+                assert_eq!(solver.take(&later, &mut work).is_err(), kind.is_none(), "{dt}");
                 false
             }
         }
