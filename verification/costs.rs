@@ -2,7 +2,7 @@
 //!
 //! `cargo xtask costs` times every operation on ready scenes of 2 to 10⁵ particles: one thread, its own time, a short one
 //! of many repetitions. The test `costs` holds [`sprung::linear::CostModel`] to what is stored: its unit is a force evaluation, so only
-//! ratios of these times count, and they hardly depend on the machine.
+//! ratios of these times count, and they hardly depend on the machine. (What is stored of the lattice of 46³ was measured on another machine than the rest.)
 
 #[path = "costs/row.rs"]
 mod row;

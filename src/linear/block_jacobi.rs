@@ -60,9 +60,9 @@ impl BlockJacobi {
         Ok(())
     }
 
-    /// How much the eigenvalues of the blocks differ: the arithmetic mean of their reciprocals over the geometric one. One where all are equal, so
-    /// that nothing is preconditioned.
-    pub fn spread(&self) -> f64 {
+    /// How much the n eigenvalues of D⁻¹ differ, their arithmetic mean over the geometric one: `(tr D⁻¹ / n) / (det D⁻¹)^(1/n)`, the root of order n of
+    /// Kaporin's condition number (Numer. Linear Algebra Appl. 1, 1994). One where all are equal, so that nothing is preconditioned.
+    pub(super) fn spread(&self) -> f64 {
         let (mut sum, mut logarithms, mut count) = (0.0, 0.0, 0.0);
         for (particle, inverse) in self.inverses.iter().enumerate() {
             let free = self.dofs.free_axes(particle);

@@ -180,9 +180,7 @@ impl ConjugateGradient {
             last = residual;
             let stop = self.iterate(a, preconditioner, x, target, &mut iterations, &mut |iterations, size| {
                 if iterations >= limit {
-                    let progress =
-                        Progress { iterations, gained: (first / size).log10(), left: (size / target).log10() };
-                    limit = iterations + more(progress);
+                    limit = iterations + more(Progress::new(iterations, first, size, target));
                 }
                 iterations < limit
             });

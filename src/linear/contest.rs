@@ -52,7 +52,7 @@ const DISAPPOINTED: f64 = 4.0;
 /// Digits that a solve gains at least: the iterations of one that began with its solution say little.
 const LEAST_DIGITS: f64 = 0.5;
 
-/// Iterations after which a solve goes on with blocks, and then with multigrid. Together they are about what the first solve with multigrid
+/// Iterations after which a solve without a preconditioner, and one with blocks, asks for something better. Together they are about what the first solve with multigrid
 /// costs, its analysis included: whatever a scene needs, trying costs at most twice the better choice.
 const PATIENCE: [u64; 2] = [50, 100];
 
@@ -129,44 +129,45 @@ impl Contest {
     /// The first.
     pub const FIRST: Kind = KINDS[0];
 
-    /// Iterations after which a solve goes on with another one, and which.
-    pub fn patience(kind: Kind) -> Option<(u64, Kind)> {
-        KINDS
-            .iter()
-            .zip(KINDS.iter().skip(1))
-            .zip(PATIENCE)
-            .find(|((of, _), _)| **of == kind)
-            .map(|((_, &next), most)| (most, next))
+    /// Iterations after which a solve asks whether to go on with another one, where one follows.
+    pub fn patience(kind: Kind) -> Option<u64> {
+        PATIENCE.get(place(kind)).copied()
     }
 
     /// How many iterations more a solve may take whose patience has come to its end: as many as seem to be left and half of them again, unless one
     /// that follows would cost less; none where no other follows. What was spent on these iterations is not taken off the budget yet.
     pub fn more(&self, kind: Kind, progress: Progress, budget: &Budget) -> u64 {
-        let Progress { iterations, gained, left } = progress;
         if Some(&kind) == KINDS.last() {
             return 0;
         }
-        // What is hoped for of those that follow depends on what this one has done in this very solve: all begin slowly, one as the other.
+        let seem_left = progress.left * self.during(kind, progress).per_digit(place(kind));
+        let iteration = budget.costs.iteration(kind);
+        let mut budget = *budget;
+        budget.spend(progress.iterations as f64 * iteration);
+        let changes = self.better(kind, progress, &budget).is_some_and(|(_, cost)| cost <= seem_left * iteration);
+        if changes { 0 } else { (MORE * seem_left).ceil() as u64 }
+    }
+
+    /// What is known, with what one has done in this very solve instead of others: all begin slowly, and what is hoped for of those that follow depends
+    /// on it.
+    fn during(&self, kind: Kind, progress: Progress) -> Self {
+        let Progress { iterations, gained, .. } = progress;
         let mut known = self.clone();
         if let Some(seen) = known.seen.get_mut(place(kind)) {
             *seen = Seen { iterations: iterations as f64, digits: gained.max(f64::MIN_POSITIVE) };
         }
-        let seem_left = left * known.per_digit(place(kind));
-        let iteration = budget.costs.iteration(kind);
-        let mut budget = *budget;
-        budget.spend(iterations as f64 * iteration);
-        let changes = known.better(kind, left, &budget).is_some_and(|(_, cost)| cost <= seem_left * iteration);
-        if changes { 0 } else { (MORE * seem_left).ceil() as u64 }
+        known
     }
 
-    /// Of those that follow the one that costs least for so many digits more, and what that is. Coarse levels are of no use where the budget does not suffice
-    /// for the whole solve with them; what blocks have gained in vain is little, and not lost for those that come after.
-    pub fn better(&self, kind: Kind, digits: f64, budget: &Budget) -> Option<(Kind, f64)> {
-        let costs = &budget.costs;
+    /// Of those that follow the one that costs least for what is left of a solve, and what that is. Coarse levels are of no use where the budget does not
+    /// suffice for the whole solve with them; what blocks have gained in vain is little, and not lost for those that come after.
+    pub fn better(&self, kind: Kind, progress: Progress, budget: &Budget) -> Option<(Kind, f64)> {
+        let (costs, known) = (&budget.costs, self.during(kind, progress));
         let of_other = |(place, &other): (usize, &Kind)| {
             let set_ups = if self.is_seen(place) { 1.0 } else { ANALYSED };
             let set_up = if other == Kind::Multigrid { set_ups * costs.multigrid_setup() } else { 0.0 };
-            (other, costs.preparation(other) + set_up + digits * self.per_digit(place) * costs.iteration(other))
+            let iterations = progress.left * known.per_digit(place);
+            (other, costs.preparation(other) + set_up + iterations * costs.iteration(other))
         };
         let others = KINDS.iter().enumerate().skip(place(kind) + 1).map(of_other);
         others

@@ -202,7 +202,7 @@ impl CgSolver {
     fn patience(&self) -> Option<u64> {
         match &self.preconditioner {
             Preconditioner::Multigrid(_) => self.coarse().map(|_| Patience::FIRST),
-            _ if self.choice.is_some() => Contest::patience(self.kind()).map(|(most, _)| most),
+            _ if self.choice.is_some() => Contest::patience(self.kind()),
             _ => None,
         }
     }
@@ -220,8 +220,10 @@ impl CgSolver {
     /// Gives a solve that has lost patience better coarse levels, or the preconditioner that seems to cost least, or all the patience there is where that
     /// cannot be had; `false` where it costs too much.
     fn improve(&mut self, report: &CgReport, a: &SystemOperator, work: &mut Work) -> Result<bool, SolveFailure> {
-        let (kind, digits) = (self.kind(), (report.relative_residual / self.method.tolerance).log10());
-        let better = self.choice.as_ref().and_then(|choice| choice.contest.better(kind, digits, &self.budget));
+        let CgReport { iterations, first_residual, relative_residual, .. } = *report;
+        let progress = Progress::new(iterations, first_residual, relative_residual, self.method.tolerance);
+        let kind = self.kind();
+        let better = self.choice.as_ref().and_then(|choice| choice.contest.better(kind, progress, &self.budget));
         let next = if kind == PreconditionerKind::Multigrid { Some(kind) } else { better.map(|(next, _)| next) };
         let Some(next) = next.filter(|&next| self.budget.affords(next)) else { return Ok(false) };
         if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {

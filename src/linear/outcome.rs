@@ -28,6 +28,13 @@ pub(super) struct Progress {
     pub left: f64,
 }
 
+impl Progress {
+    /// After so many iterations, by the norm of the residual at first, now, and at the tolerance.
+    pub fn new(iterations: u64, first: f64, now: f64, target: f64) -> Self {
+        Self { iterations, gained: (first / now).log10(), left: (now / target).log10() }
+    }
+}
+
 /// A solution that the solver vouches for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solution {

@@ -203,8 +203,8 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             |aggregate, sum| {
                 *sum = [0.0; M];
                 let places = self.transpose.column(aggregate);
-                let later = self.by_columns.get(places.start + BLOCKS_AHEAD..).unwrap_or_default();
-                prefetch_all(later.get(..places.len()).unwrap_or(later).as_flattened().as_flattened());
+                let [from, to] = [places.start, places.end].map(|at| (at + BLOCKS_AHEAD).min(self.by_columns.len()));
+                prefetch_all(self.by_columns[from..to].as_flattened().as_flattened());
                 for (node, p) in self.blocks_at(places) {
                     add_transposed_apply(sum, p, &r[node]);
                 }

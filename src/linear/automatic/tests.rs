@@ -199,8 +199,8 @@ fn factorizations_are_chosen_where_they_would_have_cost_less() {
     }
 }
 
-/// A solve that runs out of its budget leads to a look at factorizations. When that does not pay it goes on from where it was: all in all it takes less than half as many iterations more
-/// than one that nothing interrupts, where those of the beginning would be 0.7 as many.
+/// A solve that runs out of its budget leads to a look at factorizations. When that does not pay it goes on from where it was: all in all it takes less than
+/// half as many iterations more than one that nothing interrupts, where those of the beginning would be 0.7 as many.
 #[test]
 fn a_look_at_factorizations_does_not_throw_away_a_solve() {
     let scene = builtin::lattice(8).unwrap().build().unwrap();
