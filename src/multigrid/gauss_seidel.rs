@@ -73,8 +73,9 @@ impl<const N: usize> GaussSeidel<N> {
             columns.extend(pattern.columns(row).iter().filter(|&&column| is_lower(column)));
         })?;
         let outside = Pattern::build(rows, |row, columns| {
+            let before = columns.len();
             columns.extend(pattern.columns(row).iter().filter(|&&column| !is_within(row, column)));
-            if !columns.is_empty() {
+            if columns.len() > before {
                 columns.push(row as u32);
             }
         })?;

@@ -212,11 +212,30 @@ fn empty_rows_are_not_refused() {
     assert!((found[0][0] * LEAST_DIAGONAL - 1.0).abs() < 1e-12 && (found[1][1] * 4.0 - 1.0).abs() < 1e-12, "{found:?}");
 }
 
-/// Of ten couplings four lie within a domain: these are kept once, the others for both of their rows. Offsets take 8 bytes, column numbers and
-/// single numbers 4; every row has an inverse, and two numbers to work with; all have blocks outside, so that they have a diagonal one there.
+/// Offsets take 8 bytes, column numbers and single numbers 4.
+fn part(rows: usize, blocks: usize) -> usize {
+    8 * (rows + 1) + blocks * (4 + 4 * 4)
+}
+
+/// Of ten couplings four lie within a domain: these are kept once, the others for both of their rows. Every row has an inverse, and two numbers to work
+/// with; all have blocks outside, so that they have a diagonal one there.
 #[test]
 fn memory_is_that_of_both_parts() {
     let smoother = GaussSeidel::<2>::with_domains(&matrix().pattern, 3).unwrap();
-    let part = |blocks: usize| 8 * 8 + blocks * (4 + 4 * 4);
-    assert_eq!(smoother.bytes(), part(4) + part(12 + 7) + 7 * 4 * 4 + 7 * 2 * 4);
+    assert_eq!(smoother.bytes(), part(ROWS, 4) + part(ROWS, 12 + 7) + 7 * 4 * 4 + 7 * 2 * 4);
+}
+
+/// Of eight rows in a line, in domains of four, the fourth and the fifth are coupled across the border: these two alone have blocks outside, one each and
+/// a diagonal one.
+#[test]
+fn rows_inside_a_domain_have_nothing_outside() {
+    let rows = 8;
+    let line = Pattern::build(rows, |row, columns| {
+        columns.extend((row.saturating_sub(1)..rows.min(row + 2)).map(|column| column as u32));
+    });
+    let smoother = GaussSeidel::<2>::with_domains(&line.unwrap(), 4).unwrap();
+    let outside = &smoother.outside.pattern;
+    let columns: Vec<&[u32]> = (0..rows).map(|row| outside.columns(row)).collect();
+    assert_eq!(columns, [&[][..], &[], &[], &[3, 4], &[3, 4], &[], &[], &[]]);
+    assert_eq!(smoother.bytes(), part(rows, 6) + part(rows, 4) + rows * 4 * 4 + rows * 2 * 4);
 }
