@@ -113,6 +113,7 @@ use crate::operator::SystemOperator;
 use crate::system::{Dof, System};
 use finest::{Finest, near_one};
 use nalgebra::Vector3;
+use parallel::largest;
 pub use parts::Part;
 use parts::Watch;
 use stage::{Refusal, Stage};
@@ -331,7 +332,7 @@ impl<const D: usize, const M: usize> Hierarchy<D, M> {
     /// Powers of two keep the numbers of the cycle within single precision, and are exact.
     fn apply(&mut self, r: &[f64], z: &mut [f64], done: Watch) {
         let Self { finest, stage, factor, right_hand_side, solution } = self;
-        let scale = near_one(r.iter().fold(0.0, |largest, r| f64::max(largest, r.abs())));
+        let scale = near_one(largest(r));
         finest.gather(r, scale, right_hand_side);
         done(Part::Conversion);
         stage.apply(right_hand_side, solution, done);

@@ -8,7 +8,11 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Rows that are not worth a second thread.
-const GRAIN: usize = 512;
+pub(super) const GRAIN: usize = 512;
+
+/// Numbers that are searched by one thread, and side by side.
+const PIECE: usize = 16_384;
+const LANES: usize = 16;
 
 /// Calls `f(row, value)` for every entry of a vector.
 pub(super) fn for_each_row<T: Send>(values: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
@@ -23,6 +27,29 @@ pub(super) fn for_each_row<T: Send>(values: &mut [T], f: impl Fn(usize, &mut T) 
         );
     };
     pieces(values, &rows);
+}
+
+/// The largest magnitude, those that are not numbers left out; the same however it is searched for.
+pub(super) fn largest(numbers: &[f64]) -> f64 {
+    if numbers.len() > PIECE {
+        let (first, second) = numbers.split_at(numbers.len() / 2);
+        let (first, second) = rayon::join(|| largest(first), || largest(second));
+        return f64::max(first, second);
+    }
+    widely(
+        #[inline(always)]
+        || {
+            let (chunks, rest) = numbers.as_chunks::<LANES>();
+            let mut lanes = [0.0; LANES];
+            for chunk in chunks {
+                for (largest, number) in lanes.iter_mut().zip(chunk) {
+                    // As registers do it: a comparison with what is no number fails.
+                    *largest = if number.abs() > *largest { number.abs() } else { *largest };
+                }
+            }
+            lanes.iter().chain(rest).fold(0.0, |largest, number| f64::max(largest, number.abs()))
+        },
+    )
 }
 
 /// Calls `f(start, chunk, chunk)` for chunks of a given length of two vectors.
@@ -125,7 +152,7 @@ fn split<T: Send, U: Send>(
 
 #[cfg(test)]
 mod tests {
-    use super::{GRAIN, for_chunks, for_each_row, for_each_row_of, for_each_sparse_row, split};
+    use super::{GRAIN, PIECE, for_chunks, for_each_row, for_each_row_of, for_each_sparse_row, largest, split};
     use crate::multigrid::sparse::Pattern;
     use crate::parallel::parts;
     use std::sync::Mutex;
@@ -169,6 +196,23 @@ mod tests {
             assert!(some.into_iter().all(|row| own(row, &all)), "{rows}");
         }
     }
+
+    /// Wherever it is, in a chunk or in what is left of a piece, and whatever its sign; what is no number does not count.
+    #[test]
+    fn the_largest_magnitude_is_found_anywhere() {
+        assert_eq!(largest(&[]), 0.0);
+        for length in [1, 15, 16, 17, PIECE, PIECE + 1, 3 * PIECE + 5] {
+            for place in [0, length / 3, length / 2, length - 1] {
+                let mut numbers: Vec<f64> = (0..length).map(|i| (i as f64).sin()).collect();
+                numbers[place] = -2.0;
+                assert_eq!(largest(&numbers), 2.0, "{place} of {length}");
+                numbers[place] = f64::NAN;
+                let others = numbers.iter().fold(0.0, |most, number| f64::max(most, number.abs()));
+                assert_eq!(largest(&numbers), others, "{place} of {length}");
+            }
+        }
+    }
+
     /// Entries of every thread, counted, on one to sixteen, for the pattern of a cloth of 100² nodes and nine blocks a row: each has as many
     /// pieces as the others, and a thread's work is at most a fiftieth above the mean.
     #[test]
