@@ -118,7 +118,9 @@ pub(super) fn double<const R: usize, const C: usize>(a: &Block<R, C, f32>) -> Bl
 /// `factor·A`.
 #[inline(always)]
 pub(super) fn scaled<const R: usize, const C: usize>(factor: f64, a: &Block<R, C>) -> Block<R, C> {
-    a.map(|row| row.map(|entry| factor * entry))
+    let mut scaled = *a;
+    scaled.as_flattened_mut().iter_mut().for_each(|entry| *entry *= factor);
+    scaled
 }
 
 /// `A + B`.
