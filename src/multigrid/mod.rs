@@ -61,10 +61,11 @@
 //! | scene | all | set-up | solve | of an iteration: smoothing of the finest level / transfers / coarse levels / conjugate gradients |
 //! |---|---|---|---|---|
 //! | cloth 100 | 340–410 | 130–170 | 230–250 | 4.5 / 2.2 / 1.7 / 1.6 |
-//! | cloth 316 | 365–380 | 140–155 | 225–240 | 3.3 / 2.1 / 1.7 / 1.8 |
-//! | lattice 46 | 240–255 | 115–130 | 125–130 | 3.4 / 2.0 / 0.8 / 1.7 |
+//! | cloth 316 | 345–390 | 115–155 | 215–245 | 3.5 / 2.0 / 1.7 / 1.7 |
+//! | lattice 46 | 225–260 | 95–135 | 125–130 | 3.9 / 1.9 / 0.7 / 1.7 |
 //!
-//! (On a machine of Intel's; before blocks were asked for ahead cloth 316 took 430–460 there and lattice 46 260–280, and on one of AMD's 450–530 and 310–360.)
+//! (On a machine of Intel's, where the program before took 370–400 on cloth 316 by turns; before blocks were asked for ahead cloth 316 took 430–460 there and lattice 46
+//! 260–280, and on one of AMD's 450–530 and 310–360.)
 //!
 //! In the way of fewer stand the bytes, and the arithmetic of small blocks: in the caches a cycle takes two thirds of what it takes at 10⁵ particles. A sweep reads 340 a particle, its share of one triangle, where a product reads 40 a spring, 240 a
 //! particle of a cloth; the transfers read P, about 200 a particle, twice; the coarse levels of a cloth have half as many entries as A.
