@@ -269,7 +269,9 @@ mod tests {
     fn vectors_come_back_from_their_blocks() {
         let count = 4001;
         let mut builder = SystemBuilder::new();
-        (0..count).for_each(|i| drop(builder.particle([i as f64, 0.0, 0.0], 1.0)));
+        for i in 0..count {
+            builder.particle([i as f64, 0.0, 0.0], 1.0);
+        }
         let shuffled = |place: usize| place * 1000 % count;
         for place in 1..count {
             let spring = Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 };
