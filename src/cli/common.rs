@@ -13,6 +13,9 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::time::Duration;
 
+/// Bytes that must be there when a computation begins: enough for the system to be asked.
+const BEGINNING: u64 = 2 << 20;
+
 /// The scene that a command works on.
 #[derive(Debug, clap::Args)]
 pub struct SceneFile {
@@ -200,6 +203,8 @@ impl Threads {
         // An allocator gives every thread memory of its own, some 10⁸ addresses, when it first asks. All do so now: what is asked for later would
         // not be there any more where addresses are limited.
         pool.broadcast(|_| drop(std::hint::black_box(Box::new(0u64))));
+        // Where that has taken nearly all, what is too small to be asked for would not be there either.
+        sprung::memory::ensure(BEGINNING, "what a computation begins with")?;
         Ok(pool)
     }
 }
