@@ -2,7 +2,7 @@
 //!
 //! `cargo xtask costs` times every operation on ready scenes of 2 to 10⁵ particles: one thread, its own time, a short one
 //! of many repetitions. The test `costs` holds [`sprung::linear::CostModel`] to what is stored: its unit is a force evaluation, so only
-//! ratios of these times count, and they hardly depend on the machine. (What is stored of the lattice of 46³ was measured on another machine than the rest.)
+//! ratios of these times count, and they hardly depend on the machine.
 
 #[path = "costs/row.rs"]
 mod row;
@@ -139,7 +139,7 @@ fn measure(kind: Kind, size: usize) -> Result<Row, Box<dyn std::error::Error>> {
     let many = (n as u64 / 2).clamp(1, 30);
     let [iteration_none, _] = solves(PreconditionerKind::None, many)?;
     let [iteration_jacobi, _] = solves(PreconditionerKind::Jacobi, many)?;
-    let [iteration_block_jacobi, one] = solves(PreconditionerKind::BlockJacobi, many)?;
+    let [iteration_block_jacobi, solve_of_one_iteration] = solves(PreconditionerKind::BlockJacobi, many)?;
     let [iteration_multigrid, _] = solves(PreconditionerKind::Multigrid, many.min(6))?;
     let mut multigrid = ReusedMultigrid::new(&system)?;
     multigrid.place(&state.positions);
@@ -176,7 +176,7 @@ fn measure(kind: Kind, size: usize) -> Result<Row, Box<dyn std::error::Error>> {
         blocks,
         finest_level,
         multigrid_setup,
-        iterative_solve: one - iteration_block_jacobi,
+        solve_of_one_iteration,
     })
 }
 

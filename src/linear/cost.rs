@@ -37,16 +37,16 @@ const FORCE: [f64; 4] = [174.0, 5.3, 1.36, 3.8];
 const CACHED_SPRINGS: f64 = 1e4;
 
 /// A product with A: once, a spring that is taken in a row with its neighbours, any other.
-const PRODUCT: [f64; 3] = [178.0, 2.0, 4.0];
+const PRODUCT: [f64; 3] = [80.0, 1.7, 2.6];
 
-/// Extensions and blocks of all springs: once, a spring.
-const ASSEMBLY: [f64; 2] = [43.0, 13.4];
+/// Extensions and blocks of all springs: once, a spring; a scattered spring of many the more.
+const ASSEMBLY: [f64; 3] = [43.0, 12.4, 5.0];
 
 /// Refilling and factoring A: once, a spring, an entry of the factor, an operation.
 const FACTORIZATION: [f64; 4] = [250.0, 46.0, 3.6, 0.02];
 
 /// A first ordering: once, a spring.
-const GLANCE: [f64; 2] = [1000.0, 163.0];
+const GLANCE: [f64; 2] = [890.0, 150.0];
 
 /// Ordering and symbolic analysis: once, an entry of the factor, a spring of what is dissected.
 const ANALYSIS: [f64; 3] = [2700.0, 6.5, 900.0];
@@ -77,7 +77,7 @@ const DENSE_LEVEL: [f64; 3] = [90.0, 2.7, 0.00078];
 
 /// A cycle of multigrid: a coordinate, a spring, the more for a spring whose blocks do not stay; of a system so small that there is but one dense level, a
 /// pair of coordinates.
-const CYCLE: [f64; 3] = [34.0, 2.3, 6.0];
+const CYCLE: [f64; 3] = [28.0, 3.2, 6.0];
 const DENSE_CYCLE: f64 = 0.3;
 
 /// Springs whose blocks stay in the processor's memory from one pass of multigrid to the next.
@@ -85,7 +85,7 @@ const CACHED_BLOCKS: f64 = 2e5;
 
 /// Computing the coarse levels: a coordinate, a multiplication; where these are not known yet, a coordinate, a spring that lies in a row, the power 4/3 of
 /// scattered ones, as which the coarse levels of networks of 400 to 30 000 particles fill in. One dense level has none.
-const SETUP: [f64; 2] = [124.0, 0.28];
+const SETUP: [f64; 2] = [138.0, 0.22];
 const UNKNOWN_SETUP: [f64; 3] = [357.0, 99.0, 14.0];
 
 /// Coordinates up to which multigrid is one dense level.
@@ -93,7 +93,7 @@ const DENSE: f64 = 400.0;
 
 /// The residuals of the first guess and of the solution in a solve by conjugate gradients: products with A, and their vectors, a
 /// coordinate. The product of a first guess that is zero is spared.
-const RESIDUALS: [f64; 2] = [1.8, 2.4];
+const RESIDUALS: [f64; 2] = [2.0, 3.0];
 
 /// `Σ times_i · sizes_i`, the first size being one.
 fn nanoseconds<const N: usize>(times: [f64; N], sizes: [f64; N]) -> f64 {
@@ -113,8 +113,7 @@ impl CostModel {
         let entries = 0.5 * (axes as f64 + 1.0) * dofs + (axes * axes) as f64 * springs;
         let in_a_row = share_in_a_row(system) * springs;
         let costs = Self { axes, springs, in_a_row, dofs, entries, force: 1.0, multiplications: None };
-        let [_, far] = split(costs.scattered(), CACHED_SPRINGS);
-        Self { force: nanoseconds(FORCE, [1.0, springs, dofs, far]), ..costs }
+        Self { force: nanoseconds(FORCE, [1.0, springs, dofs, costs.far_ends()]), ..costs }
     }
 
     /// With [so many multiplications](crate::multigrid::Multigrid::multiplications) in the coarse matrices of multigrid: in random networks they
@@ -135,6 +134,12 @@ impl CostModel {
         if self.axes < 3 { 0.0 } else { self.springs - self.in_a_row }
     }
 
+    /// How many have ends that do not stay in the processor's memory.
+    fn far_ends(&self) -> f64 {
+        let [_, far] = split(self.scattered(), CACHED_SPRINGS);
+        far
+    }
+
     /// How many have blocks that multigrid reads from far away.
     fn far_springs(&self) -> f64 {
         let [_, far] = split(self.springs, CACHED_BLOCKS);
@@ -148,7 +153,7 @@ impl CostModel {
 
     /// The spring blocks of A.
     pub fn assembly(&self) -> f64 {
-        nanoseconds(ASSEMBLY, [1.0, self.springs]) / self.force
+        nanoseconds(ASSEMBLY, [1.0, self.springs, self.far_ends()]) / self.force
     }
 
     /// A numeric factorization, assembly of the sparse matrix included.

@@ -8,8 +8,8 @@
 //!
 //! Where `|α| ≤ |β|`, every number is computed without cancellation, so the product is the exact one of a block whose α, β
 //! and n are changed by a few units in the last place: its error is at most `c u (|α| |I − nnᵀ| + |β| |nnᵀ|) |d|` by
-//! components. This holds for every spring longer than half its rest length. The others (and springs with an end that is
-//! not free along all axes) are multiplied through their 3×3 matrix, which keeps the bound for every α and β.
+//! components. This holds for every spring longer than half its rest length. The others (and springs with an end that
+//! moves along some axes only) are multiplied through their 3×3 matrix, which keeps the bound for every α and β.
 //!
 //! Springs are taken four at a time, *in a row* where they are (the module `order`): a product is bound by the instructions of one
 //! thread, not by the memory, until the data is far larger than the caches.
@@ -30,7 +30,8 @@ use super::lanes::Portable;
 use crate::spring::SpringBlock;
 use crate::system::{DofMap, Share, System};
 pub(crate) use order::share_in_a_row;
-use part::{Part, pair};
+use order::pair;
+use part::Part;
 use product::Product;
 
 /// The springs of an operator, by parts.

@@ -25,5 +25,6 @@ pub struct Row {
     pub blocks: f64,
     pub finest_level: f64,
     pub multigrid_setup: f64,
-    pub iterative_solve: f64,
+    /// With block Jacobi.
+    pub solve_of_one_iteration: f64,
 }

@@ -370,7 +370,8 @@ fn of_networks_less_is_hoped_for() {
             seen.blocks_at_best = 0.6;
             assert_eq!(seen.per_digit(multigrid), 1.0, "nothing is known of blocks");
             seen.record(kind, iterations, 10.0);
-            assert!((seen.per_digit(multigrid) / expected - 1.0).abs() < 0.01, "{}", seen.per_digit(multigrid));
+            // A few of its springs, to particles that are held, do lie in rows.
+            assert!((seen.per_digit(multigrid) / expected - 1.0).abs() < 0.02, "{}", seen.per_digit(multigrid));
         }
     }
     // Multigrid promises to cost less than what is left where an iteration a digit would do, and not where four have to.

@@ -39,11 +39,14 @@ impl<L: Lanes> Row<L> {
             self.end(y);
             (self.row, self.w, self.sum) = (i, of_first, [lanes.four([0.0; 4]); 3]);
         }
-        let Some(of_others) = twelve(lanes, w, j) else { return };
+        // Those that are held do not move.
+        let of_others = twelve(lanes, w, j).unwrap_or([lanes.four([0.0; 4]); 3]);
         let d = std::array::from_fn(|piece| lanes.sub(of_others[piece], self.w[piece]));
         let s = lanes.twelve(quad.times(lanes, self.sign, lanes.axes(d)));
         self.sum = std::array::from_fn(|piece| lanes.sub(self.sum[piece], s[piece]));
-        add_twelve(lanes, y, j.wrapping_sub(self.first), s);
+        if j != NO_ROW {
+            add_twelve(lanes, y, j.wrapping_sub(self.first), s);
+        }
     }
 
     /// Adds the sum to its rows.

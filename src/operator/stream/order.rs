@@ -2,15 +2,17 @@
 //!
 //! Four springs are *in a row* if their first ends are four particles that follow each other, and so are the others: the numbers of four ends
 //! then lie in one piece of twelve. In meshes that are numbered row by row most springs are. A spring's first end is the one with the smaller
-//! number.
+//! number, or the one that moves. Only what moves has rows: particles follow each other if those between them are held, and where all four others
+//! are held there are no rows of theirs.
 //!
 //! Springs are taken by *stretches* of particles, those of the first ends: what a stretch reads and writes stays in the fastest cache. Within
 //! a stretch those in a row come first, four particles after the other, and then the rest. So every row adds up its springs in one order,
 //! whatever part of them is taken.
 
-use crate::system::{Axes, DofMap, System};
+use super::quad::NO_ROW;
+use crate::system::{Axes, System};
 
-/// Particles of a stretch.
+/// Particles of a stretch, of those that move.
 const STRETCH: usize = 64;
 
 /// No spring: there are fewer.
@@ -22,7 +24,7 @@ pub type Four = [u32; 4];
 /// The springs of a stretch, four at a time.
 #[derive(Debug, Default)]
 pub struct Stretch {
-    /// Those in a row, with the particles that the first and the other ends begin with.
+    /// Those in a row, with the rows that the first and the other ends begin with, [`NO_ROW`] where the others are held.
     pub in_a_row: Vec<([u32; 2], Four)>,
     /// Any others.
     pub others: Vec<Four>,
@@ -34,10 +36,70 @@ impl Stretch {
     }
 }
 
+/// The particles that move, in order.
+struct Moving<'a> {
+    system: &'a System,
+    /// How many there are before a particle.
+    numbers: Vec<u32>,
+    particles: Vec<u32>,
+}
+
+impl<'a> Moving<'a> {
+    fn of(system: &'a System) -> Self {
+        let mut particles = Vec::with_capacity(system.particles());
+        let number = |particle| {
+            // Particles are numbered in 32 bits.
+            let number = particles.len() as u32;
+            if !is_held(system, particle) {
+                particles.push(particle as u32);
+            }
+            number
+        };
+        let numbers = (0..system.particles()).map(number).collect();
+        Self { system, numbers, particles }
+    }
+
+    fn stretches(&self) -> usize {
+        self.particles.len().div_ceil(STRETCH)
+    }
+
+    /// Which stretch the spring at a position belongs to.
+    fn stretch(&self, position: u32) -> usize {
+        let [first, _] = ends(self.system, position);
+        self.numbers[first] as usize / STRETCH
+    }
+
+    /// What the spring at a position is sorted by.
+    fn entry(&self, position: u32) -> Entry {
+        let [first, other] = ends(self.system, position);
+        let number = self.numbers[first];
+        let is_held = is_held(self.system, other);
+        let away = if is_held { (other as u32).wrapping_sub(first as u32) } else { self.numbers[other] - number };
+        Entry { four: number / 4 * 4, is_held, away, lane: number % 4, position }
+    }
+
+    /// Where the rows of four particles begin, from the one with this number on, if there are four and all move freely along three axes.
+    fn row(&self, number: u32) -> Option<u32> {
+        let number = number as usize;
+        let four = self.particles.get(number..number + 4)?;
+        let dofs = self.system.dofs();
+        let are_free = four.iter().all(|&particle| dofs.free_axes(particle as usize) == Axes::ALL);
+        // Rows are numbered in 32 bits.
+        are_free.then(|| dofs.first_row(four[0] as usize) as u32)
+    }
+
+    /// The rows of springs in a row, the first and the others.
+    fn rows(&self, entry: &Entry) -> Option<[u32; 2]> {
+        let others = if entry.is_held { NO_ROW } else { self.row(entry.four + entry.away)? };
+        Some([self.row(entry.four)?, others])
+    }
+}
+
 /// A spring with what it is sorted by: the first of the four particles that its first end is among, and how far the other end is away.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Entry {
     four: u32,
+    is_held: bool,
     away: u32,
     /// Which of the four the first end is.
     lane: u32,
@@ -45,48 +107,55 @@ struct Entry {
 }
 
 impl Entry {
-    fn of(system: &System, position: u32) -> Self {
-        let [first, other] = ends(system.pair(system.active_springs()[position as usize] as usize));
-        Self { four: first / 4 * 4, away: other - first, lane: first % 4, position }
-    }
-
     /// What springs in a row share.
-    fn row(&self) -> [u32; 2] {
-        [self.four, self.four + self.away]
+    fn row(&self) -> (u32, bool, u32) {
+        (self.four, self.is_held, self.away)
     }
 }
 
-/// The ends of a spring, the smaller number first.
-pub fn ends([i, j]: [usize; 2]) -> [u32; 2] {
-    // Particles are numbered in 32 bits.
-    [i.min(j) as u32, i.max(j) as u32]
+fn is_held(system: &System, particle: usize) -> bool {
+    system.dofs().free_axes(particle) == Axes::NONE
+}
+
+/// The ends of the active spring at a position: first the one with the smaller number, or the one that moves.
+pub fn ends(system: &System, position: u32) -> [usize; 2] {
+    let [i, j] = pair(system, position);
+    let (first, other) = (i.min(j), i.max(j));
+    if is_held(system, first) { [other, first] } else { [first, other] }
+}
+
+/// The ends of the active spring at a position.
+pub fn pair(system: &System, position: u32) -> [usize; 2] {
+    system.pair(system.active_springs()[position as usize] as usize)
 }
 
 /// All active springs of a system.
 pub fn stretches(system: &System) -> Vec<Stretch> {
-    let (positions, ends_of_stretches) = by_stretch(system);
+    let moving = Moving::of(system);
+    let (positions, ends_of_stretches) = by_stretch(&moving);
     let mut entries = Vec::new();
     let mut start = 0;
     let of_stretch = |end: usize| {
         entries.clear();
-        entries.extend(positions[start..end].iter().map(|&position| Entry::of(system, position)));
+        entries.extend(positions[start..end].iter().map(|&position| moving.entry(position)));
         start = end;
-        of_stretch(system, &mut entries)
+        of_stretch(&moving, &mut entries)
     };
     ends_of_stretches.into_iter().map(of_stretch).collect()
 }
 
 /// The positions of all springs, those of the first stretch first, and where each stretch ends.
-fn by_stretch(system: &System) -> (Vec<u32>, Vec<usize>) {
-    let stretch = |pair| ends(pair)[0] as usize / STRETCH;
-    let mut free = vec![0; system.particles().div_ceil(STRETCH) + 1];
-    for (_, pair, _) in system.active() {
-        free[stretch(pair) + 1] += 1;
+fn by_stretch(moving: &Moving) -> (Vec<u32>, Vec<usize>) {
+    let springs = moving.system.active_springs().len();
+    let mut free = vec![0; moving.stretches() + 1];
+    // Springs are numbered in 32 bits.
+    for position in 0..springs as u32 {
+        free[moving.stretch(position) + 1] += 1;
     }
     (1..free.len()).for_each(|next| free[next] += free[next - 1]);
-    let mut positions = vec![0; system.active_springs().len()];
-    for (position, (_, pair, _)) in (0u32..).zip(system.active()) {
-        let place = &mut free[stretch(pair)];
+    let mut positions = vec![0; springs];
+    for position in 0..springs as u32 {
+        let place = &mut free[moving.stretch(position)];
         positions[*place] = position;
         *place += 1;
     }
@@ -103,26 +172,27 @@ pub fn share_in_a_row(system: &System) -> f64 {
     if system.dimension() < 3 {
         return 0.0;
     }
-    let each = system.particles().div_ceil(STRETCH).div_ceil(SAMPLED).max(1) as u32;
-    let stretch = |entry: &Entry| entry.four / STRETCH as u32;
-    let entries = (0..system.active_springs().len() as u32).map(|position| Entry::of(system, position));
-    let mut entries: Vec<Entry> = entries.filter(|entry| stretch(entry).is_multiple_of(each)).collect();
+    let moving = Moving::of(system);
+    let each = moving.stretches().div_ceil(SAMPLED).max(1);
+    let stretch = |entry: &Entry| entry.four as usize / STRETCH;
+    let positions = 0..system.active_springs().len() as u32;
+    let sampled = positions.filter(|&position| moving.stretch(position).is_multiple_of(each));
+    let mut entries: Vec<Entry> = sampled.map(|position| moving.entry(position)).collect();
     entries.sort_unstable();
     let stretches = entries.chunk_by_mut(|a, b| stretch(a) == stretch(b));
-    let in_a_row: usize = stretches.map(|entries| of_stretch(system, entries).springs_in_a_row()).sum();
+    let in_a_row: usize = stretches.map(|entries| of_stretch(&moving, entries).springs_in_a_row()).sum();
     in_a_row as f64 / entries.len().max(1) as f64
 }
 
-fn of_stretch(system: &System, entries: &mut [Entry]) -> Stretch {
+fn of_stretch(moving: &Moving, entries: &mut [Entry]) -> Stretch {
     entries.sort_unstable();
     let mut stretch = Stretch::default();
     let mut others = Vec::new();
     for row in entries.chunk_by(|a, b| a.row() == b.row()) {
-        let [first, other] = row[0].row();
-        if row.len() == 1 || !are_free(system, first) || !are_free(system, other) {
+        let Some(rows) = moving.rows(&row[0]).filter(|_| row.len() > 1) else {
             others.extend_from_slice(row);
             continue;
-        }
+        };
         let mut four = [NO_SPRING; 4];
         for (n, entry) in row.iter().enumerate() {
             // A second spring between the same two is one of the others.
@@ -131,7 +201,7 @@ fn of_stretch(system: &System, entries: &mut [Entry]) -> Stretch {
                 _ => four[entry.lane as usize] = entry.position,
             }
         }
-        stretch.in_a_row.push(([first, other], four));
+        stretch.in_a_row.push((rows, four));
     }
     let mut by_distance = Vec::new();
     for row in stretch.in_a_row.chunk_by_mut(|a, b| a.0[0] == b.0[0]) {
@@ -154,11 +224,4 @@ fn spread<T: Copy>(list: &[T], spread: &mut [T]) {
     for (n, place) in spread.iter_mut().enumerate() {
         *place = if n % 2 == 0 { near[n / 2] } else { far[n / 2] };
     }
-}
-
-/// Whether four particles from this one on are there and move freely along three axes.
-fn are_free(system: &System, first: u32) -> bool {
-    let dofs: &DofMap = system.dofs();
-    let particles = first as usize..first as usize + 4;
-    particles.end <= system.particles() && particles.into_iter().all(|particle| dofs.free_axes(particle) == Axes::ALL)
 }

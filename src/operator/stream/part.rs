@@ -1,7 +1,7 @@
 //! Consecutive particles and the springs that end in them, four by four.
 
 use super::Springs;
-use super::order::{Four, NO_SPRING, Stretch, ends};
+use super::order::{Four, NO_SPRING, Stretch, ends, pair};
 use super::quad::{AnyEnds, BY_MATRIX, InARow, NO_ROW, Quad, Streamed};
 use crate::system::{Axes, System};
 use std::ops::Range;
@@ -40,17 +40,17 @@ impl Part {
         // The first row behind those that these springs end in.
         let behind = |four: &Four| {
             let springs = four.iter().filter(|&&position| position != NO_SPRING);
-            let own = springs.flat_map(|&position| pair(system, position)).filter(|end| particles.contains(end));
+            let ends = springs.flat_map(|&position| pair(system, position));
+            let own = ends.filter(|end| particles.contains(end) && !dofs.rows(*end).is_empty());
             own.max().map(|end| dofs.first_row(end + 1) - rows.start)
         };
         let mut part = Self { rows: rows.clone(), in_a_row: Quads::new(), others: Quads::new(), stretches: Vec::new() };
         let mut reach = Reach::default();
         for stretch in stretches {
-            for (particles, four) in &stretch.in_a_row {
-                if let Some(rows) = behind(four) {
-                    reach.rows = reach.rows.max(rows);
-                    let rows = particles.map(|particle| dofs.first_row(particle as usize) as u32);
-                    part.in_a_row.push(InARow { rows, by_matrix: 0 }, *four);
+            for &(rows, four) in &stretch.in_a_row {
+                if let Some(behind) = behind(&four) {
+                    reach.rows = reach.rows.max(behind);
+                    part.in_a_row.push(InARow { rows, by_matrix: 0 }, four);
                 }
             }
             for four in &stretch.others {
@@ -80,21 +80,26 @@ impl Part {
                 }
             }
         }
-        let (modelled, dofs) = (Axes::first(system.dimension()), system.dofs());
         for (quad, four) in self.others.each() {
             for (n, &position) in four.iter().enumerate() {
                 let Some(block) = blocks.get(position as usize) else { continue };
-                let ends = ends(pair(system, position)).map(|end| end as usize);
-                let is_free = ends.iter().all(|&end| dofs.free_axes(end) == modelled);
-                let streamed = Streamed::of(block, sign).filter(|_| is_free);
-                let [first, other] = match streamed {
-                    Some(_) => ends.map(|end| dofs.first_row(end) as u32),
-                    None => [BY_MATRIX, position],
-                };
+                let [first, other] = ends(system, position).map(|end| row(system, end));
+                let rows = first.zip(other);
+                let streamed = Streamed::of(block, sign).filter(|_| rows.is_some());
+                let (first, other) = rows.filter(|_| streamed.is_some()).unwrap_or((BY_MATRIX, position));
                 quad.set(n, streamed);
                 (quad.ends[0][n], quad.ends[1][n]) = (first, other);
             }
         }
+    }
+}
+
+/// Where the rows of a particle that moves along all axes begin; [`NO_ROW`] of one that is held.
+fn row(system: &System, particle: usize) -> Option<u32> {
+    match system.dofs().free_axes(particle) {
+        Axes::NONE => Some(NO_ROW),
+        // Rows are numbered in 32 bits.
+        axes => (axes == Axes::first(system.dimension())).then(|| system.dofs().first_row(particle) as u32),
     }
 }
 
@@ -128,9 +133,4 @@ impl<E> Quads<E> {
     pub fn positions(&self, quad: usize) -> Four {
         self.positions.get(quad).copied().unwrap_or([NO_SPRING; 4])
     }
-}
-
-/// The ends of the active spring at a position.
-pub fn pair(system: &System, position: u32) -> [usize; 2] {
-    system.pair(system.active_springs()[position as usize] as usize)
 }

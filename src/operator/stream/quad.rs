@@ -16,14 +16,14 @@ pub struct Quad<E> {
 /// Ends in a row.
 #[derive(Debug, Clone, Copy)]
 pub struct InARow {
-    /// Where the twelve rows of the first ends begin, and those of the others.
+    /// Where the twelve rows of the first ends begin, and those of the others; [`NO_ROW`] where the others are held.
     pub rows: [u32; 2],
     /// A bit for every spring that goes through its matrix.
     pub by_matrix: u32,
 }
 
-/// The first rows of the first ends, and of the others; [`BY_MATRIX`] and the spring's position for one that goes through its matrix, twice
-/// [`NO_ROW`] for none.
+/// The first rows of the first ends, and of the others, [`NO_ROW`] of one that is held; [`BY_MATRIX`] and the spring's position for one that goes
+/// through its matrix, twice [`NO_ROW`] for none.
 pub type AnyEnds = [[u32; 4]; 2];
 
 pub const BY_MATRIX: u32 = u32::MAX;

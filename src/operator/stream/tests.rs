@@ -109,14 +109,16 @@ fn products_are_the_same_to_the_bit_for_any_shares() {
 /// As the formulas say it, spring by spring: every row has its own term first. Then come, stretch by stretch, what its particle gets as the other end
 /// of springs in a row, what it gets as the first of them, all together, and what it gets from any others.
 fn one_by_one(system: &System, blocks: &[SpringBlock], diagonal: &[f64], w: &[f64]) -> Vec<f64> {
-    let axes = system.dimension();
     let mut y: Vec<f64> = diagonal.iter().zip(w).map(|(m, w)| m * w).collect();
     let product = |position: u32| {
         let block = &blocks[position as usize];
-        let ends = order::ends(pair(system, position)).map(|end| system.dofs().first_row(end as usize));
-        let [i, j] = ends;
+        // What is held has no rows.
+        let ends = order::ends(system, position).map(|end| system.dofs().rows(end));
         let g = block.direction * (block.axial - block.transverse).sqrt();
-        let d: [f64; 3] = std::array::from_fn(|axis| if axis < axes { w[i + axis] - w[j + axis] } else { 0.0 });
+        let d: [f64; 3] = std::array::from_fn(|axis| {
+            let [first, other] = ends.clone().map(|mut rows| rows.nth(axis).map_or(0.0, |row| w[row]));
+            first - other
+        });
         let along = g[0] * d[0] + g[1] * d[1] + g[2] * d[2];
         (ends, std::array::from_fn::<_, 3, _>(|axis| block.transverse * d[axis] + g[axis] * along))
     };
@@ -125,26 +127,22 @@ fn one_by_one(system: &System, blocks: &[SpringBlock], diagonal: &[f64], w: &[f6
         for quads in stretch.in_a_row.chunk_by(|a, b| a.0[0] == b.0[0]) {
             let mut sums = vec![0.0; y.len()];
             for position in quads.iter().flat_map(|(_, four)| springs(four)) {
-                let ([i, j], s) = product(position);
-                for axis in 0..axes {
-                    sums[i + axis] += s[axis];
-                    y[j + axis] -= s[axis];
-                }
+                let ([first, other], s) = product(position);
+                first.zip(s).for_each(|(row, s)| sums[row] += s);
+                other.zip(s).for_each(|(row, s)| y[row] -= s);
             }
             y.iter_mut().zip(sums).for_each(|(y, sum)| *y += sum);
         }
         for position in stretch.others.iter().flat_map(springs) {
-            let ([i, j], s) = product(position);
-            for axis in 0..axes {
-                y[i + axis] += s[axis];
-                y[j + axis] -= s[axis];
-            }
+            let ([first, other], s) = product(position);
+            first.zip(s).for_each(|(row, s)| y[row] += s);
+            other.zip(s).for_each(|(row, s)| y[row] -= s);
         }
     }
     y
 }
 
-/// Enough particles for several stretches, crooked, numbered without order, with springs that share ends and some that do not.
+/// Enough particles for several stretches, crooked, numbered without order, with springs that share ends and some that do not. Some are held.
 fn tangle(dimension: usize) -> (System, State) {
     let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
     let count = 301;
@@ -161,6 +159,7 @@ fn tangle(dimension: usize) -> (System, State) {
             }
         }
     }
+    [0, 17].into_iter().chain(200..206).for_each(|p| _ = builder.hold(p));
     builder.build().unwrap()
 }
 
@@ -248,14 +247,18 @@ fn check_order(system: &System) -> [usize; 2] {
     let mut seen = vec![0; system.active_springs().len()];
     let mut count = [0; 2];
     for stretch in order::stretches(system) {
-        for ([first, other], four) in &stretch.in_a_row {
-            for (lane, &position) in (0..).zip(four).filter(|(_, position)| **position != order::NO_SPRING) {
-                assert_eq!(order::ends(pair(system, position)), [first + lane, other + lane]);
+        for (rows, four) in &stretch.in_a_row {
+            for (lane, &position) in four.iter().enumerate().filter(|(_, position)| **position != order::NO_SPRING) {
+                for (end, &row) in order::ends(system, position).into_iter().zip(rows) {
+                    let row = row as usize + 3 * lane;
+                    let is_held = rows[1] == quad::NO_ROW && system.dofs().rows(end).is_empty();
+                    assert!(is_held || system.dofs().rows(end) == (row..row + 3), "{rows:?} {four:?}");
+                }
                 seen[position as usize] += 1;
                 count[0] += 1;
             }
-            let is_free = |particle: &u32| system.dofs().free_axes(*particle as usize).count() == 3;
-            assert!((*first..first + 4).chain(*other..other + 4).all(|particle| is_free(&particle)));
+            let fours = rows.iter().filter(|&&row| row != quad::NO_ROW).map(|&row| row as usize);
+            assert!(fours.flat_map(|row| (row..row + 12).step_by(3)).all(|row| system.dofs().dof(row).axis == 0));
         }
         for position in stretch.others.iter().flatten().filter(|position| **position != order::NO_SPRING) {
             seen[*position as usize] += 1;
@@ -281,9 +284,11 @@ fn springs_are_in_a_row_where_ends_follow_each_other() {
     assert_eq!(check_order(&chain_of(9, &[], &[])), [8, 0]);
     // Of eight particles, four have no four behind them.
     assert_eq!(check_order(&chain_of(8, &[], &[])), [4, 3]);
-    // One that is held keeps the springs of its four, and those that end there, from being in a row.
+    // One that is held is skipped, and its own springs are not in a row with others.
     assert_eq!(check_order(&chain_of(9, &[], &[0])), [4, 4]);
-    assert_eq!(check_order(&chain_of(13, &[], &[3])), [8, 4]);
+    assert_eq!(check_order(&chain_of(13, &[], &[3])), [7, 5]);
+    // Springs to four that are held, in either direction; the one to the last of them in the chain is alone with its distance.
+    assert_eq!(check_order(&chain_of(12, &[[0, 4], [1, 5], [2, 6], [7, 3]], &[0, 1, 2, 3])), [8, 4]);
     // The second of two between the same ends, in either direction; and one that is alone with its distance.
     assert_eq!(check_order(&chain_of(9, &[[1, 0], [5, 4], [0, 3]], &[])), [8, 3]);
     // Springs across: of two with one distance.
