@@ -61,7 +61,9 @@ fn costs_are_those_that_were_measured() {
         ];
         for (operation, cost, time, bound) in pairs.into_iter().chain(direct) {
             // What conjugate gradients do on a few coordinates is too short for the clock, and nothing depends on it.
-            let iterates = ["product", "iterati", "multigr", "finest", "solve of"].iter().any(|start| operation.starts_with(start));
+            let iterates = ["product", "iterati", "multigr", "finest", "solve of"]
+                .iter()
+                .any(|start| operation.starts_with(start));
             let has_one_level = operation.starts_with("multigrid set-up") && cost == 0.0;
             if (system.dofs().len() <= 60 && iterates) || has_one_level {
                 continue;

@@ -1,6 +1,6 @@
 //! Block-diagonal preconditioners: Jacobi and 3×3 block Jacobi.
 
-use crate::operator::BlockDiagonal;
+use crate::operator::{BlockDiagonal, SystemOperator};
 use crate::system::{Axes, Dof, DofMap};
 use nalgebra::{Matrix3, Vector3};
 use std::ops::Range;
@@ -46,7 +46,21 @@ impl BlockJacobi {
     /// The first coordinate whose diagonal block (or entry) is not positive definite.
     pub fn update(&mut self, a: &impl BlockDiagonal) -> Result<(), NotPositiveBlock> {
         a.diagonal_blocks(&mut self.inverses);
-        for (particle, block) in self.inverses.iter_mut().enumerate() {
+        self.invert(|_| true)
+    }
+
+    /// As [`update`](Self::update), of some particles only; the others keep what they had.
+    pub(super) fn update_some(
+        &mut self,
+        a: &SystemOperator,
+        is_wanted: impl Fn(usize) -> bool,
+    ) -> Result<(), NotPositiveBlock> {
+        a.diagonal_blocks_of(&is_wanted, &mut self.inverses);
+        self.invert(is_wanted)
+    }
+
+    fn invert(&mut self, is_wanted: impl Fn(usize) -> bool) -> Result<(), NotPositiveBlock> {
+        for (particle, block) in self.inverses.iter_mut().enumerate().filter(|(particle, _)| is_wanted(*particle)) {
             let free = self.dofs.free_axes(particle);
             if self.part == DiagonalPart::Entries {
                 *block = Matrix3::from_diagonal(&block.diagonal());

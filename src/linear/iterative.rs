@@ -1,11 +1,12 @@
 //! Conjugate gradients as a time step's solver, matrix-free or on the assembled A.
 
+use super::block_jacobi::{BlockJacobi, DiagonalPart};
 use super::budget::Budget;
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::contest::Contest;
 use super::cost::CostModel;
 use super::outcome::{Definiteness, Evidence, NotConverged, Progress, Solution, SolveFailure};
-use super::preconditioner::{Precondition, Preconditioner};
+use super::preconditioner::{Precondition, Preconditioner, refused};
 use super::preconditioner_kind::PreconditionerKind;
 use super::reuse::Patience;
 use super::warm_start::WarmStart;
@@ -13,7 +14,7 @@ use super::{Held, LinearSolver, Prepared};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::interrupt::Interrupt;
-use crate::operator::SystemOperator;
+use crate::operator::{Left, SurelyDefinite, SystemOperator};
 use crate::system::System;
 use crate::work::Work;
 use nalgebra::Vector3;
@@ -56,45 +57,49 @@ struct Limit {
 struct Choice {
     contest: Contest,
     places: Vec<Vector3<f64>>,
-    /// A place for every particle, to find out whether a matrix is definite.
-    room: Vec<f64>,
-    /// Whether the matrix at hand surely is.
-    is_definite: bool,
-    /// Its blocks, where it may not be and nothing is preconditioned.
-    watch: Option<Preconditioner>,
+    /// What masses have left in the matrix at hand.
+    left: Left,
+    /// What of it is definite for certain.
+    definite: SurelyDefinite,
+    /// Its diagonal blocks, of which it is not certain, where nothing is preconditioned.
+    watch: Option<BlockJacobi>,
 }
 
 impl Choice {
     fn new(system: &System, costs: &CostModel) -> Self {
-        let particles = system.particles();
         Self {
             contest: Contest::new(system, costs),
-            places: vec![Vector3::zeros(); particles],
-            room: vec![0.0; particles],
-            is_definite: false,
+            places: vec![Vector3::zeros(); system.particles()],
+            left: Left::new(system),
+            definite: SurelyDefinite::Nothing,
             watch: None,
         }
     }
 
     /// Whether another preconditioner should have this matrix, which comes after those that one has had.
     fn next(&mut self, kind: PreconditionerKind, a: &SystemOperator, costs: &CostModel) -> Option<PreconditionerKind> {
-        self.is_definite = a.is_surely_definite(&mut self.room);
-        self.contest.next(kind, costs, self.is_definite)
+        self.definite = a.surely_definite(&mut self.left);
+        self.contest.next(kind, costs, self.definite == SurelyDefinite::Matrix)
     }
 
-    /// Looks at the blocks of a matrix that nothing else looks at: they may show that it is not definite, and those of the first whether they would
-    /// be of use.
-    fn watch(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
-        if self.watch.is_none() {
-            self.watch = Preconditioner::new(PreconditionerKind::BlockJacobi, a.system()).ok();
+    /// Whether blocks of a matrix that nothing else looks at are to be made.
+    fn is_watchful(&self) -> bool {
+        self.definite == SurelyDefinite::Nothing || !self.contest.knows_blocks()
+    }
+
+    /// Makes the blocks that may show that the matrix is not definite; of the first matrix all, which show whether they would be of use.
+    fn watch(&mut self, a: &SystemOperator) -> Result<(), SolveFailure> {
+        let Self { contest, left, watch, .. } = self;
+        let blocks = watch.get_or_insert_with(|| BlockJacobi::new(DiagonalPart::Blocks, a.system().dofs()));
+        let updated = if contest.knows_blocks() {
+            blocks.update_some(a, |particle| left.is_doubtful(particle))
+        } else {
+            blocks.update(a)
+        };
+        if updated.is_ok() && !contest.knows_blocks() {
+            contest.see_blocks(blocks.spread());
         }
-        let updated = self.watch.as_mut().map_or(Ok(()), |blocks| blocks.update(a, work));
-        if let (Ok(()), Some(Preconditioner::BlockJacobi(blocks)), false) =
-            (&updated, &self.watch, self.contest.knows_blocks())
-        {
-            self.contest.see_blocks(blocks.spread());
-        }
-        updated
+        updated.map_err(|block| refused(a, block))
     }
 }
 
@@ -286,9 +291,9 @@ impl CgSolver {
         let is_plain = self.kind() == PreconditionerKind::None;
         let Some(choice) = &mut self.choice else { return updated };
         choice.contest.set_up(setups);
-        if is_plain && (!choice.is_definite || !choice.contest.knows_blocks()) {
+        if is_plain && choice.is_watchful() {
             self.budget.spend(costs.preparation(PreconditionerKind::BlockJacobi));
-            updated = choice.watch(a, work);
+            updated = choice.watch(a);
         }
         if matches!(updated, Err(SolveFailure::Indefinite(_))) {
             choice.contest.refused();

@@ -7,7 +7,7 @@ use super::reuse::ReusedMultigrid;
 use crate::error;
 use crate::operator::SystemOperator;
 use crate::spring::SpringBlock;
-use crate::system::{Dof, System};
+use crate::system::System;
 use crate::work::Work;
 use nalgebra::Vector3;
 
@@ -97,7 +97,7 @@ impl Preconditioner {
     pub fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
         match self {
             Self::Identity => Ok(()),
-            Self::BlockJacobi(block_jacobi) => block_jacobi.update(a).map_err(|NotPositiveBlock(dof)| refused(a, dof)),
+            Self::BlockJacobi(block_jacobi) => block_jacobi.update(a).map_err(|block| refused(a, block)),
             Self::Multigrid(multigrid) => multigrid.update(a, work),
             Self::Own(own) => own.update(a, work),
         }
@@ -115,7 +115,7 @@ impl Preconditioner {
 }
 
 /// A refused block means an indefinite matrix only if the matrix is finite.
-fn refused(a: &SystemOperator, dof: Dof) -> SolveFailure {
+pub(super) fn refused(a: &SystemOperator, NotPositiveBlock(dof): NotPositiveBlock) -> SolveFailure {
     let is_finite = |block: &SpringBlock| block.matrix().iter().all(|entry| entry.is_finite());
     if a.mass_factor().is_finite() && a.blocks().iter().all(is_finite) {
         SolveFailure::Indefinite(Evidence::DiagonalBlock(dof))
@@ -130,7 +130,7 @@ mod tests {
     use crate::force::Extensions;
     use crate::operator::Combination;
     use crate::spring::Stiffness;
-    use crate::system::SystemBuilder;
+    use crate::system::{Dof, SystemBuilder};
     use crate::system::fixtures::row;
 
     /// The identity, by another name.
@@ -174,7 +174,11 @@ mod tests {
         ] {
             let combination = Combination { mass, damping: 0.0, stiffness };
             let a = SystemOperator::new(&system, &extensions, Stiffness::Full, combination);
-            assert_eq!(format!("{:?}", refused(&a, dof)), format!("{expected:?}"), "{mass} {stiffness}");
+            assert_eq!(
+                format!("{:?}", refused(&a, NotPositiveBlock(dof))),
+                format!("{expected:?}"),
+                "{mass} {stiffness}"
+            );
         }
     }
 }

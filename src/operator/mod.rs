@@ -9,7 +9,7 @@ mod system_operator;
 
 pub(crate) use prefetch::{prefetch, prefetch_all};
 pub(crate) use stream::share_in_a_row;
-pub use system_operator::{Combination, SystemOperator};
+pub use system_operator::{Combination, Left, SurelyDefinite, SystemOperator};
 
 use nalgebra::Matrix3;
 

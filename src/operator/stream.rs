@@ -29,8 +29,8 @@ mod quad;
 use super::lanes::Portable;
 use crate::spring::SpringBlock;
 use crate::system::{DofMap, Share, System};
-pub(crate) use order::share_in_a_row;
 use order::pair;
+pub(crate) use order::share_in_a_row;
 use part::Part;
 use product::Product;
 

@@ -11,12 +11,16 @@
 //! their *Project*. What prescribed particles do to the free ones goes to the right-hand side once a step, by
 //! [`subtract_coupling`](SystemOperator::subtract_coupling): their *Set-Boundary-Conditions*.
 
+mod definite;
+
 use super::stream::SpringStream;
 use super::{BlockDiagonal, LinearOperator};
 use crate::force::Extensions;
 use crate::parallel::pieces;
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{Axes, System};
+use definite::extremes;
+pub use definite::{Left, SurelyDefinite};
 use nalgebra::{Matrix3, Vector3};
 
 /// Coefficients of `mass·M + damping·G + stiffness·K`.
@@ -104,6 +108,9 @@ pub struct SystemOperator<'s> {
     inertia: Vec<f64>,
     /// Positions in `blocks` of the springs that have a prescribed axis at one end.
     coupled: Vec<u32>,
+    /// The least mass that moves, in kg, and the most springs that end in one particle that does.
+    lightest: f64,
+    most_springs: f64,
 }
 
 impl<'s> SystemOperator<'s> {
@@ -116,8 +123,9 @@ impl<'s> SystemOperator<'s> {
         let nothing = SpringBlock { direction: Vector3::zeros(), transverse: 0.0, axial: 0.0 };
         let blocks = vec![nothing; system.active_springs().len()];
         let inertia = vec![0.0; system.dofs().len()];
-        let mut operator =
-            Self { system, mass: 0.0, blocks, stream: SpringStream::new(system, &system.shares()), inertia, coupled };
+        let stream = SpringStream::new(system, &system.shares());
+        let [lightest, most_springs] = extremes(system);
+        let mut operator = Self { system, mass: 0.0, blocks, stream, inertia, coupled, lightest, most_springs };
         operator.update(extensions, option, combination);
         operator
     }
@@ -179,31 +187,6 @@ impl<'s> SystemOperator<'s> {
         &self.blocks
     }
 
-    /// Whether masses outweigh what springs can take away, so that the matrix is definite; others may be, too.
-    ///
-    /// A spring whose block has the least eigenvalue −c adds at least `−c |xᵢ − xⱼ|² ≥ −2c (|xᵢ|² + |xⱼ|²)` to `xᵀA x`, so a matrix is definite if
-    /// every particle has a mass, times the factor of M, of more than twice the sum over its springs (own derivation). `room` has a
-    /// place for every particle.
-    pub fn is_surely_definite(&self, room: &mut [f64]) -> bool {
-        let taken = |block: &SpringBlock| -block.axial.min(block.transverse).min(0.0);
-        if self.mass > 0.0 && self.blocks.iter().all(|block| taken(block) == 0.0) {
-            return true;
-        }
-        for (left, mass) in room.iter_mut().zip(self.system.masses()) {
-            *left = self.mass * mass;
-        }
-        for (pair, block) in self.stamps() {
-            for particle in pair {
-                if let Some(left) = room.get_mut(particle) {
-                    *left -= 2.0 * taken(block);
-                }
-            }
-        }
-        let dofs = self.system.dofs();
-        let is_free = |particle| dofs.free_axes(particle) != Axes::NONE;
-        room.iter().enumerate().all(|(particle, &left)| left > 0.0 || !is_free(particle))
-    }
-
     /// The active springs' ends and blocks, in order.
     #[inline]
     fn stamps(&self) -> impl Iterator<Item = ([usize; 2], &SpringBlock)> {
@@ -237,24 +220,7 @@ impl LinearOperator for SystemOperator<'_> {
 
 impl BlockDiagonal for SystemOperator<'_> {
     fn diagonal_blocks(&self, blocks: &mut [Matrix3<f64>]) {
-        for (block, mass) in blocks.iter_mut().zip(self.system.masses()) {
-            *block = Matrix3::from_diagonal_element(self.mass * mass);
-        }
-        for ([i, j], block) in self.stamps() {
-            let matrix = block.matrix();
-            blocks[i] += matrix;
-            blocks[j] += matrix;
-        }
-        for (particle, block) in blocks.iter_mut().enumerate() {
-            let free = self.system.dofs().free_axes(particle);
-            if free == Axes::ALL {
-                continue;
-            }
-            for axis in (0..3).filter(|&axis| !free.contains(axis)) {
-                block.row_mut(axis).fill(0.0);
-                block.column_mut(axis).fill(0.0);
-            }
-        }
+        self.diagonal_blocks_of(|_| true, blocks);
     }
 }
 
@@ -263,51 +229,6 @@ mod tests {
     use super::*;
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
-
-    /// A spring of 100 N and 2 m, pressed to half its length, takes 50 N/m across itself: masses of 1 and 2 kg outweigh twice that from a factor of
-    /// 100 on, and without the first, which is held, from 50.
-    #[test]
-    fn masses_outweigh_compressed_springs() {
-        for (length, factor, holds, is_definite) in [
-            (1.0, 99.0, None, false),
-            (1.0, 101.0, None, true),
-            (2.5, 1e-3, None, true),
-            (1.0, 49.0, Some(0), false),
-            (1.0, 51.0, Some(0), true),
-        ] {
-            let mut builder = SystemBuilder::new();
-            builder.particle([0.0; 3], 1.0);
-            builder.particle([length, 0.0, 0.0], 2.0);
-            builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 2.0, damping: 0.0 });
-            if let Some(held) = holds {
-                builder.hold(held);
-            }
-            let (system, state) = builder.build().unwrap();
-            let extensions = Extensions::at(&system, &state.positions).unwrap();
-            let combination = Combination { mass: factor, damping: 0.0, stiffness: -1.0 };
-            let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, combination);
-            assert_eq!(operator.is_surely_definite(&mut [0.0; 2]), is_definite, "{length} {factor}");
-        }
-    }
-
-    /// Without mass nothing is definite, whatever the springs are: two free particles can move together. And masses that are just
-    /// outweighed, 1 kg times a factor of 100 by twice 50 N/m, leave a matrix that may be singular.
-    #[test]
-    fn what_may_be_singular_is_not_surely_definite() {
-        let mut builder = SystemBuilder::new();
-        builder.particle([0.0; 3], 1.0);
-        builder.particle([1.0, 0.0, 0.0], 1.0);
-        builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 2.0, damping: 0.0 });
-        let (system, state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
-        for (mass, stiffness, option) in
-            [(0.0, -1.0, Stiffness::Tension), (-1.0, -1.0, Stiffness::Tension), (100.0, -1.0, Stiffness::Full)]
-        {
-            let combination = Combination { mass, damping: 0.0, stiffness };
-            let operator = SystemOperator::new(&system, &extensions, option, combination);
-            assert!(!operator.is_surely_definite(&mut [0.0; 2]), "{mass}");
-        }
-    }
 
     /// In one, two and three dimensions: the product of the assembled matrix, of different masses and springs along and across.
     #[test]

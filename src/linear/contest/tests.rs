@@ -37,17 +37,17 @@ fn what_does_not_pay_is_left_and_tried_later() {
     let costs = costs();
     let (blocks, none, with) =
         (costs.preparation(Kind::BlockJacobi), costs.iteration(Kind::None), costs.iteration(Kind::BlockJacobi));
-    let promised = SURE * 30.0 * none - blocks - 0.6 * 30.0 * with;
+    let promised = SURE * 60.0 * none - blocks - 0.6 * 60.0 * with;
     assert!(promised > 0.0);
-    let expected = ((blocks + 30.0 * none) / promised).floor() as usize;
-    assert_eq!(moves(&mut contest, Kind::None, 30, 100), Some((expected, Kind::BlockJacobi)));
+    let expected = ((blocks + 60.0 * none) / promised).floor() as usize;
+    assert_eq!(moves(&mut contest, Kind::None, 60, 100), Some((expected, Kind::BlockJacobi)));
     contest.changed(Kind::None, Kind::BlockJacobi);
-    let lost = SURE * (blocks + 30.0 * with) - 30.0 * none;
-    let back = moves(&mut contest, Kind::BlockJacobi, 30, 100);
+    let lost = SURE * (blocks + 60.0 * with) - 60.0 * none;
+    let back = moves(&mut contest, Kind::BlockJacobi, 60, 100);
     assert_eq!(back, Some(((blocks / lost).floor() as usize, Kind::None)));
     contest.changed(Kind::BlockJacobi, Kind::None);
     // Known by now to save nothing, they are not tried again.
-    assert_eq!(moves(&mut contest, Kind::None, 30, 100), None);
+    assert_eq!(moves(&mut contest, Kind::None, 60, 100), None);
 }
 
 /// Where multigrid saves nothing, a trial without a preconditioner may cost all that multigrid costs, and blocks in between.
@@ -128,9 +128,9 @@ fn masses_that_differ_ask_for_blocks() {
 #[test]
 fn blocks_that_save_much_stay() {
     let mut contest = contest();
-    assert!(moves(&mut contest, Kind::None, 40, 100).is_some());
+    assert!(moves(&mut contest, Kind::None, 80, 100).is_some());
     contest.changed(Kind::None, Kind::BlockJacobi);
-    assert_eq!(moves(&mut contest, Kind::BlockJacobi, 5, 1000), None);
+    assert_eq!(moves(&mut contest, Kind::BlockJacobi, 10, 1000), None);
 }
 
 /// Hundreds of iterations, which a solve with multigrid would do without.

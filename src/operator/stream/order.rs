@@ -30,10 +30,12 @@ pub struct Stretch {
     pub others: Vec<Four>,
 }
 
-impl Stretch {
-    fn springs_in_a_row(&self) -> usize {
-        self.in_a_row.iter().flat_map(|(_, four)| four).filter(|&&position| position != NO_SPRING).count()
-    }
+/// Which share of the springs a product takes in a row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InARow {
+    pub all: f64,
+    /// Those whose others are among the first or overlap with them: they wait for what was just stored.
+    pub overlapping: f64,
 }
 
 /// The particles that move, in order.
@@ -164,13 +166,16 @@ fn by_stretch(moving: &Moving) -> (Vec<u32>, Vec<usize>) {
     (positions, free)
 }
 
+/// Rows of four particles.
+const ROWS: u32 = 12;
+
 /// Stretches that are looked at for a share.
 const SAMPLED: usize = 16;
 
-/// Which share of the springs a product takes in a row, counted in every k-th stretch: in all stretches where there are up to sixteen, in 8 to 16 otherwise.
-pub fn share_in_a_row(system: &System) -> f64 {
+/// Counted in every k-th stretch: in all stretches where there are up to sixteen, in 8 to 16 otherwise.
+pub fn share_in_a_row(system: &System) -> InARow {
     if system.dimension() < 3 {
-        return 0.0;
+        return InARow { all: 0.0, overlapping: 0.0 };
     }
     let moving = Moving::of(system);
     let each = moving.stretches().div_ceil(SAMPLED).max(1);
@@ -179,9 +184,16 @@ pub fn share_in_a_row(system: &System) -> f64 {
     let sampled = positions.filter(|&position| moving.stretch(position).is_multiple_of(each));
     let mut entries: Vec<Entry> = sampled.map(|position| moving.entry(position)).collect();
     entries.sort_unstable();
-    let stretches = entries.chunk_by_mut(|a, b| stretch(a) == stretch(b));
-    let in_a_row: usize = stretches.map(|entries| of_stretch(&moving, entries).springs_in_a_row()).sum();
-    in_a_row as f64 / entries.len().max(1) as f64
+    let (mut all, mut overlapping) = (0, 0);
+    for entries in entries.chunk_by_mut(|a, b| stretch(a) == stretch(b)) {
+        for ([first, others], four) in of_stretch(&moving, entries).in_a_row {
+            let springs = four.iter().filter(|&&position| position != NO_SPRING).count();
+            all += springs;
+            overlapping += if others - first < ROWS { springs } else { 0 };
+        }
+    }
+    let share = |count: usize| count as f64 / entries.len().max(1) as f64;
+    InARow { all: share(all), overlapping: share(overlapping) }
 }
 
 fn of_stretch(moving: &Moving, entries: &mut [Entry]) -> Stretch {
