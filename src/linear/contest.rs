@@ -52,6 +52,10 @@ const DISAPPOINTED: f64 = 4.0;
 /// Digits that a solve gains at least: the iterations of one that began with its solution say little.
 const LEAST_DIGITS: f64 = 0.5;
 
+/// Digits that a solve has gained at least, as far as what it will take is concerned: early on its residual may have grown, and what others promise is to be
+/// compared all the same.
+const BEGUN: f64 = 0.01;
+
 /// Iterations after which a solve without a preconditioner, and one with blocks, asks for something better. Together they are about what the first solve with multigrid
 /// costs, its analysis included: whatever a scene needs, trying costs at most twice the better choice.
 const PATIENCE: [u64; 2] = [50, 100];
@@ -154,7 +158,7 @@ impl Contest {
         let Progress { iterations, gained, .. } = progress;
         let mut known = self.clone();
         if let Some(seen) = known.seen.get_mut(place(kind)) {
-            *seen = Seen { iterations: iterations as f64, digits: gained.max(f64::MIN_POSITIVE) };
+            *seen = Seen { iterations: iterations as f64, digits: gained.max(BEGUN) };
         }
         known
     }

@@ -91,3 +91,23 @@ fn the_cheapest_of_those_that_follow_goes_on() {
     let progress = Progress { iterations: 10, gained: 5.0, left: 5.0 };
     assert_eq!(contest.better(Kind::Multigrid, progress, &Budget::new(costs)), None);
 }
+
+/// A solve whose residual has grown at first goes on where blocks are alike and coarse levels cannot be afforded, and is left for them otherwise: what is left
+/// is long for all, but not without end.
+#[test]
+fn a_solve_that_has_gained_nothing_is_compared_as_well() {
+    let costs = costs();
+    let progress = Progress { iterations: 50, gained: -0.1, left: 4.1 };
+    let mut tight = Budget::new(costs);
+    tight.allow(50.0 * costs.iteration(Kind::None) + 2.0 * costs.preparation(Kind::BlockJacobi));
+    for (spread, budget, expected) in
+        [(1.0, tight, None), (1e3, tight, Some(Kind::BlockJacobi)), (1.0, Budget::new(costs), Some(Kind::Multigrid))]
+    {
+        let mut contest = contest();
+        contest.see_blocks(spread);
+        let changes = contest.more(Kind::None, progress, &budget) == 0;
+        assert_eq!(changes, expected.is_some(), "{spread}");
+        let better = contest.better(Kind::None, progress, &budget).map(|(kind, _)| kind);
+        assert!(expected.is_none() || better == expected, "{spread}: {better:?}");
+    }
+}
