@@ -19,6 +19,7 @@ use super::budget::Budget;
 use super::cost::CostModel;
 use super::outcome::Progress;
 use super::preconditioner_kind::PreconditionerKind as Kind;
+use crate::operator::SurelyDefinite;
 use crate::system::System;
 
 /// Those that take part, from the cheapest to prepare to the dearest.
@@ -223,15 +224,15 @@ impl Contest {
         }
     }
 
-    /// Whether another one should have the next matrix: before each, with the one that had the last. Where it is not sure to be definite
-    /// its blocks are made in any case.
-    pub fn next(&mut self, kind: Kind, costs: &CostModel, is_definite: bool) -> Option<Kind> {
+    /// Whether another one should have the next matrix: before each, with the one that had the last. Where not even its blocks are sure to be definite they
+    /// are made in any case.
+    pub fn next(&mut self, kind: Kind, costs: &CostModel, definite: SurelyDefinite) -> Option<Kind> {
         let Seen { iterations, digits } = std::mem::take(&mut self.now);
         let set_up = std::mem::take(&mut self.set_up);
         if kind == Kind::Multigrid {
             self.set_ups = MEMORY * self.set_ups + (1.0 - MEMORY) * set_up;
         }
-        let needs_blocks = !is_definite && self.has_refused && self.blocks_at_best < SURE;
+        let needs_blocks = definite != SurelyDefinite::Matrix && self.has_refused && self.blocks_at_best < SURE;
         if needs_blocks && kind == Kind::None {
             return Some(Kind::BlockJacobi);
         }
@@ -242,7 +243,8 @@ impl Contest {
         let current = place(kind);
         let of = |kind: Kind, iterations: f64, set_ups: f64| {
             let set_ups = if kind == Kind::Multigrid { set_ups * costs.multigrid_setup() } else { 0.0 };
-            let made = if kind == Kind::None && !is_definite { Kind::BlockJacobi } else { kind };
+            let watched = kind == Kind::None && definite == SurelyDefinite::Nothing;
+            let made = if watched { Kind::BlockJacobi } else { kind };
             costs.preparation(made) + iterations * costs.iteration(kind) + set_ups
         };
         let expected = |place: usize| {

@@ -79,7 +79,7 @@ impl Choice {
     /// Whether another preconditioner should have this matrix, which comes after those that one has had.
     fn next(&mut self, kind: PreconditionerKind, a: &SystemOperator, costs: &CostModel) -> Option<PreconditionerKind> {
         self.definite = a.surely_definite(&mut self.left);
-        self.contest.next(kind, costs, self.definite == SurelyDefinite::Matrix)
+        self.contest.next(kind, costs, self.definite)
     }
 
     /// Whether blocks of a matrix that nothing else looks at are to be made.

@@ -130,8 +130,8 @@ mod tests {
     use crate::force::Extensions;
     use crate::operator::Combination;
     use crate::spring::Stiffness;
-    use crate::system::{Dof, SystemBuilder};
     use crate::system::fixtures::row;
+    use crate::system::{Dof, SystemBuilder};
 
     /// The identity, by another name.
     #[derive(Debug)]

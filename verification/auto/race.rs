@@ -13,8 +13,8 @@ const LAST: usize = 15;
 
 /// A race has so many rounds at least, and more until it takes so long.
 const LEAST_ROUNDS: usize = 2;
-const MOST_ROUNDS: usize = 9;
-const LONG_ENOUGH: Duration = Duration::from_secs(2);
+const MOST_ROUNDS: usize = 100;
+const LONG_ENOUGH: Duration = Duration::from_secs(3);
 
 /// A solver that takes more than this many times the time of the fastest is not followed to its end.
 const SLOW: f64 = 3.0;

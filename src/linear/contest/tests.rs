@@ -20,7 +20,7 @@ fn contest() -> Contest {
 fn moves(contest: &mut Contest, kind: Kind, iterations: u64, matrices: usize) -> Option<(usize, Kind)> {
     (0..matrices).find_map(|matrix| {
         contest.record(kind, iterations, 10.0);
-        contest.next(kind, &costs(), true).map(|next| (matrix, next))
+        contest.next(kind, &costs(), SurelyDefinite::Matrix).map(|next| (matrix, next))
     })
 }
 
@@ -82,17 +82,17 @@ fn what_was_not_allowed_is_tried_when_it_is() {
         let mut contest = contest();
         contest.blocks_at_best /= unlike;
         contest.refused();
-        assert_eq!(contest.next(Kind::None, &costs, false), Some(Kind::BlockJacobi));
-        let (is_sure, mut matrices) = ([false, true], 0);
-        let tried = is_sure.into_iter().find_map(|is_sure| {
+        assert_eq!(contest.next(Kind::None, &costs, SurelyDefinite::Nothing), Some(Kind::BlockJacobi));
+        let (definite, mut matrices) = ([SurelyDefinite::Blocks, SurelyDefinite::Matrix], 0);
+        let tried = definite.into_iter().find_map(|definite| {
             matrices = 0;
             (0..20).find_map(|_| {
                 matrices += 1;
                 contest.record(Kind::BlockJacobi, 10, 10.0);
-                contest.next(Kind::BlockJacobi, &costs, is_sure).map(|next| (is_sure, next))
+                contest.next(Kind::BlockJacobi, &costs, definite).map(|next| (definite, next))
             })
         });
-        assert_eq!(tried, is_tried.then_some((true, Kind::None)));
+        assert_eq!(tried, is_tried.then_some((SurelyDefinite::Matrix, Kind::None)));
         let missed = SURE * (blocks + 10.0 * with) - 10.0 * none;
         assert!(!is_tried || matrices == (blocks / missed).floor() as usize + 1, "{matrices} {}", blocks / missed);
     }
@@ -146,36 +146,38 @@ fn multigrid_comes_where_it_promises_most() {
 #[test]
 fn blocks_watch_over_definiteness() {
     let (mut contest, costs) = (contest(), costs());
-    assert_eq!(contest.next(Kind::None, &costs, false), None);
+    assert_eq!(contest.next(Kind::None, &costs, SurelyDefinite::Nothing), None);
     contest.refused();
-    assert_eq!(contest.next(Kind::None, &costs, false), Some(Kind::BlockJacobi));
+    assert_eq!(contest.next(Kind::None, &costs, SurelyDefinite::Nothing), Some(Kind::BlockJacobi));
     contest.record(Kind::None, 3, 10.0);
-    for is_definite in [false, true] {
+    for definite in [SurelyDefinite::Nothing, SurelyDefinite::Blocks, SurelyDefinite::Matrix] {
         let left = (0..100).any(|_| {
             contest.record(Kind::BlockJacobi, 3, 10.0);
-            contest.next(Kind::BlockJacobi, &costs, is_definite) == Some(Kind::None)
+            contest.next(Kind::BlockJacobi, &costs, definite) == Some(Kind::None)
         });
-        assert_eq!(left, is_definite);
+        assert_eq!(left, definite == SurelyDefinite::Matrix);
     }
 }
 
-/// The blocks of a matrix that may be indefinite are made without a preconditioner, too: to leave them saves their part of an iteration alone.
+/// Blocks that may not be definite are made without a preconditioner, too: to leave them saves their part of an iteration alone.
 #[test]
 fn blocks_that_watch_over_definiteness_are_made_in_any_case() {
     let costs = costs();
     let (blocks, none, with) =
         (costs.preparation(Kind::BlockJacobi), costs.iteration(Kind::None), costs.iteration(Kind::BlockJacobi));
-    for (is_definite, watched) in [(true, 0.0), (false, blocks)] {
+    for (definite, watched) in
+        [(SurelyDefinite::Matrix, 0.0), (SurelyDefinite::Blocks, 0.0), (SurelyDefinite::Nothing, blocks)]
+    {
         let mut contest = contest();
         contest.record(Kind::None, 30, 10.0);
         contest.changed(Kind::None, Kind::BlockJacobi);
         let left = (0..100).find(|_| {
             contest.record(Kind::BlockJacobi, 30, 10.0);
-            contest.next(Kind::BlockJacobi, &costs, is_definite) == Some(Kind::None)
+            contest.next(Kind::BlockJacobi, &costs, definite) == Some(Kind::None)
         });
         let lost = SURE * (blocks + 30.0 * with) - watched - 30.0 * none;
         assert!(lost > 0.0);
-        assert_eq!(left, Some((blocks / lost).floor() as usize), "{is_definite}");
+        assert_eq!(left, Some((blocks / lost).floor() as usize), "{definite:?}");
     }
 }
 
@@ -188,7 +190,7 @@ fn multigrid_is_left_where_little_is_to_do() {
     contest.set_up(1.0);
     contest.record(Kind::Multigrid, 8, 10.0);
     assert!(SURE * costs.iteration(Kind::Multigrid) * 8.0 > costs.preparation(Kind::BlockJacobi));
-    assert_eq!(contest.next(Kind::Multigrid, &costs, true), None);
+    assert_eq!(contest.next(Kind::Multigrid, &costs, SurelyDefinite::Matrix), None);
     assert_eq!(moves(&mut contest, Kind::Multigrid, 8, 10).map(|(_, kind)| kind), Some(Kind::None));
 }
 
@@ -202,7 +204,7 @@ fn coarse_levels_that_age_fast_are_left() {
         contest.set_up(1.0);
         let left = (0..100).find_map(|_| {
             contest.record(Kind::Multigrid, 8, 10.0);
-            let next = contest.next(Kind::Multigrid, &costs, false);
+            let next = contest.next(Kind::Multigrid, &costs, SurelyDefinite::Nothing);
             contest.set_up(set_ups);
             next
         });
@@ -224,7 +226,7 @@ fn set_ups_are_remembered() {
     {
         contest.set_up(set_up);
         contest.record(kind, 5, 10.0);
-        contest.next(kind, &costs, true);
+        contest.next(kind, &costs, SurelyDefinite::Matrix);
         assert!((contest.set_ups - expected).abs() < 1e-12, "{}", contest.set_ups);
     }
 }
@@ -286,7 +288,7 @@ fn trials_begin_where_they_have_cost_as_much_not_to_be_made() {
             before(&mut contest);
             contest.price[place(best)] = DISAPPOINTED;
             contest.lost = part * border - lost;
-            let found = contest.next(kind, &costs, true);
+            let found = contest.next(kind, &costs, SurelyDefinite::Matrix);
             assert!((contest.lost / (part * border) - 1.0).abs() < 1e-9, "{} {border}", contest.lost);
             assert_eq!(found, moves, "{part}");
         }
@@ -339,7 +341,7 @@ fn blocks_that_are_alike_promise_nothing() {
         contest.record(Kind::None, 100, 10.0);
         assert_eq!(contest.per_digit(1), 10.0 * contest.blocks_at_best);
         contest.refused();
-        let kept = contest.next(Kind::None, &costs, false);
+        let kept = contest.next(Kind::None, &costs, SurelyDefinite::Nothing);
         assert_eq!(kept, (contest.blocks_at_best < SURE).then_some(Kind::BlockJacobi), "{spread} {unlike}");
     }
 }
