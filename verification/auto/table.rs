@@ -23,7 +23,7 @@ pub fn page(raced: &[Raced]) -> Result<String, std::fmt::Error> {
         "# What `--solver auto` costs beside the fastest solver\n\n\
          Made by `cargo xtask auto --largest {largest_scene} --write`: 30 steps of `linear-backward-euler` (one matrix and one solve a step) from the start of ready scenes, with steps of 1e-4 to 1e-1 s and \
          tolerances of 1e-4, 1e-7 and 1e-10, by `auto` and by each solver that could have been asked for (`llt`; `cg` with \
-         `block-jacobi`, `multigrid` and no preconditioner), of which the fastest is 1. Times of one thread, each step's the shortest of two to a hundred rounds, in which every solver has its turn. \
+         `block-jacobi`, `multigrid` and no preconditioner), of which the fastest is 1. Times of one thread, each step's the shortest of two to nine rounds, in which every solver has its turn. \
          After its first steps: medians of the last 15. As a whole: all 30 with what is done before the first.\n\n\
          | particles | cells | after its first steps: within 1.15 | within 2 | largest | as a whole: within 1.3 | largest |\n\
          |---|---|---|---|---|---|---|\n",

@@ -191,4 +191,51 @@ mod tests {
             assert_eq!(operator.surely_definite(&mut Left::new(&system)), expected, "{mass}");
         }
     }
+
+    /// A chain of masses of 2, 1 and 1 kg times 30 whose first spring is pressed to half its length and whose second is stretched to twice its own: across
+    /// themselves −50 and 25 N/m, which leave 10, 5 and 55 of the blocks.
+    #[test]
+    fn stretched_springs_make_up_for_pressed_ones() {
+        let mut builder = SystemBuilder::new();
+        for (x, mass) in [(0.0, 2.0), (1.0, 1.0), (5.0, 1.0)] {
+            builder.particle([x, 0.0, 0.0], mass);
+        }
+        (0..2).for_each(|i| _ = builder.spring(i, i + 1, Spring { stiffness: 100.0, rest_length: 2.0, damping: 0.0 }));
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let combination = Combination { mass: 30.0, damping: 0.0, stiffness: -1.0 };
+        let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, combination);
+        let mut left = Left::new(&system);
+        assert!((0..3).all(|particle| left.is_doubtful(particle)));
+        assert_eq!(operator.surely_definite(&mut left), SurelyDefinite::Blocks);
+        assert!((0..3).all(|particle| !left.is_doubtful(particle)) && left.is_doubtful(3));
+        for (left, expected) in left.0.iter().zip([10.0, 5.0, 55.0]) {
+            assert!((left.block - expected).abs() < 1e-12, "{left:?}");
+        }
+        // Of a factor of 26 the first is left 2, the second 1, of 24 less than nothing; the third has enough.
+        for (mass, doubtful) in [(26.0, [false; 3]), (25.5, [false; 3]), (24.0, [true, true, false])] {
+            let operator =
+                SystemOperator::new(&system, &extensions, Stiffness::Full, Combination { mass, ..combination });
+            operator.surely_definite(&mut left);
+            assert_eq!([0, 1, 2].map(|particle| left.is_doubtful(particle)), doubtful, "{mass}");
+        }
+    }
+
+    /// Those that are asked for are the blocks of all, and the others stay.
+    #[test]
+    fn some_blocks_are_made_alone() {
+        let mut builder = SystemBuilder::new();
+        (0..4).for_each(|p| _ = builder.particle([1.3 * f64::from(p), f64::from(p % 2), 0.0], 1.0));
+        (0..3).for_each(|i| _ = builder.spring(i, i + 1, Spring { stiffness: 50.0, rest_length: 1.0, damping: 0.0 }));
+        builder.hold(0);
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
+        let untouched = Matrix3::from_element(7.0);
+        let [mut all, mut some] = [[untouched; 4]; 2];
+        operator.diagonal_blocks_of(|_| true, &mut all);
+        operator.diagonal_blocks_of(|particle| particle != 2, &mut some);
+        assert_eq!(some, [all[0], all[1], untouched, all[3]]);
+        assert!(all[0] == Matrix3::zeros() && all[2] != untouched);
+    }
 }
