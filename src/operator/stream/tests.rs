@@ -4,7 +4,7 @@ use super::*;
 use crate::force::Extensions;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::{Spring, Stiffness};
-use crate::system::{State, SystemBuilder};
+use crate::system::{Axes, Constraint, Motion, State, SystemBuilder};
 use nalgebra::Vector3;
 
 /// A free chain of springs of rest length 1 that have these lengths and dampings.
@@ -287,6 +287,14 @@ fn springs_are_in_a_row_where_ends_follow_each_other() {
     // One that is held is skipped, and its own springs are not in a row with others.
     assert_eq!(check_order(&chain_of(9, &[], &[0])), [4, 4]);
     assert_eq!(check_order(&chain_of(13, &[], &[3])), [7, 5]);
+    // One that moves along two axes keeps its four from being in a row, first or others.
+    let rail = Constraint { particles: vec![3], axes: Axes::of(&[0]), motion: Motion::Held };
+    let mut builder = SystemBuilder::new();
+    (0..13).for_each(|p| _ = builder.particle([f64::from(p), 0.0, 0.0], 1.0));
+    let spring = Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 };
+    (1..13).for_each(|p| _ = builder.spring(p - 1, p, spring));
+    builder.constrain(rail);
+    assert_eq!(check_order(&builder.build().unwrap().0), [8, 4]);
     // Springs to four that are held, in either direction; the one to the last of them in the chain is alone with its distance.
     assert_eq!(check_order(&chain_of(12, &[[0, 4], [1, 5], [2, 6], [7, 3]], &[0, 1, 2, 3])), [8, 4]);
     // The second of two between the same ends, in either direction; and one that is alone with its distance.
