@@ -10,7 +10,7 @@
 use super::analysis::FactorSize;
 use super::ordering::OrderingMethod;
 use super::preconditioner_kind::PreconditionerKind;
-use crate::operator::share_in_a_row;
+use crate::operator::row_shares;
 use crate::system::System;
 use crate::work::Work;
 
@@ -113,8 +113,8 @@ impl CostModel {
         let axes = system.dimension();
         let (springs, dofs) = (system.active_springs().len() as f64, system.dofs().len() as f64);
         let entries = 0.5 * (axes as f64 + 1.0) * dofs + (axes * axes) as f64 * springs;
-        let in_a_row = share_in_a_row(system);
-        let [in_a_row, overlapping] = [in_a_row.all, in_a_row.overlapping].map(|share| share * springs);
+        let shares = row_shares(system);
+        let [in_a_row, overlapping] = [shares.in_a_row, shares.overlapping].map(|share| share * springs);
         let costs = Self { axes, springs, in_a_row, overlapping, dofs, entries, force: 1.0, multiplications: None };
         Self { force: nanoseconds(FORCE, [1.0, springs, dofs, costs.far_ends()]), ..costs }
     }

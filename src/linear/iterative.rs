@@ -1,12 +1,13 @@
 //! Conjugate gradients as a time step's solver, matrix-free or on the assembled A.
 
-use super::block_jacobi::{BlockJacobi, DiagonalPart};
+mod choice;
+
 use super::budget::Budget;
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::contest::Contest;
 use super::cost::CostModel;
 use super::outcome::{Definiteness, Evidence, NotConverged, Progress, Solution, SolveFailure};
-use super::preconditioner::{Precondition, Preconditioner, refused};
+use super::preconditioner::{Precondition, Preconditioner};
 use super::preconditioner_kind::PreconditionerKind;
 use super::reuse::Patience;
 use super::warm_start::WarmStart;
@@ -14,9 +15,10 @@ use super::{Held, LinearSolver, Prepared};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::interrupt::Interrupt;
-use crate::operator::{Left, SurelyDefinite, SystemOperator};
+use crate::operator::SystemOperator;
 use crate::system::System;
 use crate::work::Work;
+use choice::Choice;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -50,57 +52,6 @@ struct Limit {
     /// And how long to go on with old coarse levels then.
     coarse: Option<Patience>,
     most: u64,
-}
-
-/// A choice that is not made yet, and where the particles are, for multigrid.
-#[derive(Debug)]
-struct Choice {
-    contest: Contest,
-    places: Vec<Vector3<f64>>,
-    /// What masses have left in the matrix at hand.
-    left: Left,
-    /// What of it is definite for certain.
-    definite: SurelyDefinite,
-    /// Its diagonal blocks, of which it is not certain, where nothing is preconditioned.
-    watch: Option<BlockJacobi>,
-}
-
-impl Choice {
-    fn new(system: &System, costs: &CostModel) -> Self {
-        Self {
-            contest: Contest::new(system, costs),
-            places: vec![Vector3::zeros(); system.particles()],
-            left: Left::new(system),
-            definite: SurelyDefinite::Nothing,
-            watch: None,
-        }
-    }
-
-    /// Whether another preconditioner should have this matrix, which comes after those that one has had.
-    fn next(&mut self, kind: PreconditionerKind, a: &SystemOperator, costs: &CostModel) -> Option<PreconditionerKind> {
-        self.definite = a.surely_definite(&mut self.left);
-        self.contest.next(kind, costs, self.definite)
-    }
-
-    /// Whether blocks of a matrix that nothing else looks at are to be made.
-    fn is_watchful(&self) -> bool {
-        self.definite == SurelyDefinite::Nothing || !self.contest.knows_blocks()
-    }
-
-    /// Makes the blocks that may show that the matrix is not definite; of the first matrix all, which show whether they would be of use.
-    fn watch(&mut self, a: &SystemOperator) -> Result<(), SolveFailure> {
-        let Self { contest, left, watch, .. } = self;
-        let blocks = watch.get_or_insert_with(|| BlockJacobi::new(DiagonalPart::Blocks, a.system().dofs()));
-        let updated = if contest.knows_blocks() {
-            blocks.update_some(a, |particle| left.is_doubtful(particle))
-        } else {
-            blocks.update(a)
-        };
-        if updated.is_ok() && !contest.knows_blocks() {
-            contest.see_blocks(blocks.spread());
-        }
-        updated.map_err(|block| refused(a, block))
-    }
 }
 
 impl CgSolver {

@@ -8,8 +8,8 @@ mod stream;
 mod system_operator;
 
 pub(crate) use prefetch::{prefetch, prefetch_all};
-pub(crate) use stream::share_in_a_row;
-pub use system_operator::{Combination, Left, SurelyDefinite, SystemOperator};
+pub(crate) use stream::row_shares;
+pub use system_operator::{Combination, Margins, SurelyDefinite, SystemOperator};
 
 use nalgebra::Matrix3;
 

@@ -30,7 +30,7 @@ use super::lanes::Portable;
 use crate::spring::SpringBlock;
 use crate::system::{DofMap, Share, System};
 use order::pair;
-pub(crate) use order::share_in_a_row;
+pub(crate) use order::row_shares;
 use part::Part;
 use product::Product;
 

@@ -20,7 +20,7 @@ use crate::parallel::pieces;
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{Axes, System};
 use definite::extremes;
-pub use definite::{Left, SurelyDefinite};
+pub use definite::{Margins, SurelyDefinite};
 use nalgebra::{Matrix3, Vector3};
 
 /// Coefficients of `mass·M + damping·G + stiffness·K`.
@@ -206,6 +206,31 @@ impl<'s> SystemOperator<'s> {
             dofs.add(rhs, j, &s);
         }
     }
+
+    /// Writes the diagonal blocks of some particles.
+    pub(crate) fn diagonal_blocks_of(&self, is_wanted: impl Fn(usize) -> bool, blocks: &mut [Matrix3<f64>]) {
+        for (particle, (block, mass)) in blocks.iter_mut().zip(self.system.masses()).enumerate() {
+            if is_wanted(particle) {
+                *block = Matrix3::from_diagonal_element(self.mass * mass);
+            }
+        }
+        for (pair, block) in self.stamps() {
+            if pair.iter().any(|&end| is_wanted(end)) {
+                let matrix = block.matrix();
+                pair.into_iter().filter(|&end| is_wanted(end)).for_each(|end| blocks[end] += matrix);
+            }
+        }
+        for (particle, block) in blocks.iter_mut().enumerate() {
+            let free = self.system.dofs().free_axes(particle);
+            if free == Axes::ALL || !is_wanted(particle) {
+                continue;
+            }
+            for axis in (0..3).filter(|&axis| !free.contains(axis)) {
+                block.row_mut(axis).fill(0.0);
+                block.column_mut(axis).fill(0.0);
+            }
+        }
+    }
 }
 
 impl LinearOperator for SystemOperator<'_> {
@@ -269,5 +294,23 @@ mod tests {
             // Numbers of some hundreds, a dozen operations each.
             assert!(y.iter().zip(&expected).all(|(y, expected)| (y - expected).abs() < 1e-11), "{y:?} {expected:?}");
         }
+    }
+
+    /// Those that are asked for are the blocks of all, and the others stay.
+    #[test]
+    fn some_blocks_are_made_alone() {
+        let mut builder = SystemBuilder::new();
+        (0..4).for_each(|p| _ = builder.particle([1.3 * f64::from(p), f64::from(p % 2), 0.0], 1.0));
+        (0..3).for_each(|i| _ = builder.spring(i, i + 1, Spring { stiffness: 50.0, rest_length: 1.0, damping: 0.0 }));
+        builder.hold(0);
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
+        let untouched = Matrix3::from_element(7.0);
+        let [mut all, mut some] = [[untouched; 4]; 2];
+        operator.diagonal_blocks_of(|_| true, &mut all);
+        operator.diagonal_blocks_of(|particle| particle != 2, &mut some);
+        assert_eq!(some, [all[0], all[1], untouched, all[3]]);
+        assert!(all[0] == Matrix3::zeros() && all[2] != untouched);
     }
 }

@@ -32,9 +32,9 @@ pub struct Stretch {
 
 /// Which share of the springs a product takes in a row.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct InARow {
-    pub all: f64,
-    /// Those whose others are among the first or overlap with them: they wait for what was just stored.
+pub struct RowShares {
+    pub in_a_row: f64,
+    /// Those of them whose others are among the first or overlap with them: they wait for what was just stored.
     pub overlapping: f64,
 }
 
@@ -173,9 +173,9 @@ const ROWS: u32 = 12;
 const SAMPLED: usize = 16;
 
 /// Counted in every k-th stretch: in all stretches where there are up to sixteen, in 8 to 16 otherwise.
-pub fn share_in_a_row(system: &System) -> InARow {
+pub fn row_shares(system: &System) -> RowShares {
     if system.dimension() < 3 {
-        return InARow { all: 0.0, overlapping: 0.0 };
+        return RowShares { in_a_row: 0.0, overlapping: 0.0 };
     }
     let moving = Moving::of(system);
     let each = moving.stretches().div_ceil(SAMPLED).max(1);
@@ -193,7 +193,7 @@ pub fn share_in_a_row(system: &System) -> InARow {
         }
     }
     let share = |count: usize| count as f64 / entries.len().max(1) as f64;
-    InARow { all: share(all), overlapping: share(overlapping) }
+    RowShares { in_a_row: share(all), overlapping: share(overlapping) }
 }
 
 fn of_stretch(moving: &Moving, entries: &mut [Entry]) -> Stretch {

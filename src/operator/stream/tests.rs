@@ -313,7 +313,7 @@ fn shares_of_springs_in_a_row() {
     use crate::scene::{Kind, builtin};
     let share = |system: &System| {
         let [in_a_row, others] = check_order(system).map(|count| count as f64);
-        [share_in_a_row(system).all, in_a_row / (in_a_row + others)]
+        [row_shares(system).in_a_row, in_a_row / (in_a_row + others)]
     };
     let shares = |kind, size| share(&builtin(kind, size).unwrap().build().unwrap().0);
     for (kind, size) in [(Kind::Chain, 10), (Kind::Cloth, 20), (Kind::Lattice, 8), (Kind::Network, 50)] {
@@ -331,11 +331,11 @@ fn shares_of_springs_in_a_row() {
     for (kind, size, springs, expected) in [(Kind::Chain, 9, 9, 8.0), (Kind::Lattice, 8, 3486, 389.0)] {
         let (system, _) = builtin(kind, size).unwrap().build().unwrap();
         assert_eq!(system.active_springs().len(), springs);
-        assert!((share_in_a_row(&system).overlapping * springs as f64 - expected).abs() < 1e-9, "{kind:?}");
+        assert!((row_shares(&system).overlapping * springs as f64 - expected).abs() < 1e-9, "{kind:?}");
     }
     // In the plane none are; nor are there any without springs.
     assert_eq!(share(&tangle(2).0), [0.0; 2]);
     let mut builder = SystemBuilder::new();
     builder.particle([0.0; 3], 1.0);
-    assert_eq!(share_in_a_row(&builder.build().unwrap().0).all, 0.0);
+    assert_eq!(row_shares(&builder.build().unwrap().0).in_a_row, 0.0);
 }

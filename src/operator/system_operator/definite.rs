@@ -1,9 +1,8 @@
-//! What masses make definite for certain, and the diagonal blocks of which that is not known.
+//! What masses make definite for certain, without looking at a matrix.
 
 use super::SystemOperator;
 use crate::spring::SpringBlock;
 use crate::system::{Axes, System};
-use nalgebra::Matrix3;
 
 /// What of a matrix is definite for certain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -16,26 +15,39 @@ pub enum SurelyDefinite {
     Matrix,
 }
 
-/// What masses have left of every particle once springs have taken theirs, in N/m.
+/// By how much the mass of every particle outweighs its springs, in N/m.
 #[derive(Debug, Clone)]
-pub struct Left(Vec<OfParticle>);
+pub struct Margins(Vec<Margin>);
 
-/// What is definite if it is positive.
+/// What is definite if it is positive beyond rounding.
 #[derive(Debug, Clone, Copy)]
-struct OfParticle {
+struct Margin {
     matrix: f64,
     block: f64,
+    /// What both may be wrong by.
+    rounding: f64,
 }
 
-impl Left {
+impl Margin {
+    fn definite(&self) -> SurelyDefinite {
+        match self {
+            margin if margin.matrix > margin.rounding => SurelyDefinite::Matrix,
+            margin if margin.block > margin.rounding => SurelyDefinite::Blocks,
+            _ => SurelyDefinite::Nothing,
+        }
+    }
+}
+
+impl Margins {
     /// Of a system, all of whose blocks may be anything.
     pub fn new(system: &System) -> Self {
-        Self(vec![OfParticle { matrix: f64::NEG_INFINITY, block: f64::NEG_INFINITY }; system.particles()])
+        let unknown = Margin { matrix: f64::NEG_INFINITY, block: f64::NEG_INFINITY, rounding: 0.0 };
+        Self(vec![unknown; system.particles()])
     }
 
     /// Whether the diagonal block of a particle is not surely definite.
     pub fn is_doubtful(&self, particle: usize) -> bool {
-        self.0.get(particle).is_none_or(|left| left.block <= 0.0 || left.block.is_nan())
+        self.0.get(particle).is_none_or(|margin| margin.definite() == SurelyDefinite::Nothing)
     }
 }
 
@@ -44,59 +56,34 @@ impl SystemOperator<'_> {
     ///
     /// A spring whose block has the least eigenvalue λ adds λ or more to the diagonal blocks of its ends, and, if λ is negative, `λ |xᵢ − xⱼ|²` or more,
     /// which is at least `2λ (|xᵢ|² + |xⱼ|²)`, to `xᵀA x`. So the diagonal block of a particle is definite if its mass, times the factor of M, and the λ of
-    /// its springs have a positive sum, and the matrix is if twice those λ that are negative leave something of every mass (own derivation). `left` holds
-    /// these sums afterwards, unless the matrix is definite.
-    pub fn surely_definite(&self, left: &mut Left) -> SurelyDefinite {
+    /// its springs have a positive sum, and the matrix is if twice those λ that are negative leave something of every mass (own derivation). A sum of n
+    /// terms is off by n rounding errors of the sum of their magnitudes at most, and has to be more. `margins` holds these sums afterwards, unless the matrix
+    /// is seen to be definite at once.
+    pub fn surely_definite(&self, margins: &mut Margins) -> SurelyDefinite {
         let least = |block: &SpringBlock| block.axial.min(block.transverse);
         let most = self.blocks.iter().map(|block| -least(block)).fold(0.0, f64::max);
-        if self.mass * self.lightest > 2.0 * most * self.most_springs {
+        // Two products on one side and one on the other are rounded, and the terms of the sum are.
+        let rounding = (self.most_springs + 4.0) * f64::EPSILON;
+        if self.mass * self.lightest * (1.0 - rounding) > 2.0 * most * self.most_springs {
             return SurelyDefinite::Matrix;
         }
-        for (left, mass) in left.0.iter_mut().zip(self.system.masses()) {
-            *left = OfParticle { matrix: self.mass * mass, block: self.mass * mass };
+        for (margin, mass) in margins.0.iter_mut().zip(self.system.masses()) {
+            let mass = self.mass * mass;
+            *margin = Margin { matrix: mass, block: mass, rounding: rounding * mass };
         }
         for (pair, block) in self.stamps() {
             let least = least(block);
             for particle in pair {
-                if let Some(left) = left.0.get_mut(particle) {
-                    left.matrix += 2.0 * least.min(0.0);
-                    left.block += least;
+                if let Some(margin) = margins.0.get_mut(particle) {
+                    margin.matrix += 2.0 * least.min(0.0);
+                    margin.block += least;
+                    margin.rounding += rounding * 2.0 * least.abs();
                 }
             }
         }
         let dofs = self.system.dofs();
-        let free = left.0.iter().enumerate().filter(|(particle, _)| dofs.free_axes(*particle) != Axes::NONE);
-        let definite = free.map(|(_, left)| match left {
-            left if left.matrix > 0.0 => SurelyDefinite::Matrix,
-            left if left.block > 0.0 => SurelyDefinite::Blocks,
-            _ => SurelyDefinite::Nothing,
-        });
-        definite.min().unwrap_or(SurelyDefinite::Matrix)
-    }
-
-    /// Writes the diagonal blocks of some particles.
-    pub(crate) fn diagonal_blocks_of(&self, is_wanted: impl Fn(usize) -> bool, blocks: &mut [Matrix3<f64>]) {
-        for (particle, (block, mass)) in blocks.iter_mut().zip(self.system.masses()).enumerate() {
-            if is_wanted(particle) {
-                *block = Matrix3::from_diagonal_element(self.mass * mass);
-            }
-        }
-        for (pair, block) in self.stamps() {
-            if pair.iter().any(|&end| is_wanted(end)) {
-                let matrix = block.matrix();
-                pair.into_iter().filter(|&end| is_wanted(end)).for_each(|end| blocks[end] += matrix);
-            }
-        }
-        for (particle, block) in blocks.iter_mut().enumerate() {
-            let free = self.system.dofs().free_axes(particle);
-            if free == Axes::ALL || !is_wanted(particle) {
-                continue;
-            }
-            for axis in (0..3).filter(|&axis| !free.contains(axis)) {
-                block.row_mut(axis).fill(0.0);
-                block.column_mut(axis).fill(0.0);
-            }
-        }
+        let free = margins.0.iter().enumerate().filter(|(particle, _)| dofs.free_axes(*particle) != Axes::NONE);
+        free.map(|(_, margin)| margin.definite()).min().unwrap_or(SurelyDefinite::Matrix)
     }
 }
 
@@ -149,7 +136,7 @@ mod tests {
             let extensions = Extensions::at(&system, &state.positions).unwrap();
             let combination = Combination { mass: factor, damping: 0.0, stiffness: -1.0 };
             let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, combination);
-            assert_eq!(operator.surely_definite(&mut Left::new(&system)), expected, "{length} {factor} {holds:?}");
+            assert_eq!(operator.surely_definite(&mut Margins::new(&system)), expected, "{length} {factor} {holds:?}");
         }
     }
 
@@ -164,9 +151,9 @@ mod tests {
         for (factor, is_looked_at) in [(199.0, true), (201.0, false)] {
             let combination = Combination { mass: factor, damping: 0.0, stiffness: -1.0 };
             let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, combination);
-            let mut left = Left::new(&system);
-            operator.surely_definite(&mut left);
-            assert_eq!(left.0[0].block.is_finite(), is_looked_at, "{factor}");
+            let mut margins = Margins::new(&system);
+            operator.surely_definite(&mut margins);
+            assert_eq!(margins.0[0].block.is_finite(), is_looked_at, "{factor}");
         }
     }
 
@@ -188,7 +175,7 @@ mod tests {
         ] {
             let combination = Combination { mass, damping: 0.0, stiffness };
             let operator = SystemOperator::new(&system, &extensions, option, combination);
-            assert_eq!(operator.surely_definite(&mut Left::new(&system)), expected, "{mass}");
+            assert_eq!(operator.surely_definite(&mut Margins::new(&system)), expected, "{mass}");
         }
     }
 
@@ -205,37 +192,19 @@ mod tests {
         let extensions = Extensions::at(&system, &state.positions).unwrap();
         let combination = Combination { mass: 30.0, damping: 0.0, stiffness: -1.0 };
         let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, combination);
-        let mut left = Left::new(&system);
-        assert!((0..3).all(|particle| left.is_doubtful(particle)));
-        assert_eq!(operator.surely_definite(&mut left), SurelyDefinite::Blocks);
-        assert!((0..3).all(|particle| !left.is_doubtful(particle)) && left.is_doubtful(3));
-        for (left, expected) in left.0.iter().zip([10.0, 5.0, 55.0]) {
-            assert!((left.block - expected).abs() < 1e-12, "{left:?}");
+        let mut margins = Margins::new(&system);
+        assert!((0..3).all(|particle| margins.is_doubtful(particle)));
+        assert_eq!(operator.surely_definite(&mut margins), SurelyDefinite::Blocks);
+        assert!((0..3).all(|particle| !margins.is_doubtful(particle)) && margins.is_doubtful(3));
+        for (margin, expected) in margins.0.iter().zip([10.0, 5.0, 55.0]) {
+            assert!((margin.block - expected).abs() < 1e-12, "{margin:?}");
         }
         // Of a factor of 26 the first is left 2, the second 1, of 24 less than nothing; the third has enough.
         for (mass, doubtful) in [(26.0, [false; 3]), (25.5, [false; 3]), (24.0, [true, true, false])] {
             let operator =
                 SystemOperator::new(&system, &extensions, Stiffness::Full, Combination { mass, ..combination });
-            operator.surely_definite(&mut left);
-            assert_eq!([0, 1, 2].map(|particle| left.is_doubtful(particle)), doubtful, "{mass}");
+            operator.surely_definite(&mut margins);
+            assert_eq!([0, 1, 2].map(|particle| margins.is_doubtful(particle)), doubtful, "{mass}");
         }
-    }
-
-    /// Those that are asked for are the blocks of all, and the others stay.
-    #[test]
-    fn some_blocks_are_made_alone() {
-        let mut builder = SystemBuilder::new();
-        (0..4).for_each(|p| _ = builder.particle([1.3 * f64::from(p), f64::from(p % 2), 0.0], 1.0));
-        (0..3).for_each(|i| _ = builder.spring(i, i + 1, Spring { stiffness: 50.0, rest_length: 1.0, damping: 0.0 }));
-        builder.hold(0);
-        let (system, state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
-        let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
-        let untouched = Matrix3::from_element(7.0);
-        let [mut all, mut some] = [[untouched; 4]; 2];
-        operator.diagonal_blocks_of(|_| true, &mut all);
-        operator.diagonal_blocks_of(|particle| particle != 2, &mut some);
-        assert_eq!(some, [all[0], all[1], untouched, all[3]]);
-        assert!(all[0] == Matrix3::zeros() && all[2] != untouched);
     }
 }
