@@ -67,6 +67,11 @@ impl<const D: usize> Finest<D> {
         Ok((Self { particles, free, first_rows, by_rows, positions, starts, ends, pattern }, graph))
     }
 
+    /// Whether all blocks are symmetric: those of springs are, unless an axis is held at one end alone.
+    pub fn is_symmetric(&self) -> bool {
+        self.free.iter().all(|&free| free == Axes::first(D))
+    }
+
     /// Takes over where the particles are, one position for every particle of the system.
     pub fn place(&mut self, positions: &[Vector3<f64>]) {
         for (place, &particle) in self.positions.iter_mut().zip(&self.particles) {

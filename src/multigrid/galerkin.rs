@@ -11,11 +11,16 @@
 //!
 //! Both terms are positive semidefinite where A is, so `A_c` is refused only if A is indefinite.
 
-use super::block::{Block, add_product, add_transposed_product, double, scaled, zero};
+mod rows;
+#[cfg(target_arch = "x86_64")]
+mod six;
+
+use super::block::{Block, double, scaled, zero};
 use super::parallel::for_each_row_of;
 use super::prolongator::Prolongator;
 use super::sparse::{BlockMatrix, Pattern, Rows};
 use crate::error::Result;
+use rows::{General, RowProducts};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -88,6 +93,14 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
 
     /// Recomputes A_c. A motion that an aggregate does not have gets the equation x = 0.
     pub fn update(&mut self, a: &impl Rows<N>, prolongator: &Prolongator<N, M>) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(six) = six::Six::of(M) {
+            return self.update_with(six, a, prolongator);
+        }
+        self.update_with(General, a, prolongator);
+    }
+
+    fn update_with(&mut self, products: impl RowProducts<M>, a: &impl Rows<N>, prolongator: &Prolongator<N, M>) {
         let p = &prolongator.matrix;
         let Self { product, sections, section, coarse: BlockMatrix { pattern, values }, .. } = self;
         values.fill(zero());
@@ -109,7 +122,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
                             let mut slots = Slots::new(product.columns(row), sums);
                             for (column, p) in p.row(node) {
                                 if let Some(sum) = slots.find(column) {
-                                    add_product(sum, a, &double(p));
+                                    products.add_product(sum, a, &products.double_rows(p));
                                 }
                             }
                         },
@@ -131,7 +144,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
                         let blocks = &section[of_node.start - positions.start..of_node.end - positions.start];
                         for (&column, product) in product.columns(node).iter().zip(blocks) {
                             if let Some(sum) = slots.find(column as usize) {
-                                add_transposed_product(sum, &p, product);
+                                products.add_transposed_product(sum, &p, &products.rows(product));
                             }
                         }
                     }
@@ -149,28 +162,28 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
                     let t: Block<N, M> = double(t);
                     // A node has many neighbours in few aggregates: A T is added up by these first.
                     let mut count = 0;
-                    let mut products = [(0, zero()); FEW];
+                    let mut sums_of = [(0, zero()); FEW];
                     a.visit(
                         node,
                         #[inline(always)]
                         |other, a| {
                             let Some((aggregate, of_other)) = prolongator.tentative_row(other) else { return };
-                            let found = products[..count].iter().position(|&(known, _)| known == aggregate);
+                            let found = sums_of[..count].iter().position(|&(known, _)| known == aggregate);
                             let at = found.unwrap_or(count);
                             if at == FEW {
-                                let (aggregate, product) = products[FEW - 1];
-                                add(pattern.columns(row), sums, aggregate, &t, &product);
+                                let (aggregate, product) = sums_of[FEW - 1];
+                                add(products, pattern.columns(row), sums, aggregate, &t, &product);
                             }
                             let at = at.min(FEW - 1);
                             if found.is_none() {
-                                products[at] = (aggregate, zero());
+                                sums_of[at] = (aggregate, zero());
                                 count = at + 1;
                             }
-                            add_product(&mut products[at].1, &scaled(UNSMOOTHED, a), &double(of_other));
+                            products.add_product(&mut sums_of[at].1, &scaled(UNSMOOTHED, a), &products.double_rows(of_other));
                         },
                     );
-                    for (aggregate, product) in &products[..count] {
-                        add(pattern.columns(row), sums, *aggregate, &t, product);
+                    for (aggregate, product) in &sums_of[..count] {
+                        add(products, pattern.columns(row), sums, *aggregate, &t, product);
                     }
                 }
                 if let Some(block) = Slots::new(pattern.columns(row), sums).find(row) {
@@ -192,6 +205,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
 /// `A_c += Tᵀ (A T)` in one block of a row with these columns.
 #[inline(always)]
 fn add<const N: usize, const M: usize>(
+    products: impl RowProducts<M>,
     columns: &[u32],
     sums: &mut [Block<M, M>],
     aggregate: u32,
@@ -201,7 +215,7 @@ fn add<const N: usize, const M: usize>(
     if let Ok(slot) = columns.binary_search(&aggregate)
         && let Some(sum) = sums.get_mut(slot)
     {
-        add_transposed_product(sum, t, product);
+        products.add_transposed_product(sum, t, &products.rows(product));
     }
 }
 

@@ -18,12 +18,22 @@
 //! it has.
 
 mod border;
+mod kernel;
+#[cfg(target_arch = "x86_64")]
+mod sixes;
+#[cfg(target_arch = "x86_64")]
+mod symmetric;
 
-use super::block::{BadPivot, Block, add_transposed_apply, apply, inverse, scaled, single, subtract_apply, sum, zero};
+use super::block::{BadPivot, Block, inverse, scaled, single, subtract_apply, sum, zero};
 use super::parallel::{for_chunks, for_each_row, for_each_sparse_row};
 use super::sparse::{AHEAD, BlockMatrix, Pattern, Rows};
 use crate::error::Result;
+use crate::operator::prefetch_all;
 use border::Damping;
+pub(super) use kernel::General;
+use kernel::Kernel;
+#[cfg(target_arch = "x86_64")]
+pub(super) use {sixes::Sixes, symmetric::Symmetric};
 use std::sync::Arc;
 
 /// The least rows that a domain has, and the most domains: fewer domains smooth better, more keep more threads busy.
@@ -35,17 +45,26 @@ const LEAST_DIAGONAL: f64 = 1e-30;
 
 /// A matrix ready for block Gauss–Seidel.
 #[derive(Debug, Clone)]
-pub(super) struct GaussSeidel<const N: usize> {
+pub(super) struct GaussSeidel<const N: usize, K: Kernel<N> = General> {
+    kernel: K,
     /// Rows of a domain; the last may have fewer.
     domain: usize,
     /// L.
-    lower: BlockMatrix<N, N, f32>,
+    lower: Pattern,
+    blocks: Vec<K::Block>,
     /// E − ½ S.
     outside: BlockMatrix<N, N, f32>,
     /// D̃⁻¹; zero where D is not positive definite.
-    inverses: Vec<Block<N, N, f32>>,
-    /// b and what is outside of a backward sweep, and then what is left of it.
-    rest: Vec<[f32; N]>,
+    inverses: Vec<K::Block>,
+    nodes: Vec<Node<K::Vector>>,
+}
+
+/// What a sweep reads and writes of a row.
+#[derive(Debug, Clone, Copy)]
+struct Node<V> {
+    x: V,
+    /// r of a forward sweep; b and what is outside of a backward one, and then what is left of it.
+    rest: V,
 }
 
 /// A diagonal block that is not positive definite.
@@ -55,17 +74,17 @@ pub(super) struct BadBlock {
     pub bad: BadPivot,
 }
 
-impl<const N: usize> GaussSeidel<N> {
+impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
     /// For matrices of a pattern.
     ///
     /// # Errors
-    /// Damping blocks than 32-bit indices can count.
-    pub fn new(pattern: &Pattern) -> Result<Self> {
-        Self::with_domains(pattern, domain(pattern.rows()))
+    /// More blocks than 32-bit indices can count.
+    pub fn new(kernel: K, pattern: &Pattern) -> Result<Self> {
+        Self::with_domains(kernel, pattern, domain(pattern.rows()))
     }
 
     /// With so many rows a domain.
-    fn with_domains(pattern: &Pattern, domain: usize) -> Result<Self> {
+    fn with_domains(kernel: K, pattern: &Pattern, domain: usize) -> Result<Self> {
         let rows = pattern.rows();
         let is_within = |row: usize, column: u32| column as usize / domain == row / domain;
         let lower = Pattern::build(rows, |row, columns| {
@@ -79,12 +98,15 @@ impl<const N: usize> GaussSeidel<N> {
                 columns.push(row as u32);
             }
         })?;
+        let (nothing, zero) = (kernel.vector([0.0; N]), kernel.keep(&zero()));
         Ok(Self {
+            kernel,
             domain,
-            lower: BlockMatrix::zeros(Arc::new(lower)),
+            blocks: vec![zero; lower.blocks()],
+            lower,
             outside: BlockMatrix::zeros(Arc::new(outside)),
-            inverses: vec![zero(); rows],
-            rest: vec![[0.0; N]; rows],
+            inverses: vec![zero; rows],
+            nodes: vec![Node { x: nothing, rest: nothing }; rows],
         })
     }
 
@@ -93,11 +115,15 @@ impl<const N: usize> GaussSeidel<N> {
     /// # Errors
     /// The first diagonal block that is not positive definite.
     pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), BadBlock> {
-        let Self { domain, lower, outside, inverses, .. } = self;
+        let Self { kernel, domain, lower, blocks, outside, inverses, .. } = self;
         let domain_of = |row: usize| row / *domain;
+        let refused = kernel.keep(&zero());
+        let inverse_or_refused = |block: &Block<N, N>| {
+            inverse_of(block).map_or(refused, |inverse| kernel.keep(&single(1.0, &inverse)))
+        };
         for_each_sparse_row(
-            &lower.pattern,
-            &mut lower.values,
+            lower,
+            blocks,
             inverses,
             #[inline(always)]
             |row, lower, inverse| {
@@ -113,11 +139,11 @@ impl<const N: usize> GaussSeidel<N> {
                             && domain_of(column) == domain_of(row)
                             && let Some(place) = lower.next()
                         {
-                            *place = single(factor, block);
+                            *place = kernel.keep(&single(factor, block));
                         }
                     },
                 );
-                *inverse = single(1.0, &inverse_of(&scaled(factor, &diagonal)).unwrap_or(zero()));
+                *inverse = inverse_or_refused(&scaled(factor, &diagonal));
             },
         );
         let BlockMatrix { pattern, values } = outside;
@@ -149,53 +175,54 @@ impl<const N: usize> GaussSeidel<N> {
                 );
                 let half = damping.half(&diagonal);
                 outside[own] = single(-1.0, &half);
-                if *inverse != [[0.0; N]; N] {
-                    *inverse = single(1.0, &inverse_of(&sum(&diagonal, &half)).unwrap_or(zero()));
+                if *inverse != refused {
+                    *inverse = inverse_or_refused(&sum(&diagonal, &half));
                 }
             },
         );
-        let Some(row) = inverses.iter().position(|inverse| *inverse == [[0.0; N]; N]) else { return Ok(()) };
+        let Some(row) = inverses.iter().position(|inverse| *inverse == refused) else { return Ok(()) };
         inverse_of(&scaled(factor, &diagonal_block(a, row))).map(drop).map_err(|bad| BadBlock { row, bad })
     }
 
     /// `D̃⁻¹` of a row of `factor·A`.
     #[inline(always)]
-    pub fn inverse(&self, row: usize) -> &Block<N, N, f32> {
-        &self.inverses[row]
+    pub fn inverse(&self, row: usize) -> Block<N, N, f32> {
+        self.kernel.block(&self.inverses[row])
     }
 
     /// `x = M⁻¹ b`, a forward sweep from zero, and `r = b − A x`.
-    pub fn forward(&self, b: &[[f32; N]], x: &mut [[f32; N]], r: &mut [[f32; N]]) {
+    pub fn forward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], r: &mut [[f32; N]]) {
+        let Self { kernel, domain, lower, blocks, outside, inverses, nodes } = self;
         for_chunks(
             x,
-            r,
-            self.domain,
+            nodes,
+            *domain,
             #[inline(always)]
-            |start, x, r| {
+            |start, x, nodes| {
                 for i in 0..x.len() {
                     let row = start + i;
-                    self.lower.ask_for(row + AHEAD);
-                    let mut sum = b[row];
-                    for (column, a) in self.lower.row(row) {
-                        subtract_apply(&mut sum, a, &x[column - start]);
+                    ask_for(lower, blocks, row + AHEAD);
+                    let positions = lower.row(row);
+                    let (columns, blocks) = (lower.columns(row), &blocks[positions]);
+                    let mut sum = kernel.begin(kernel.vector(b[row]));
+                    for (&column, a) in columns.iter().zip(blocks) {
+                        kernel.subtract(&mut sum, a, nodes[column as usize - start].x);
                     }
-                    x[i] = apply(&self.inverses[row], &sum);
-                    r[i] = [0.0; N];
-                    let opposite = x[i].map(|x| -x);
-                    for (column, a) in self.lower.row(row) {
-                        add_transposed_apply(&mut r[column - start], a, &opposite);
+                    let mine = kernel.apply(&inverses[row], sum);
+                    x[i] = kernel.numbers(mine);
+                    nodes[i] = Node { x: mine, rest: kernel.vector([0.0; N]) };
+                    for (&column, a) in columns.iter().zip(blocks) {
+                        kernel.subtract_transposed(&mut nodes[column as usize - start].rest, a, mine);
                     }
                 }
             },
         );
-        if self.outside.values.is_empty() {
-            return;
-        }
         for_each_row(
             r,
             #[inline(always)]
             |row, r| {
-                for (column, a) in self.outside.row(row) {
+                *r = kernel.numbers(nodes[row].rest);
+                for (column, a) in outside.row(row) {
                     subtract_apply(r, a, &x[column]);
                 }
             },
@@ -204,35 +231,38 @@ impl<const N: usize> GaussSeidel<N> {
 
     /// `x += M⁻ᵀ (b − A x)`, a backward sweep.
     pub fn backward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
-        let Self { domain, lower, outside, inverses, rest, .. } = self;
+        let Self { kernel, domain, lower, blocks, outside, inverses, nodes } = self;
         for_each_row(
-            rest,
+            nodes,
             #[inline(always)]
-            |row, rest| {
+            |row, node| {
                 let mut sum = b[row];
                 for (column, a) in outside.row(row) {
                     subtract_apply(&mut sum, a, &x[column]);
                 }
-                *rest = sum;
+                *node = Node { x: kernel.vector(x[row]), rest: kernel.vector(sum) };
             },
         );
         for_chunks(
             x,
-            rest,
+            nodes,
             *domain,
             #[inline(always)]
-            |start, x, rest| {
+            |start, x, nodes| {
                 for i in (0..x.len()).rev() {
                     let row = start + i;
-                    lower.ask_for(row.wrapping_sub(AHEAD));
-                    let mut sum = rest[i];
-                    for (column, a) in lower.row(row) {
-                        subtract_apply(&mut sum, a, &x[column - start]);
+                    ask_for(lower, blocks, row.wrapping_sub(AHEAD));
+                    let positions = lower.row(row);
+                    let (columns, blocks) = (lower.columns(row), &blocks[positions]);
+                    let mut sum = kernel.begin(nodes[i].rest);
+                    for (&column, a) in columns.iter().zip(blocks) {
+                        kernel.subtract(&mut sum, a, nodes[column as usize - start].x);
                     }
-                    x[i] = apply(&inverses[row], &sum);
-                    let opposite = x[i].map(|x| -x);
-                    for (column, a) in lower.row(row) {
-                        add_transposed_apply(&mut rest[column - start], a, &opposite);
+                    let mine = kernel.apply(&inverses[row], sum);
+                    x[i] = kernel.numbers(mine);
+                    nodes[i].x = mine;
+                    for (&column, a) in columns.iter().zip(blocks) {
+                        kernel.subtract_transposed(&mut nodes[column as usize - start].rest, a, mine);
                     }
                 }
             },
@@ -241,12 +271,20 @@ impl<const N: usize> GaussSeidel<N> {
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        let patterns = self.lower.pattern.bytes() + self.outside.pattern.bytes();
-        patterns
-            + self.lower.bytes()
+        self.lower.bytes()
+            + size_of_val(&self.blocks[..])
+            + self.outside.pattern.bytes()
             + self.outside.bytes()
             + size_of_val(&self.inverses[..])
-            + size_of_val(&self.rest[..])
+            + size_of_val(&self.nodes[..])
+    }
+}
+
+/// Asks for the blocks of a row that is read soon, if there is such a row.
+#[inline(always)]
+fn ask_for<T>(pattern: &Pattern, blocks: &[T], row: usize) {
+    if row < pattern.rows() {
+        prefetch_all(&blocks[pattern.row(row)]);
     }
 }
 

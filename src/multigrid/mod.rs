@@ -96,6 +96,8 @@
 mod aggregate;
 mod block;
 mod coarsest;
+#[cfg(target_arch = "x86_64")]
+mod eight;
 mod finest;
 mod galerkin;
 mod gauss_seidel;
@@ -105,6 +107,7 @@ mod order;
 mod parallel;
 mod parts;
 mod prolongator;
+mod smoother;
 mod sparse;
 mod stage;
 
@@ -297,7 +300,7 @@ struct Hierarchy<const D: usize, const M: usize> {
 impl<const D: usize, const M: usize> Hierarchy<D, M> {
     fn new(system: &System, largest_dense: usize) -> Result<Self> {
         let (finest, graph) = Finest::new(system)?;
-        let stage = Stage::new(&finest.pattern, &graph, largest_dense)?;
+        let stage = Stage::new(&finest.pattern, finest.is_symmetric(), &graph, largest_dense)?;
         let zeros = || vec![[0.0; D]; finest.pattern.rows()];
         let (right_hand_side, solution) = (zeros(), zeros());
         Ok(Self { finest, stage, factor: 1.0, right_hand_side, solution })

@@ -9,11 +9,16 @@
 //! a preconditioner that is positive definite, up to rounding. That is small unless an eigenvalue λ of D⁻¹A that belongs to motions
 //! of aggregates has ωλ near 1: their P is 1 − ωλ times the motion. `galerkin` keeps these out of the coarse level.
 
+#[cfg(target_arch = "x86_64")]
+mod eight;
+
 use super::aggregate::Aggregates;
 use super::block::{Block, add_apply, add_product, add_transposed_apply, single, zero};
-use super::gauss_seidel::GaussSeidel;
+#[cfg(target_arch = "x86_64")]
+use super::eight::Eight;
 use super::modes::{AggregateModes, Frames};
 use super::parallel::{for_each_row, for_each_sparse_row};
+use super::smoother::Smoother;
 use super::sparse::{AHEAD, BlockMatrix, Pattern, Rows, Transpose};
 use crate::error::Result;
 use crate::operator::prefetch_all;
@@ -93,7 +98,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         &mut self,
         a: &impl Rows<N>,
         factor: f64,
-        smoother: &GaussSeidel<N>,
+        smoother: &Smoother<N>,
         frames: &(impl Frames<N, M> + ?Sized),
     ) {
         let Self { aggregates, starts, members, modes, tentative, matrix, transpose, by_columns } = self;
@@ -134,7 +139,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
                         }
                     },
                 );
-                let mut damped = *smoother.inverse(row);
+                let mut damped = smoother.inverse(row);
                 damped.as_flattened_mut().iter_mut().for_each(|entry| *entry *= -OMEGA);
                 for (p, &aggregate) in p.iter_mut().zip(columns) {
                     let mut smoothed = if aggregates.of_node(row) == Some(aggregate) { tentative[row] } else { zero() };
@@ -197,14 +202,17 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
 
     /// `r_c = Pᵀ r`.
     pub fn restrict(&self, r: &[[f32; N]], coarse: &mut [[f32; M]]) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(eight) = Eight::of(M) {
+            return self.restrict_eight(eight, r, coarse);
+        }
         for_each_row(
             coarse,
             #[inline(always)]
             |aggregate, sum| {
                 *sum = [0.0; M];
                 let places = self.transpose.column(aggregate);
-                let [from, to] = [places.start, places.end].map(|at| (at + BLOCKS_AHEAD).min(self.by_columns.len()));
-                prefetch_all(self.by_columns[from..to].as_flattened().as_flattened());
+                self.ask_for(&places);
                 for (node, p) in self.blocks_at(places) {
                     add_transposed_apply(sum, p, &r[node]);
                 }
@@ -214,6 +222,10 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
 
     /// `x += P e`.
     pub fn prolong(&self, coarse: &[[f32; M]], x: &mut [[f32; N]]) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(eight) = Eight::of(M) {
+            return self.prolong_eight(eight, coarse, x);
+        }
         for_each_row(
             x,
             #[inline(always)]
@@ -224,6 +236,13 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
                 }
             },
         );
+    }
+
+    /// Asks for the blocks by columns that are read soon after some.
+    #[inline(always)]
+    fn ask_for(&self, places: &Range<usize>) {
+        let [from, to] = [places.start, places.end].map(|at| (at + BLOCKS_AHEAD).min(self.by_columns.len()));
+        prefetch_all(self.by_columns[from..to].as_flattened().as_flattened());
     }
 
     /// Bytes held.

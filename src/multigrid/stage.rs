@@ -5,11 +5,12 @@ use super::aggregate::Aggregates;
 use super::block::BadPivot;
 use super::coarsest::{BadRow, Dense};
 use super::galerkin::Galerkin;
-use super::gauss_seidel::{BadBlock, GaussSeidel};
+use super::gauss_seidel::BadBlock;
 use super::graph::Graph;
 use super::modes::Frames;
 use super::parts::{Part, Watch};
 use super::prolongator::Prolongator;
+use super::smoother::Smoother;
 use super::sparse::{Pattern, Rows};
 use crate::error::Result;
 
@@ -27,14 +28,14 @@ pub(super) enum Stage<const N: usize, const M: usize> {
 /// A level without couplings.
 #[derive(Debug)]
 pub(super) struct Uncoupled<const N: usize> {
-    smoother: GaussSeidel<N>,
+    smoother: Smoother<N>,
     residual: Vec<[f32; N]>,
 }
 
 /// A level with its coarse one.
 #[derive(Debug)]
 pub(super) struct Level<const N: usize, const M: usize> {
-    smoother: GaussSeidel<N>,
+    smoother: Smoother<N>,
     prolongator: Prolongator<N, M>,
     galerkin: Galerkin<N, M>,
     residual: Vec<[f32; N]>,
@@ -54,24 +55,25 @@ pub(super) struct Refusal {
 }
 
 impl<const N: usize, const M: usize> Stage<N, M> {
-    /// Aggregates and patterns of this level and all below, down to one of at most `largest_dense` unknowns.
+    /// Aggregates and patterns of this level and all below, down to one of at most `largest_dense` unknowns. All blocks of the matrices of this
+    /// level are symmetric, or not.
     ///
     /// # Errors
     /// More blocks than 32-bit indices can count.
-    pub fn new(a: &Pattern, graph: &Graph, largest_dense: usize) -> Result<Self> {
+    pub fn new(a: &Pattern, is_symmetric: bool, graph: &Graph, largest_dense: usize) -> Result<Self> {
         let rows = a.rows();
         if rows * N <= largest_dense {
             return Ok(Self::Direct(Dense::new(rows * N)));
         }
         let aggregates = Aggregates::of(graph);
-        let smoother = GaussSeidel::new(a)?;
+        let smoother = Smoother::new(a, is_symmetric)?;
         if aggregates.count() == 0 {
             return Ok(Self::Uncoupled(Box::new(Uncoupled { smoother, residual: vec![[0.0; N]; rows] })));
         }
         let coarse_graph = graph.quotient(aggregates.count(), |node| aggregates.of_node(node));
         let prolongator = Prolongator::new(a, aggregates)?;
         let galerkin = Galerkin::new(a, &prolongator)?;
-        let next = Stage::new(&galerkin.coarse.pattern, &coarse_graph, largest_dense)?;
+        let next = Stage::new(&galerkin.coarse.pattern, false, &coarse_graph, largest_dense)?;
         let coarse = prolongator.columns();
         Ok(Self::Coarsen(Box::new(Level {
             smoother,

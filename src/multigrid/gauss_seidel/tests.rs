@@ -2,7 +2,7 @@
 
 use super::super::block::BadPivot;
 use super::super::sparse::{BlockMatrix, Pattern};
-use super::{BadBlock, GaussSeidel, LEAST_DIAGONAL, domain, inverse_of};
+use super::{BadBlock, GaussSeidel, General, LEAST_DIAGONAL, domain, inverse_of};
 use nalgebra::{DMatrix, DVector, Matrix2};
 use std::sync::Arc;
 
@@ -146,7 +146,7 @@ fn assert_axes_do_not_matter(matrix: &BlockMatrix<2, 2>, angle: &dyn Fn(usize) -
     };
     let b: Vec<[f32; 2]> = (0..ROWS).map(|row| [1.0 + row as f32, -2.0 * row as f32]).collect();
     let smoothed = |matrix: &BlockMatrix<2, 2>, b: &[[f32; 2]]| {
-        let mut smoother = GaussSeidel::<2>::with_domains(&matrix.pattern, 3).unwrap();
+        let mut smoother = GaussSeidel::<2>::with_domains(General, &matrix.pattern, 3).unwrap();
         smoother.update(matrix, 1.0).unwrap();
         let (mut x, mut r) = (vec![[0.0; 2]; ROWS], vec![[0.0; 2]; ROWS]);
         smoother.forward(b, &mut x, &mut r);
@@ -167,7 +167,7 @@ fn assert_sweeps_are_their_formulas(matrix: &BlockMatrix<2, 2>) {
     let m = splitting(&a, &damped_diagonal(&a));
     let inverse = m.try_inverse().unwrap();
 
-    let mut smoother = GaussSeidel::<2>::with_domains(&matrix.pattern, 3).unwrap();
+    let mut smoother = GaussSeidel::<2>::with_domains(General, &matrix.pattern, 3).unwrap();
     smoother.update(matrix, FACTOR).unwrap();
     let b: Vec<[f32; 2]> = (0..ROWS).map(|row| [1.0 + row as f32, -2.0 * row as f32]).collect();
     let (mut x, mut r) = (vec![[9.0; 2]; ROWS], vec![[9.0; 2]; ROWS]);
@@ -194,7 +194,7 @@ fn the_first_block_that_is_not_definite_is_named() {
     for place in places {
         matrix.values[place] = [[1.0, 2.0], [2.0, 1.0]];
     }
-    let mut smoother = GaussSeidel::<2>::with_domains(&matrix.pattern, ROWS).unwrap();
+    let mut smoother = GaussSeidel::<2>::with_domains(General, &matrix.pattern, ROWS).unwrap();
     let bad = BadPivot { index: 1, pivot: -3.0 };
     assert_eq!(smoother.update(&matrix, 1.0), Err(BadBlock { row: 4, bad }));
 }
@@ -221,7 +221,7 @@ fn part(rows: usize, blocks: usize) -> usize {
 /// with; all have blocks outside, so that they have a diagonal one there.
 #[test]
 fn memory_is_that_of_both_parts() {
-    let smoother = GaussSeidel::<2>::with_domains(&matrix().pattern, 3).unwrap();
+    let smoother = GaussSeidel::<2>::with_domains(General, &matrix().pattern, 3).unwrap();
     assert_eq!(smoother.bytes(), part(ROWS, 4) + part(ROWS, 12 + 7) + 7 * 4 * 4 + 7 * 2 * 4);
 }
 
@@ -233,7 +233,7 @@ fn rows_inside_a_domain_have_nothing_outside() {
     let line = Pattern::build(rows, |row, columns| {
         columns.extend((row.saturating_sub(1)..rows.min(row + 2)).map(|column| column as u32));
     });
-    let smoother = GaussSeidel::<2>::with_domains(&line.unwrap(), 4).unwrap();
+    let smoother = GaussSeidel::<2>::with_domains(General, &line.unwrap(), 4).unwrap();
     let outside = &smoother.outside.pattern;
     let columns: Vec<&[u32]> = (0..rows).map(|row| outside.columns(row)).collect();
     assert_eq!(columns, [&[][..], &[], &[], &[3, 4], &[3, 4], &[], &[], &[]]);

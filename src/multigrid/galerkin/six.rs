@@ -1,0 +1,79 @@
+//! Rows of six numbers, four and two side by side, for processors that multiply and add in one operation.
+
+use super::super::block::Block;
+use super::rows::RowProducts;
+use pulp::cast;
+use pulp::x86::V3;
+use std::arch::x86_64::{__m128d, __m256d};
+
+#[derive(Debug, Clone, Copy)]
+pub struct Six(V3);
+
+impl Six {
+    /// For rows of so many numbers, if they are six and the processor is such a one.
+    pub fn of(columns: usize) -> Option<Self> {
+        V3::try_new().filter(|_| columns == 6).map(Self)
+    }
+
+    #[inline(always)]
+    fn row<const C: usize>(self, row: &[f64; C]) -> (__m256d, __m128d) {
+        match row[..] {
+            [a, b, c, d, e, f] => (cast([a, b, c, d]), cast([e, f])),
+            _ => (cast([0f64; 4]), cast([0f64; 2])),
+        }
+    }
+
+    /// `c += Σ_k a_k b_k`.
+    #[inline(always)]
+    fn add<const K: usize, const C: usize>(self, c: &mut [f64; C], a: [f64; K], b: &[(__m256d, __m128d); K]) {
+        let (mut four, mut two) = self.row(c);
+        for (a, &(b_four, b_two)) in a.into_iter().zip(b) {
+            four = self.0.fma._mm256_fmadd_pd(self.0.avx._mm256_set1_pd(a), b_four, four);
+            two = self.0.fma._mm_fmadd_pd(self.0.sse2._mm_set1_pd(a), b_two, two);
+        }
+        if let Some((to, rest)) = c.split_first_chunk_mut::<4>()
+            && let Some(rest) = rest.first_chunk_mut::<2>()
+        {
+            (*to, *rest) = (cast(four), cast(two));
+        }
+    }
+}
+
+impl<const C: usize> RowProducts<C> for Six {
+    type Row = (__m256d, __m128d);
+
+    #[inline(always)]
+    fn rows<const R: usize>(self, block: &Block<R, C>) -> [Self::Row; R] {
+        std::array::from_fn(|r| self.row(&block[r]))
+    }
+
+    #[inline(always)]
+    fn double_rows<const R: usize>(self, block: &Block<R, C, f32>) -> [Self::Row; R] {
+        std::array::from_fn(|r| match block[r][..] {
+            [a, b, c, d, e, f] => (
+                self.0.avx._mm256_cvtps_pd(cast([a, b, c, d])),
+                self.0.sse2._mm_cvtps_pd(cast([e, f, 0.0, 0.0])),
+            ),
+            _ => self.row(&[0.0; 6]),
+        })
+    }
+
+    #[inline(always)]
+    fn add_product<const R: usize, const K: usize>(self, c: &mut Block<R, C>, a: &Block<R, K>, b: &[Self::Row; K]) {
+        for (c, a) in c.iter_mut().zip(a) {
+            self.add(c, *a, b);
+        }
+    }
+
+    #[inline(always)]
+    fn add_transposed_product<const R: usize, const K: usize>(
+        self,
+        c: &mut Block<K, C>,
+        a: &Block<R, K>,
+        b: &[Self::Row; R],
+    ) {
+        for (k, c) in c.iter_mut().enumerate() {
+            self.add(c, a.map(|a| a[k]), b);
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! Blocks of six by six, as coarse levels in three dimensions have: a row a register.
+//!
+//! Products with rows are summed up number by number, `s_r ∘ += A_r ∘ x`, and across only when the sum is complete.
+
+use super::super::block::Block;
+use super::super::eight::{Eight, SIX};
+use super::kernel::Kernel;
+use pulp::cast;
+use std::arch::x86_64::__m256;
+
+#[derive(Debug, Clone, Copy)]
+pub struct Sixes(Eight);
+
+impl Sixes {
+    /// For blocks of this size, if it is six and the processor has such registers.
+    pub fn of(size: usize) -> Option<Self> {
+        Eight::of(size).map(Self)
+    }
+
+    /// `A x`, before it is summed across.
+    #[inline(always)]
+    fn times(self, mut sums: [__m256; SIX], a: &Rows, x: __m256) -> [__m256; SIX] {
+        for (sum, row) in sums.iter_mut().zip(a) {
+            *sum = self.0.add(*sum, row.register(), x);
+        }
+        sums
+    }
+}
+
+/// Six numbers with two zeros behind them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(align(32))]
+pub struct Row([f32; 8]);
+
+impl Row {
+    #[inline(always)]
+    fn of(six: &[f32]) -> Self {
+        Self(std::array::from_fn(|k| six.get(k).copied().unwrap_or(0.0)))
+    }
+
+    #[inline(always)]
+    fn register(self) -> __m256 {
+        cast(self.0)
+    }
+}
+
+type Rows = [Row; SIX];
+
+/// What it begins with, and what is to be taken from it, before it is summed across.
+#[derive(Debug, Clone, Copy)]
+pub struct Sum {
+    b: Row,
+    less: [__m256; SIX],
+}
+
+impl<const N: usize> Kernel<N> for Sixes {
+    type Block = Rows;
+    type Vector = Row;
+    type Sum = Sum;
+
+    #[inline(always)]
+    fn keep(self, block: &Block<N, N, f32>) -> Rows {
+        std::array::from_fn(|r| Row::of(block.get(r).map_or(&[], |row| &row[..])))
+    }
+
+    #[inline(always)]
+    fn block(self, kept: &Rows) -> Block<N, N, f32> {
+        std::array::from_fn(|r| std::array::from_fn(|c| kept[r].0[c]))
+    }
+
+    #[inline(always)]
+    fn vector(self, numbers: [f32; N]) -> Row {
+        Row::of(&numbers)
+    }
+
+    #[inline(always)]
+    fn numbers(self, vector: Row) -> [f32; N] {
+        std::array::from_fn(|k| vector.0[k])
+    }
+
+    #[inline(always)]
+    fn begin(self, b: Row) -> Sum {
+        Sum { b, less: [self.0.nothing(); SIX] }
+    }
+
+    #[inline(always)]
+    fn subtract(self, sum: &mut Sum, a: &Rows, x: Row) {
+        sum.less = self.times(sum.less, a, x.register());
+    }
+
+    #[inline(always)]
+    fn apply(self, a: &Rows, Sum { b, less }: Sum) -> Row {
+        let sum = self.0.difference(b.register(), self.0.across(less));
+        Row(cast(self.0.across(self.times([self.0.nothing(); SIX], a, sum))))
+    }
+
+    #[inline(always)]
+    fn subtract_transposed(self, y: &mut Row, a: &Rows, x: Row) {
+        let mut sum = y.register();
+        for (row, x) in a.iter().zip(x.0) {
+            sum = self.0.subtract(sum, row.register(), self.0.all(x));
+        }
+        *y = Row(cast(sum));
+    }
+}

@@ -1,0 +1,126 @@
+//! Symmetric blocks of three axes, as springs between particles that can move along all of them have.
+//!
+//! Six numbers say such a block: its diagonal d and, beside it, o = (xy, yz, zx). With τ(x, y, z) = (y, z, x)
+//!
+//! ```text
+//! A v = d ∘ v + o ∘ τv + τ²(o ∘ v),   ∘ number by number,
+//! ```
+//!
+//! so that a vector takes one register, a block two, and the same product serves A and Aᵀ. τ² is left until a sum is complete. On cloths a sweep takes half the time
+//! that it takes by rows of 3 × 3 numbers.
+
+use super::super::block::Block;
+use super::kernel::Kernel;
+use pulp::cast;
+use pulp::x86::V3;
+use std::arch::x86_64::__m128;
+
+/// For processors that multiply and add in one operation.
+#[derive(Debug, Clone, Copy)]
+pub struct Symmetric(V3);
+
+/// d and o, each with a zero behind it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(align(32))]
+pub struct Six {
+    diagonal: [f32; 4],
+    beside: [f32; 4],
+}
+
+impl Six {
+    const ZERO: Self = Self { diagonal: [0.0; 4], beside: [0.0; 4] };
+}
+
+/// A vector with a zero behind it.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(16))]
+pub struct Three([f32; 4]);
+
+impl Three {
+    #[inline(always)]
+    fn register(self) -> __m128 {
+        cast(self.0)
+    }
+}
+
+/// What of a sum is as it is, what is to be added, and what is to be turned twice before.
+#[derive(Debug, Clone, Copy)]
+pub struct Sum([__m128; 3]);
+
+impl Symmetric {
+    /// For blocks of so many axes, if they are three and the processor is such a one.
+    pub fn of(axes: usize) -> Option<Self> {
+        V3::try_new().filter(|_| axes == 3).map(Self)
+    }
+
+    #[inline(always)]
+    fn turned(self, vector: __m128) -> __m128 {
+        self.0.avx._mm_permute_ps::<0b11_00_10_01>(vector)
+    }
+
+    #[inline(always)]
+    fn turned_twice(self, vector: __m128) -> __m128 {
+        self.0.avx._mm_permute_ps::<0b11_01_00_10>(vector)
+    }
+}
+
+impl<const N: usize> Kernel<N> for Symmetric {
+    type Block = Six;
+    type Vector = Three;
+    type Sum = Sum;
+
+    #[inline(always)]
+    fn keep(self, block: &Block<N, N, f32>) -> Six {
+        match *block.as_flattened() {
+            [xx, xy, _, _, yy, yz, zx, _, zz] => Six { diagonal: [xx, yy, zz, 0.0], beside: [xy, yz, zx, 0.0] },
+            _ => Six::ZERO,
+        }
+    }
+
+    #[inline(always)]
+    fn block(self, kept: &Six) -> Block<N, N, f32> {
+        let ([xx, yy, zz, _], [xy, yz, zx, _]) = (kept.diagonal, kept.beside);
+        let rows = [[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]];
+        std::array::from_fn(|r| std::array::from_fn(|c| rows[r][c]))
+    }
+
+    #[inline(always)]
+    fn vector(self, numbers: [f32; N]) -> Three {
+        Three(std::array::from_fn(|axis| numbers.get(axis).copied().unwrap_or(0.0)))
+    }
+
+    #[inline(always)]
+    fn numbers(self, vector: Three) -> [f32; N] {
+        std::array::from_fn(|axis| vector.0[axis])
+    }
+
+    #[inline(always)]
+    fn begin(self, b: Three) -> Sum {
+        let nothing = cast([0f32; 4]);
+        Sum([b.register(), nothing, nothing])
+    }
+
+    #[inline(always)]
+    fn subtract(self, Sum(sum): &mut Sum, a: &Six, x: Three) {
+        let (fma, [d, o], x) = (self.0.fma, [cast(a.diagonal), cast(a.beside)], x.register());
+        sum[0] = fma._mm_fnmadd_ps(d, x, sum[0]);
+        sum[1] = fma._mm_fnmadd_ps(o, self.turned(x), sum[1]);
+        sum[2] = fma._mm_fnmadd_ps(o, x, sum[2]);
+    }
+
+    #[inline(always)]
+    fn apply(self, a: &Six, Sum([plain, more, turned]): Sum) -> Three {
+        let (sse, fma, [d, o]) = (self.0.sse, self.0.fma, [cast(a.diagonal), cast(a.beside)]);
+        let v = sse._mm_add_ps(sse._mm_add_ps(plain, self.turned_twice(turned)), more);
+        let product = fma._mm_fmadd_ps(o, self.turned(v), sse._mm_mul_ps(d, v));
+        Three(cast(sse._mm_add_ps(product, self.turned_twice(sse._mm_mul_ps(o, v)))))
+    }
+
+    #[inline(always)]
+    fn subtract_transposed(self, y: &mut Three, a: &Six, x: Three) {
+        let (fma, [d, o], x) = (self.0.fma, [cast(a.diagonal), cast(a.beside)], x.register());
+        let sum = fma._mm_fnmadd_ps(d, x, y.register());
+        let sum = fma._mm_fnmadd_ps(o, self.turned(x), sum);
+        *y = Three(cast(fma._mm_fnmadd_ps(self.turned_twice(o), self.turned_twice(x), sum)));
+    }
+}

@@ -1,0 +1,47 @@
+//! Restriction and prolongation where columns are six.
+
+use super::super::eight::{Eight, SIX};
+use super::super::parallel::for_each_row;
+use super::super::sparse::AHEAD;
+use super::Prolongator;
+
+impl<const N: usize, const M: usize> Prolongator<N, M> {
+    /// `r_c = Pᵀ r`.
+    pub(super) fn restrict_eight(&self, eight: Eight, r: &[[f32; N]], coarse: &mut [[f32; M]]) {
+        for_each_row(
+            coarse,
+            #[inline(always)]
+            |aggregate, coarse| {
+                let places = self.transpose.column(aggregate);
+                self.ask_for(&places);
+                let mut sums = [eight.nothing(); N];
+                for (node, p) in self.blocks_at(places) {
+                    for ((k, sum), &r) in sums.iter_mut().enumerate().zip(&r[node]) {
+                        *sum = eight.add(*sum, eight.row(p, k), eight.all(r));
+                    }
+                }
+                *coarse = eight.first(sums.into_iter().fold(eight.nothing(), |all, sum| eight.sum(all, sum)));
+            },
+        );
+    }
+
+    /// `x += P e`.
+    pub(super) fn prolong_eight(&self, eight: Eight, coarse: &[[f32; M]], x: &mut [[f32; N]]) {
+        for_each_row(
+            x,
+            #[inline(always)]
+            |row, x| {
+                self.matrix.ask_for(row + AHEAD);
+                let mut sums = [eight.nothing(); SIX];
+                for (aggregate, p) in self.matrix.row(row) {
+                    let e = eight.six(&coarse[aggregate]);
+                    for (k, sum) in sums.iter_mut().enumerate().take(N) {
+                        *sum = eight.add(*sum, eight.row(p, k), e);
+                    }
+                }
+                let more: [f32; N] = eight.first(eight.across(sums));
+                x.iter_mut().zip(more).for_each(|(x, more)| *x += more);
+            },
+        );
+    }
+}
