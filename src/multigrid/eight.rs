@@ -43,6 +43,12 @@ impl Eight {
         }
     }
 
+    /// With zeros behind the first six.
+    #[inline(always)]
+    pub fn first_six(self, eight: __m256) -> __m256 {
+        self.0.avx._mm256_blend_ps::<0b1100_0000>(eight, self.nothing())
+    }
+
     /// The first numbers of a register.
     #[inline(always)]
     pub fn first<const N: usize>(self, eight: __m256) -> [f32; N] {
@@ -85,9 +91,36 @@ impl Eight {
         // The halves of each sum, in the two halves of a register.
         let four = pairs(pairs(a, b), pairs(c, d));
         let two = pairs(pairs(e, f), self.nothing());
-        avx._mm256_add_ps(
-            avx._mm256_permute2f128_ps::<0x20>(four, two),
-            avx._mm256_permute2f128_ps::<0x31>(four, two),
-        )
+        avx._mm256_add_ps(avx._mm256_permute2f128_ps::<0x20>(four, two), avx._mm256_permute2f128_ps::<0x31>(four, two))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Eight, SIX};
+
+    #[test]
+    fn rows_are_six_numbers_and_sums_go_across_them() {
+        assert!(Eight::of(5).is_none());
+        let Some(eight) = Eight::of(SIX) else { return };
+        let block: [[f32; SIX]; 3] = std::array::from_fn(|r| std::array::from_fn(|c| (10 * r + c) as f32));
+        for (r, row) in block.iter().enumerate() {
+            assert_eq!(eight.first::<SIX>(eight.row(&block, r)), *row);
+            let mut zeros_behind = [0.0; 8];
+            zeros_behind[..SIX].copy_from_slice(row);
+            assert_eq!(eight.first::<8>(eight.six(row)), zeros_behind);
+            assert_eq!(eight.first::<8>(eight.first_six(eight.row(&block, r))), zeros_behind);
+        }
+        assert_eq!(eight.first::<8>(eight.row(&block, 1)), [10.0, 11.0, 12.0, 13.0, 14.0, 15.0, 20.0, 21.0]);
+        let registers = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0].map(|number| eight.all(number));
+        assert_eq!(eight.first::<8>(eight.across(registers)), [8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 0.0, 0.0]);
+        let [two, three, five] = [2.0, 3.0, 5.0].map(|number| eight.all(number));
+        let found = [
+            eight.sum(two, three),
+            eight.difference(two, three),
+            eight.add(two, three, five),
+            eight.subtract(two, three, five),
+        ];
+        assert_eq!(found.map(|found| eight.first::<1>(found)[0]), [5.0, -1.0, 17.0, -13.0]);
     }
 }

@@ -16,7 +16,7 @@ mod rows;
 mod six;
 
 use super::block::{Block, double, scaled, zero};
-use super::parallel::for_each_row_of;
+use super::parallel::{Starts as _, for_each_row_of};
 use super::prolongator::Prolongator;
 use super::sparse::{BlockMatrix, Pattern, Rows};
 use crate::error::Result;
@@ -27,22 +27,20 @@ use std::sync::Arc;
 /// ε. Ten times less changes iteration counts as little, and leaves a digit less of the corrections near ωλ = 1.
 pub(super) const UNSMOOTHED: f64 = 1e-3;
 
-/// Rows of A P that are held at once.
-const SECTION: usize = 16_384;
+/// Rows of A P and A T that are held at once.
+const SECTION: usize = 4096;
 
 /// Rows of A_c that one thread sums up at a stretch: few of them have a part in a section.
 const GRAIN: usize = 64;
 
-/// Aggregates around a node that are added up before they go to a row of A_c.
-const FEW: usize = 6;
-
-/// The triple product. Its intermediate A P takes several times the memory of P, so it is made section by section.
+/// The triple products. What is between, A P and A T, takes several times the memory of P, so it is made section by section. A T has the pattern of
+/// P, which is T and what A takes it to.
 #[derive(Debug, Clone)]
 pub(super) struct Galerkin<const N: usize, const M: usize> {
     /// Which blocks A P has.
     product: Pattern,
     sections: Vec<Section>,
-    /// The blocks of one section of A P.
+    /// The blocks of one section of A P and A T, row by row.
     section: Vec<Block<N, M>>,
     /// A_c.
     pub coarse: BlockMatrix<M, M>,
@@ -80,7 +78,8 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
             Section { rows, coarse }
         };
         let sections: Vec<_> = (0..a.rows()).step_by(SECTION).map(section).collect();
-        let largest = sections.iter().map(|section| product.positions(&section.rows).len()).max().unwrap_or(0);
+        let blocks = |section: &Section| [&product, &**p].map(|pattern| pattern.positions(&section.rows).len());
+        let largest = sections.iter().map(|section| blocks(section).iter().sum()).max().unwrap_or(0);
         let multiplications = (0..a.rows()).map(|row| {
             let of_neighbours: usize = a.columns(row).iter().map(|&node| p.row(node as usize).len()).sum();
             let transposed = p.row(row).len() * product.row(row).len();
@@ -105,25 +104,32 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
         let Self { product, sections, section, coarse: BlockMatrix { pattern, values }, .. } = self;
         values.fill(zero());
         for Section { rows, coarse } in sections {
-            let positions = product.positions(rows);
-            let section = &mut section[..positions.len()];
+            let both = [&*product, &*p.pattern];
+            let first = both.start(rows.start);
+            let section = &mut section[..both.start(rows.end) - first];
             for_each_row_of(
-                product,
+                &both,
                 rows.clone(),
                 GRAIN,
                 section,
                 #[inline(always)]
                 |row, sums| {
                     sums.fill(zero());
+                    let (smoothed, tentative) = sums.split_at_mut(product.columns(row).len());
                     a.visit(
                         row,
                         #[inline(always)]
                         |node, a| {
-                            let mut slots = Slots::new(product.columns(row), sums);
+                            let mut slots = Slots::new(product.columns(row), smoothed);
                             for (column, p) in p.row(node) {
                                 if let Some(sum) = slots.find(column) {
                                     products.add_product(sum, a, &products.double_rows(p));
                                 }
+                            }
+                            if let Some((column, t)) = prolongator.tentative_row(node)
+                                && let Some(sum) = Slots::new(p.pattern.columns(row), tentative).find(column as usize)
+                            {
+                                products.add_product(sum, a, &products.double_rows(t));
                             }
                         },
                     );
@@ -131,61 +137,34 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
             );
             let values = &mut values[pattern.positions(coarse)];
             for_each_row_of(
-                pattern,
+                &**pattern,
                 coarse.clone(),
                 GRAIN,
                 values,
                 #[inline(always)]
                 |row, sums| {
-                    for (node, p) in prolongator.column_within(row, rows.clone()) {
-                        let p = double(p);
-                        let mut slots = Slots::new(pattern.columns(row), sums);
-                        let of_node = product.row(node);
-                        let blocks = &section[of_node.start - positions.start..of_node.end - positions.start];
-                        for (&column, product) in product.columns(node).iter().zip(blocks) {
-                            if let Some(sum) = slots.find(column as usize) {
-                                products.add_transposed_product(sum, &p, &products.rows(product));
-                            }
+                    for (node, of_node) in prolongator.column_within(row, rows.clone()) {
+                        let blocks = &section[both.start(node) - first..both.start(node + 1) - first];
+                        let (smoothed, tentative) = blocks.split_at(product.columns(node).len());
+                        let columns = pattern.columns(row);
+                        add(products, (columns, sums), &double(of_node), (product.columns(node), smoothed));
+                        if let Some((aggregate, t)) = prolongator.tentative_row(node)
+                            && aggregate as usize == row
+                        {
+                            let t = scaled(UNSMOOTHED, &double(t));
+                            add(products, (columns, sums), &t, (p.pattern.columns(node), tentative));
                         }
                     }
                 },
             );
         }
         for_each_row_of(
-            pattern,
+            &**pattern,
             0..pattern.rows(),
             GRAIN,
             values,
             #[inline(always)]
             |row, sums| {
-                for (node, t) in prolongator.tentative_column(row) {
-                    let t: Block<N, M> = double(t);
-                    // A node has many neighbours in few aggregates: A T is added up by these first.
-                    let mut count = 0;
-                    let mut sums_of = [(0, zero()); FEW];
-                    a.visit(
-                        node,
-                        #[inline(always)]
-                        |other, a| {
-                            let Some((aggregate, of_other)) = prolongator.tentative_row(other) else { return };
-                            let found = sums_of[..count].iter().position(|&(known, _)| known == aggregate);
-                            let at = found.unwrap_or(count);
-                            if at == FEW {
-                                let (aggregate, product) = sums_of[FEW - 1];
-                                add(products, pattern.columns(row), sums, aggregate, &t, &product);
-                            }
-                            let at = at.min(FEW - 1);
-                            if found.is_none() {
-                                sums_of[at] = (aggregate, zero());
-                                count = at + 1;
-                            }
-                            products.add_product(&mut sums_of[at].1, &scaled(UNSMOOTHED, a), &products.double_rows(of_other));
-                        },
-                    );
-                    for (aggregate, product) in &sums_of[..count] {
-                        add(products, pattern.columns(row), sums, *aggregate, &t, product);
-                    }
-                }
                 if let Some(block) = Slots::new(pattern.columns(row), sums).find(row) {
                     for motion in (0..M).filter(|&motion| !prolongator.modes[row].has(motion)) {
                         block[motion][motion] = 1.0;
@@ -202,20 +181,19 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
     }
 }
 
-/// `A_c += Tᵀ (A T)` in one block of a row with these columns.
+/// `C += Pᵀ B` for a block P and the columns and blocks of a row B, in those of a row C.
 #[inline(always)]
 fn add<const N: usize, const M: usize>(
     products: impl RowProducts<M>,
-    columns: &[u32],
-    sums: &mut [Block<M, M>],
-    aggregate: u32,
-    t: &Block<N, M>,
-    product: &Block<N, M>,
+    (columns, sums): (&[u32], &mut [Block<M, M>]),
+    p: &Block<N, M>,
+    (of_row, row): (&[u32], &[Block<N, M>]),
 ) {
-    if let Ok(slot) = columns.binary_search(&aggregate)
-        && let Some(sum) = sums.get_mut(slot)
-    {
-        products.add_transposed_product(sum, t, &products.rows(product));
+    let mut slots = Slots::new(columns, sums);
+    for (&column, block) in of_row.iter().zip(row) {
+        if let Some(sum) = slots.find(column as usize) {
+            products.add_transposed_product(sum, p, &products.rows(block));
+        }
     }
 }
 

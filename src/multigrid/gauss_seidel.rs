@@ -26,15 +26,15 @@ mod symmetric;
 
 use super::block::{BadPivot, Block, inverse, scaled, single, subtract_apply, sum, zero};
 use super::parallel::{for_chunks, for_each_row, for_each_sparse_row};
-use super::sparse::{AHEAD, BlockMatrix, Pattern, Rows};
+use super::sparse::{BlockMatrix, Pattern, Rows, ahead};
 use crate::error::Result;
 use crate::operator::prefetch_all;
 use border::Damping;
 pub(super) use kernel::General;
 use kernel::Kernel;
+use std::sync::Arc;
 #[cfg(target_arch = "x86_64")]
 pub(super) use {sixes::Sixes, symmetric::Symmetric};
-use std::sync::Arc;
 
 /// The least rows that a domain has, and the most domains: fewer domains smooth better, more keep more threads busy.
 const LEAST_ROWS: usize = 8192;
@@ -118,9 +118,8 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
         let Self { kernel, domain, lower, blocks, outside, inverses, .. } = self;
         let domain_of = |row: usize| row / *domain;
         let refused = kernel.keep(&zero());
-        let inverse_or_refused = |block: &Block<N, N>| {
-            inverse_of(block).map_or(refused, |inverse| kernel.keep(&single(1.0, &inverse)))
-        };
+        let inverse_or_refused =
+            |block: &Block<N, N>| inverse_of(block).map_or(refused, |inverse| kernel.keep(&single(1.0, &inverse)));
         for_each_sparse_row(
             lower,
             blocks,
@@ -196,14 +195,14 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
         for_chunks(
             x,
             nodes,
+            r,
             *domain,
             #[inline(always)]
-            |start, x, nodes| {
+            |start, x, nodes, r| {
                 for i in 0..x.len() {
                     let row = start + i;
-                    ask_for(lower, blocks, row + AHEAD);
-                    let positions = lower.row(row);
-                    let (columns, blocks) = (lower.columns(row), &blocks[positions]);
+                    ask_for(lower, blocks, row + ahead::<K::Block>());
+                    let (columns, blocks) = (lower.columns(row), &blocks[lower.row(row)]);
                     let mut sum = kernel.begin(kernel.vector(b[row]));
                     for (&column, a) in columns.iter().zip(blocks) {
                         kernel.subtract(&mut sum, a, nodes[column as usize - start].x);
@@ -215,13 +214,16 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
                         kernel.subtract_transposed(&mut nodes[column as usize - start].rest, a, mine);
                     }
                 }
+                r.iter_mut().zip(nodes).for_each(|(r, node)| *r = kernel.numbers(node.rest));
             },
         );
+        if outside.values.is_empty() {
+            return;
+        }
         for_each_row(
             r,
             #[inline(always)]
             |row, r| {
-                *r = kernel.numbers(nodes[row].rest);
                 for (column, a) in outside.row(row) {
                     subtract_apply(r, a, &x[column]);
                 }
@@ -232,28 +234,39 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
     /// `x += M⁻ᵀ (b − A x)`, a backward sweep.
     pub fn backward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
         let Self { kernel, domain, lower, blocks, outside, inverses, nodes } = self;
-        for_each_row(
-            nodes,
-            #[inline(always)]
-            |row, node| {
-                let mut sum = b[row];
-                for (column, a) in outside.row(row) {
-                    subtract_apply(&mut sum, a, &x[column]);
-                }
-                *node = Node { x: kernel.vector(x[row]), rest: kernel.vector(sum) };
-            },
-        );
+        if !outside.values.is_empty() {
+            for_each_row(
+                nodes,
+                #[inline(always)]
+                |row, node| {
+                    let mut sum = b[row];
+                    for (column, a) in outside.row(row) {
+                        subtract_apply(&mut sum, a, &x[column]);
+                    }
+                    if !outside.pattern.row(row).is_empty() {
+                        node.rest = kernel.vector(sum);
+                    }
+                },
+            );
+        }
+        let none = &mut vec![(); x.len()];
         for_chunks(
             x,
             nodes,
+            none,
             *domain,
             #[inline(always)]
-            |start, x, nodes| {
+            |start, x, nodes, _| {
+                for (i, (node, x)) in nodes.iter_mut().zip(&*x).enumerate() {
+                    node.x = kernel.vector(*x);
+                    if outside.pattern.row(start + i).is_empty() {
+                        node.rest = kernel.vector(b[start + i]);
+                    }
+                }
                 for i in (0..x.len()).rev() {
                     let row = start + i;
-                    ask_for(lower, blocks, row.wrapping_sub(AHEAD));
-                    let positions = lower.row(row);
-                    let (columns, blocks) = (lower.columns(row), &blocks[positions]);
+                    ask_for(lower, blocks, row.wrapping_sub(ahead::<K::Block>()));
+                    let (columns, blocks) = (lower.columns(row), &blocks[lower.row(row)]);
                     let mut sum = kernel.begin(nodes[i].rest);
                     for (&column, a) in columns.iter().zip(blocks) {
                         kernel.subtract(&mut sum, a, nodes[column as usize - start].x);

@@ -52,24 +52,26 @@ pub(super) fn largest(numbers: &[f64]) -> f64 {
     )
 }
 
-/// Calls `f(start, chunk, chunk)` for chunks of a given length of two vectors.
-pub(super) fn for_chunks<T: Send, U: Send>(
+/// Calls `f(start, chunk, chunk, chunk)` for chunks of a given length of three vectors.
+pub(super) fn for_chunks<T: Send, U: Send, V: Send>(
     first: &mut [T],
     second: &mut [U],
+    third: &mut [V],
     length: usize,
-    f: impl Fn(usize, &mut [T], &mut [U]) + Sync,
+    f: impl Fn(usize, &mut [T], &mut [U], &mut [V]) + Sync,
 ) {
-    let chunk = |start: usize, first: &mut [T], second: &mut [U]| {
+    let chunk = |start: usize, first: &mut [T], second: &mut [U], third: &mut [V]| {
         widely(
             #[inline(always)]
-            || f(start, first, second),
+            || f(start, first, second, third),
         );
     };
     if first.len() <= length {
-        chunk(0, first, second);
+        chunk(0, first, second, third);
     } else {
-        let chunks = first.par_chunks_mut(length).zip(second.par_chunks_mut(length)).enumerate();
-        chunks.for_each(|(at, (first, second))| chunk(at * length, first, second));
+        let pairs = first.par_chunks_mut(length).zip(second.par_chunks_mut(length));
+        let chunks = pairs.zip(third.par_chunks_mut(length)).enumerate();
+        chunks.for_each(|(at, ((first, second), third))| chunk(at * length, first, second, third));
     }
 }
 
@@ -83,10 +85,30 @@ pub(super) fn for_each_sparse_row<T: Send, U: Send>(
     for_each_beside(pattern, 0..pattern.rows(), GRAIN, values, beside, f);
 }
 
+/// Where the values of a row begin, in all values; those of the row after the last begin at their end.
+pub(super) trait Starts: Sync {
+    fn start(&self, row: usize) -> usize;
+}
+
+impl Starts for Pattern {
+    #[inline(always)]
+    fn start(&self, row: usize) -> usize {
+        self.row(row).start
+    }
+}
+
+/// Values of one pattern, and behind them, row by row, those of another.
+impl Starts for [&Pattern; 2] {
+    #[inline(always)]
+    fn start(&self, row: usize) -> usize {
+        self[0].start(row) + self[1].start(row)
+    }
+}
+
 /// Calls `f(row, values of the row)` for some rows of a sparse matrix; `values` are those of these rows. Fewer than `grain` rows
 /// are not worth a second thread.
 pub(super) fn for_each_row_of<T: Send>(
-    pattern: &Pattern,
+    pattern: &impl Starts,
     rows: Range<usize>,
     grain: usize,
     values: &mut [T],
@@ -105,7 +127,7 @@ pub(super) fn for_each_row_of<T: Send>(
 }
 
 fn for_each_beside<T: Send, U: Send>(
-    pattern: &Pattern,
+    pattern: &impl Starts,
     rows: Range<usize>,
     grain: usize,
     values: &mut [T],
@@ -119,7 +141,7 @@ fn for_each_beside<T: Send, U: Send>(
             || {
                 let mut rest = &mut values[..];
                 for (row, beside) in rows.clone().zip(beside.iter_mut()) {
-                    let (mine, others) = rest.split_at_mut(pattern.row(row).len());
+                    let (mine, others) = rest.split_at_mut(pattern.start(row + 1) - pattern.start(row));
                     f(row, mine, beside);
                     rest = others;
                 }
@@ -130,7 +152,7 @@ fn for_each_beside<T: Send, U: Send>(
 
 /// Calls `work(rows, their values, what is beside them)` for so many parts of some rows.
 fn split<T: Send, U: Send>(
-    pattern: &Pattern,
+    pattern: &impl Starts,
     rows: Range<usize>,
     parts: usize,
     values: &mut [T],
@@ -142,7 +164,7 @@ fn split<T: Send, U: Send>(
     }
     let some = share(rows.len(), parts / 2, parts);
     let middle = rows.start + some;
-    let (low, high) = values.split_at_mut(pattern.row(middle).start - pattern.row(rows.start).start);
+    let (low, high) = values.split_at_mut(pattern.start(middle) - pattern.start(rows.start));
     let (low_beside, high_beside) = beside.split_at_mut(some);
     rayon::join(
         || split(pattern, rows.start..middle, parts / 2, low, low_beside, work),
@@ -165,14 +187,17 @@ mod tests {
             for_each_row(&mut values, |row, value| *value += row + 1);
             assert!(values.iter().enumerate().all(|(row, &value)| value == row + 1), "{rows}");
 
-            let (mut first, mut second) = (vec![0; rows], vec![0; rows]);
-            for_chunks(&mut first, &mut second, 1000, |start, first, second| {
-                assert!(first.len() == second.len() && first.len() <= 1000);
+            let [mut first, mut second, mut third] = [0; 3].map(|zero| vec![zero; rows]);
+            for_chunks(&mut first, &mut second, &mut third, 1000, |start, first, second, third| {
+                assert!(first.len() == second.len() && first.len() == third.len() && first.len() <= 1000);
                 (start..).zip(first).for_each(|(row, value)| *value += row + 1);
                 (start..).zip(second).for_each(|(row, value)| *value += row + 2);
+                (start..).zip(third).for_each(|(row, value)| *value += row + 3);
             });
-            let are_own = first.iter().zip(&second).enumerate().all(|(row, pair)| pair == (&(row + 1), &(row + 2)));
-            assert!(are_own, "{rows}");
+            assert!(
+                (0..rows).all(|row| [first[row], second[row], third[row]] == [row + 1, row + 2, row + 3]),
+                "{rows}"
+            );
 
             // A row has as many blocks as its number modulo three.
             let pattern = Pattern::build(rows, |row, columns| columns.extend(0..row as u32 % 3)).unwrap();

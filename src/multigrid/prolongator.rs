@@ -19,7 +19,7 @@ use super::eight::Eight;
 use super::modes::{AggregateModes, Frames};
 use super::parallel::{for_each_row, for_each_sparse_row};
 use super::smoother::Smoother;
-use super::sparse::{AHEAD, BlockMatrix, Pattern, Rows, Transpose};
+use super::sparse::{BlockMatrix, Pattern, Rows, Transpose, ahead};
 use crate::error::Result;
 use crate::operator::prefetch_all;
 use std::ops::Range;
@@ -28,7 +28,7 @@ use std::sync::Arc;
 /// ω, for `λ_max = 2`.
 const OMEGA: f32 = 2.0 / 3.0;
 
-/// How many blocks ahead of their use those by columns are asked for, as [rows](AHEAD) are.
+/// How many blocks ahead of their use those by columns are asked for, as [rows](ahead) are.
 const BLOCKS_AHEAD: usize = 64;
 
 /// The smoothed prolongator of a level, with the modes of its aggregates.
@@ -179,6 +179,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
     }
 
     /// Nodes and blocks of a column of T: the members of an aggregate.
+    #[cfg(test)]
     pub fn tentative_column(&self, aggregate: usize) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
         let range = self.starts.get(aggregate).zip(self.starts.get(aggregate + 1));
         let members = range.and_then(|(&start, &end)| self.members.get(start..end)).unwrap_or_default();
@@ -230,7 +231,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             x,
             #[inline(always)]
             |row, x| {
-                self.matrix.ask_for(row + AHEAD);
+                self.matrix.ask_for(row + ahead::<Block<N, M, f32>>());
                 for (aggregate, p) in self.matrix.row(row) {
                     add_apply(x, p, &coarse[aggregate]);
                 }

@@ -50,10 +50,9 @@ impl<const C: usize> RowProducts<C> for Six {
     #[inline(always)]
     fn double_rows<const R: usize>(self, block: &Block<R, C, f32>) -> [Self::Row; R] {
         std::array::from_fn(|r| match block[r][..] {
-            [a, b, c, d, e, f] => (
-                self.0.avx._mm256_cvtps_pd(cast([a, b, c, d])),
-                self.0.sse2._mm_cvtps_pd(cast([e, f, 0.0, 0.0])),
-            ),
+            [a, b, c, d, e, f] => {
+                (self.0.avx._mm256_cvtps_pd(cast([a, b, c, d])), self.0.sse2._mm_cvtps_pd(cast([e, f, 0.0, 0.0])))
+            }
             _ => self.row(&[0.0; 6]),
         })
     }
@@ -75,5 +74,36 @@ impl<const C: usize> RowProducts<C> for Six {
         for (k, c) in c.iter_mut().enumerate() {
             self.add(c, a.map(|a| a[k]), b);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rows::General;
+    use super::{RowProducts, Six};
+    use crate::multigrid::block::Block;
+
+    /// Of small whole numbers, which no sum rounds.
+    fn block<const R: usize>(seed: usize) -> Block<R, 6> {
+        std::array::from_fn(|r| std::array::from_fn(|c| ((seed + 7 * r + 5 * c) % 11) as f64 - 5.0))
+    }
+
+    fn products<const R: usize>(products: impl RowProducts<6>) -> [Vec<f64>; 3] {
+        let (mut c, mut coarse) = (block::<R>(1), block::<6>(2));
+        let a: Block<R, R> = std::array::from_fn(|r| std::array::from_fn(|k| (3 * r + k) as f64 - 2.0));
+        products.add_product(&mut c, &a, &products.rows(&block::<R>(3)));
+        products.add_transposed_product(&mut coarse, &block::<R>(4), &products.rows(&block::<R>(5)));
+        let mut double = block::<R>(6);
+        let single = block::<R>(7).map(|row| row.map(|entry| entry as f32));
+        products.add_product(&mut double, &a, &products.double_rows(&single));
+        [c.as_flattened().to_vec(), coarse.as_flattened().to_vec(), double.as_flattened().to_vec()]
+    }
+
+    #[test]
+    fn rows_of_six_have_the_products_of_any_rows() {
+        assert!(Six::of(3).is_none());
+        let Some(six) = Six::of(6) else { return };
+        assert_eq!(products::<3>(six), products::<3>(General));
+        assert_eq!(products::<6>(six), products::<6>(General));
     }
 }

@@ -19,15 +19,15 @@ impl Sixes {
 
     /// `A x`, before it is summed across.
     #[inline(always)]
-    fn times(self, mut sums: [__m256; SIX], a: &Rows, x: __m256) -> [__m256; SIX] {
-        for (sum, row) in sums.iter_mut().zip(a) {
-            *sum = self.0.add(*sum, row.register(), x);
+    fn times<const N: usize>(self, mut sums: [__m256; SIX], a: &Block<N, N, f32>, x: __m256) -> [__m256; SIX] {
+        for (sum, row) in sums.iter_mut().zip(0..N) {
+            *sum = self.0.add(*sum, self.0.row(a, row), x);
         }
         sums
     }
 }
 
-/// Six numbers with two zeros behind them.
+/// Six numbers with two behind them: zeros in x, anything in what is left of b.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(32))]
 pub struct Row([f32; 8]);
@@ -44,8 +44,6 @@ impl Row {
     }
 }
 
-type Rows = [Row; SIX];
-
 /// What it begins with, and what is to be taken from it, before it is summed across.
 #[derive(Debug, Clone, Copy)]
 pub struct Sum {
@@ -54,18 +52,18 @@ pub struct Sum {
 }
 
 impl<const N: usize> Kernel<N> for Sixes {
-    type Block = Rows;
+    type Block = Block<N, N, f32>;
     type Vector = Row;
     type Sum = Sum;
 
     #[inline(always)]
-    fn keep(self, block: &Block<N, N, f32>) -> Rows {
-        std::array::from_fn(|r| Row::of(block.get(r).map_or(&[], |row| &row[..])))
+    fn keep(self, block: &Block<N, N, f32>) -> Block<N, N, f32> {
+        *block
     }
 
     #[inline(always)]
-    fn block(self, kept: &Rows) -> Block<N, N, f32> {
-        std::array::from_fn(|r| std::array::from_fn(|c| kept[r].0[c]))
+    fn block(self, kept: &Block<N, N, f32>) -> Block<N, N, f32> {
+        *kept
     }
 
     #[inline(always)]
@@ -84,21 +82,21 @@ impl<const N: usize> Kernel<N> for Sixes {
     }
 
     #[inline(always)]
-    fn subtract(self, sum: &mut Sum, a: &Rows, x: Row) {
+    fn subtract(self, sum: &mut Sum, a: &Block<N, N, f32>, x: Row) {
         sum.less = self.times(sum.less, a, x.register());
     }
 
     #[inline(always)]
-    fn apply(self, a: &Rows, Sum { b, less }: Sum) -> Row {
-        let sum = self.0.difference(b.register(), self.0.across(less));
+    fn apply(self, a: &Block<N, N, f32>, Sum { b, less }: Sum) -> Row {
+        let sum = self.0.first_six(self.0.difference(b.register(), self.0.across(less)));
         Row(cast(self.0.across(self.times([self.0.nothing(); SIX], a, sum))))
     }
 
     #[inline(always)]
-    fn subtract_transposed(self, y: &mut Row, a: &Rows, x: Row) {
+    fn subtract_transposed(self, y: &mut Row, a: &Block<N, N, f32>, x: Row) {
         let mut sum = y.register();
-        for (row, x) in a.iter().zip(x.0) {
-            sum = self.0.subtract(sum, row.register(), self.0.all(x));
+        for (row, x) in (0..N).zip(x.0) {
+            sum = self.0.subtract(sum, self.0.row(a, row), self.0.all(x));
         }
         *y = Row(cast(sum));
     }

@@ -1,8 +1,9 @@
 //! Restriction and prolongation where columns are six.
 
+use super::super::block::Block;
 use super::super::eight::{Eight, SIX};
 use super::super::parallel::for_each_row;
-use super::super::sparse::AHEAD;
+use super::super::sparse::ahead;
 use super::Prolongator;
 
 impl<const N: usize, const M: usize> Prolongator<N, M> {
@@ -31,7 +32,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             x,
             #[inline(always)]
             |row, x| {
-                self.matrix.ask_for(row + AHEAD);
+                self.matrix.ask_for(row + ahead::<Block<N, M, f32>>());
                 let mut sums = [eight.nothing(); SIX];
                 for (aggregate, p) in self.matrix.row(row) {
                     let e = eight.six(&coarse[aggregate]);
