@@ -123,6 +123,12 @@ pub(super) fn scaled<const R: usize, const C: usize>(factor: f64, a: &Block<R, C
     scaled
 }
 
+/// `Aᵀ`.
+#[inline(always)]
+pub(super) fn transposed<const R: usize, const C: usize>(a: &Block<R, C>) -> Block<C, R> {
+    std::array::from_fn(|r| std::array::from_fn(|c| a[c][r]))
+}
+
 /// `A + B`.
 #[inline(always)]
 pub(super) fn sum<const R: usize, const C: usize>(a: &Block<R, C>, b: &Block<R, C>) -> Block<R, C> {

@@ -9,13 +9,14 @@
 //! errors of single precision are at most 1e-7/ε of it. Motions that are meant to be corrected here have little energy before
 //! smoothing, a few times what they have after it: for them ε changes nothing.
 //!
-//! Both terms are positive semidefinite where A is, so `A_c` is refused only if A is indefinite.
+//! Both terms are positive semidefinite where A is, so `A_c` is refused only if A is indefinite. Of its blocks the diagonal ones and those behind
+//! them are summed up, and the others are their transposes.
 
 mod rows;
 #[cfg(target_arch = "x86_64")]
 mod six;
 
-use super::block::{Block, double, scaled, zero};
+use super::block::{Block, double, scaled, transposed, zero};
 use super::parallel::{Starts as _, for_each_row_of};
 use super::prolongator::Prolongator;
 use super::sparse::{BlockMatrix, Pattern, Rows};
@@ -44,7 +45,7 @@ pub(super) struct Galerkin<const N: usize, const M: usize> {
     section: Vec<Block<N, M>>,
     /// A_c.
     pub coarse: BlockMatrix<M, M>,
-    /// Multiplications of numbers in `Pᵀ A P`.
+    /// Multiplications of numbers in `Pᵀ A P`, of which the blocks before the diagonal are the transposes of others.
     pub multiplications: f64,
 }
 
@@ -82,7 +83,8 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
         let largest = sections.iter().map(|section| blocks(section).iter().sum()).max().unwrap_or(0);
         let multiplications = (0..a.rows()).map(|row| {
             let of_neighbours: usize = a.columns(row).iter().map(|&node| p.row(node as usize).len()).sum();
-            let transposed = p.row(row).len() * product.row(row).len();
+            let behind = |first: &u32| product.columns(row).iter().filter(|&column| column >= first).count();
+            let transposed: usize = p.columns(row).iter().map(behind).sum();
             (N * N * M * of_neighbours + N * M * M * transposed) as f64
         });
         let multiplications = multiplications.sum();
@@ -146,32 +148,26 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
                     for (node, of_node) in prolongator.column_within(row, rows.clone()) {
                         let blocks = &section[both.start(node) - first..both.start(node + 1) - first];
                         let (smoothed, tentative) = blocks.split_at(product.columns(node).len());
-                        let columns = pattern.columns(row);
-                        add(products, (columns, sums), &double(of_node), (product.columns(node), smoothed));
+                        let sums = &mut Behind { row, columns: pattern.columns(row), blocks: sums };
+                        add(products, sums, &double(of_node), product.columns(node), smoothed);
                         if let Some((aggregate, t)) = prolongator.tentative_row(node)
                             && aggregate as usize == row
                         {
                             let t = scaled(UNSMOOTHED, &double(t));
-                            add(products, (columns, sums), &t, (p.pattern.columns(node), tentative));
+                            add(products, sums, &t, p.pattern.columns(node), tentative);
                         }
                     }
                 },
             );
         }
-        for_each_row_of(
-            &**pattern,
-            0..pattern.rows(),
-            GRAIN,
-            values,
-            #[inline(always)]
-            |row, sums| {
-                if let Some(block) = Slots::new(pattern.columns(row), sums).find(row) {
-                    for motion in (0..M).filter(|&motion| !prolongator.modes[row].has(motion)) {
-                        block[motion][motion] = 1.0;
-                    }
+        mirror(pattern, values);
+        for row in 0..pattern.rows() {
+            if let Some(block) = Slots::new(pattern.columns(row), &mut values[pattern.row(row)]).find(row) {
+                for motion in (0..M).filter(|&motion| !prolongator.modes[row].has(motion)) {
+                    block[motion][motion] = 1.0;
                 }
-            },
-        );
+            }
+        }
     }
 
     /// Bytes held.
@@ -181,18 +177,43 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
     }
 }
 
-/// `C += Pᵀ B` for a block P and the columns and blocks of a row B, in those of a row C.
+/// A row of A_c, of which the diagonal block and those behind it are summed up.
+struct Behind<'r, const M: usize> {
+    row: usize,
+    columns: &'r [u32],
+    blocks: &'r mut [Block<M, M>],
+}
+
+/// Adds `Pᵀ B` for a block P and the columns and blocks of a row B.
 #[inline(always)]
 fn add<const N: usize, const M: usize>(
     products: impl RowProducts<M>,
-    (columns, sums): (&[u32], &mut [Block<M, M>]),
+    sums: &mut Behind<M>,
     p: &Block<N, M>,
-    (of_row, row): (&[u32], &[Block<N, M>]),
+    columns: &[u32],
+    blocks: &[Block<N, M>],
 ) {
-    let mut slots = Slots::new(columns, sums);
-    for (&column, block) in of_row.iter().zip(row) {
-        if let Some(sum) = slots.find(column as usize) {
+    let mut slots = Slots::new(sums.columns, sums.blocks);
+    for (&column, block) in columns.iter().zip(blocks) {
+        if column as usize >= sums.row
+            && let Some(sum) = slots.find(column as usize)
+        {
             products.add_transposed_product(sum, p, &products.rows(block));
+        }
+    }
+}
+
+/// Completes a symmetric matrix: the blocks before the diagonal are the transposes of those behind it.
+fn mirror<const M: usize>(pattern: &Pattern, values: &mut [Block<M, M>]) {
+    for row in 0..pattern.rows() {
+        let (done, mine) = values.split_at_mut(pattern.row(row).start);
+        for (&column, block) in
+            pattern.columns(row).iter().zip(mine).take_while(|(column, _)| (**column as usize) < row)
+        {
+            let other = column as usize;
+            if let Ok(place) = pattern.columns(other).binary_search(&(row as u32)) {
+                *block = transposed(&done[pattern.row(other).start + place]);
+            }
         }
     }
 }

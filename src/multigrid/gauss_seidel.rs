@@ -15,7 +15,7 @@
 //! ```
 //!
 //! and a backward sweep takes L x of the old x from the rows that it has not reached yet and Lᵀ x of the new x from those that
-//! it has.
+//! it has. How blocks are kept and multiplied is the matter of a [`Kernel`].
 
 mod border;
 mod kernel;
