@@ -70,7 +70,7 @@ const VECTORS: [f64; 2] = [0.6, 2.5];
 const BLOCKS: [f64; 2] = [1.3, 3.4];
 
 /// Making the blocks of block Jacobi: once, a spring, a coordinate.
-const MAKING_BLOCKS: [f64; 3] = [36.0, 4.5, 3.7];
+const MAKING_BLOCKS: [f64; 3] = [59.0, 4.1, 2.9];
 
 /// The finest level of multigrid, with its smoother: a spring, a coordinate, the more for a spring whose blocks do not stay; with one dense level,
 /// once, a pair and a triple of coordinates.
