@@ -141,7 +141,8 @@ fn multigrid() {
                     multigrid.apply(&right(z.len()), &mut z);
                 }
                 let key = format!("{} {least}", subject.name);
-                let mut row = Row::shown(key, &(made, multigrid.levels(), z.len(), multigrid.bytes()));
+                // Bytes are those of the kernels that the processor has.
+                let mut row = Row::shown(key, &(made, multigrid.levels(), z.len()));
                 // Multigrid computes in single precision: sizes of a few parts of the vector.
                 let part = |part: usize| z.iter().skip(part).step_by(7).map(|z| z * z).sum::<f64>().sqrt();
                 row.rounded.extend((0..7).map(part));
