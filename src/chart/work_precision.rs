@@ -105,7 +105,7 @@ mod tests {
     #[test]
     fn a_chart_has_all_its_parts() {
         let (system, start) = oscillator();
-        let budget = Duration::from_secs(2);
+        let budget = Duration::from_secs(4);
         let options = SweepOptions { duration: 2.0, dt: 0.1, budget, par: Par::Seq, interrupt: Interrupt::NEVER };
         let mut told = Vec::new();
         let mut tell = |_: Duration, what: &str| told.push(what.to_owned());

@@ -38,7 +38,7 @@
 //! | loops compiled for wide vectors, picked at run time | set-up in eight tenths of the time, see `parallel` |
 //! | one triangle of each matrix, each block used twice | half the time of a sweep, see `gauss_seidel` |
 //! | blocks asked for before they are used | from 10⁵ particles on a cycle in three quarters of the time, see `sparse` |
-//! | blocks in registers of their size, multiplied and added in one operation | a sweep of the finest level in six tenths of the time, the first coarse matrix in seven, see `gauss_seidel::symmetric`, `eight` and `galerkin::six` |
+//! | blocks in registers of their size, multiplied and added in one operation | a sweep of the finest level in 0.6 to 0.75 of the time, the first coarse matrix in 0.7 to 0.77, see `gauss_seidel::symmetric`, `eight` and `galerkin::six` |
 //! | finest matrix in double precision never stored | recomputing rows from the springs is cheap |
 //! | the smoother's domains depend on size alone | the same bits for any number of threads |
 //! | rows at their borders resist what their springs resist | motions across a cloth stay smoothed, see `gauss_seidel::border` |
@@ -55,22 +55,19 @@
 //! | lattice 22 | 10 648 | 10 164, 448, 27 | 1.21 | 12 (13) | | 479 |
 //! | lattice 46 | 97 336 | 95 220, 3840, 180, 12 | 1.22 | 15 | | 922 |
 //!
-//! What a solve to 1e-10 costs, set-up included, in products A·w of the same matrix (`cargo bench --bench multigrid`; one thread of a busy
-//! machine, a product timed beside every cycle; runs of the same program differ by a tenth). The products are those of springs in rows, which take
-//! half the time that they took:
+//! What a solve to 1e-10 costs, set-up included, in products A·w of the same matrix (`cargo bench --bench multigrid`; one thread of a machine
+//! of Intel's, a product timed beside every cycle; four runs, of which the medians of the parts):
 //!
 //! | scene | all | set-up | solve | of an iteration: smoothing of the finest level / transfers / coarse levels / conjugate gradients |
 //! |---|---|---|---|---|
-//! | cloth 100 | 340–410 | 130–170 | 230–250 | 4.5 / 2.2 / 1.7 / 1.6 |
-//! | cloth 316 | 345–390 | 115–155 | 215–245 | 3.5 / 2.0 / 1.7 / 1.7 |
-//! | lattice 46 | 225–260 | 95–135 | 125–130 | 3.9 / 1.9 / 0.7 / 1.7 |
+//! | cloth 100 | 324–349 | 128 | 202 | 3.0 / 2.0 / 1.3 / 1.7 |
+//! | cloth 316 | 314–321 | 114 | 204 | 2.8 / 1.9 / 1.4 / 1.7 |
+//! | cloth 1000 | 356 (one run) | 86 | 270 | 2.8 / 1.8 / 1.7 / 1.8 |
+//! | lattice 46 | 221–228 | 108 | 115 | 3.2 / 1.8 / 0.7 / 1.7 |
 //!
-//! (On a machine of Intel's, where the program before took 370–400 on cloth 316 by turns; before blocks were asked for ahead cloth 316 took 430–460 there and lattice 46
-//! 260–280, and on one of AMD's 450–530 and 310–360.)
-//!
-//! In the way of fewer stand the bytes, and the arithmetic of small blocks: in the caches a cycle takes two thirds of what it takes at 10⁵ particles. A sweep reads 340 a particle, its share of one triangle, where a product reads 40 a spring, 240 a
-//! particle of a cloth; the transfers read P, about 200 a particle, twice; the coarse levels of a cloth have half as many entries as A.
-//! Half of the set-up is the first `Pᵀ A P`, about 3000 multiplications a particle.
+//! In the way of fewer stand the bytes: from 10⁵ particles on sweeps and transfers wait for memory. A sweep reads 350 a particle of a cloth, where a product reads 40 a spring,
+//! 240 a particle; the transfers read P, about 200 a particle, twice; the coarse levels of a cloth have half as many entries as A. A third to a half of the set-up is
+//! the first `Pᵀ A P`, about 3000 multiplications a particle.
 //!
 //! In motion, 60 steps of `linear-backward-euler` under `tension` to 1e-10 (`… -- motion`): iterations of the first steps, the most, and
 //! how often the coarse levels were made anew. A cloth's first step, flat and at rest, takes one and does not count.

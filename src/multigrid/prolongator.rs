@@ -178,14 +178,6 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         nodes.zip(&self.by_columns[places])
     }
 
-    /// Nodes and blocks of a column of T: the members of an aggregate.
-    #[cfg(test)]
-    pub fn tentative_column(&self, aggregate: usize) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
-        let range = self.starts.get(aggregate).zip(self.starts.get(aggregate + 1));
-        let members = range.and_then(|(&start, &end)| self.members.get(start..end)).unwrap_or_default();
-        members.iter().map(|&node| node as usize).filter_map(|node| Some((node, self.tentative.get(node)?)))
-    }
-
     /// The one block of a row of T, and its column; none where the node has no aggregate.
     pub fn tentative_row(&self, node: usize) -> Option<(u32, &Block<N, M, f32>)> {
         Some((self.aggregates.of_node(node)?, self.tentative.get(node)?))

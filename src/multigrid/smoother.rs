@@ -37,6 +37,7 @@ impl<const N: usize> Smoother<N> {
     ///
     /// # Errors
     /// More blocks than 32-bit indices can count.
+    #[cfg_attr(not(target_arch = "x86_64"), expect(unused_variables, reason = "there is one kernel"))]
     pub fn new(pattern: &Pattern, is_symmetric: bool) -> Result<Self> {
         #[cfg(target_arch = "x86_64")]
         if let Some(kernel) = Symmetric::of(N).filter(|_| is_symmetric) {

@@ -1,4 +1,4 @@
-//! Rows of six numbers, four and two side by side, for processors that multiply and add in one operation.
+//! Rows of six numbers in double precision, four and two side by side.
 
 use super::super::block::Block;
 use super::rows::RowProducts;
@@ -6,6 +6,7 @@ use pulp::cast;
 use pulp::x86::V3;
 use std::arch::x86_64::{__m128d, __m256d};
 
+/// For processors that multiply and add in one operation.
 #[derive(Debug, Clone, Copy)]
 pub struct Six(V3);
 

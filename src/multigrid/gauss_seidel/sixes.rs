@@ -8,6 +8,7 @@ use super::kernel::Kernel;
 use pulp::cast;
 use std::arch::x86_64::__m256;
 
+/// For processors that multiply and add in one operation.
 #[derive(Debug, Clone, Copy)]
 pub struct Sixes(Eight);
 
@@ -44,7 +45,7 @@ impl Row {
     }
 }
 
-/// What it begins with, and what is to be taken from it, before it is summed across.
+/// What a sum begins with, and what is to be taken from it, before that is summed across.
 #[derive(Debug, Clone, Copy)]
 pub struct Sum {
     b: Row,

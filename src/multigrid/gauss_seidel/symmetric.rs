@@ -6,8 +6,8 @@
 //! A v = d ∘ v + o ∘ τv + τ²(o ∘ v),   ∘ number by number,
 //! ```
 //!
-//! so that a vector takes one register, a block two, and the same product serves A and Aᵀ. τ² is left until a sum is complete. On cloths a sweep takes half the time
-//! that it takes by rows of 3 × 3 numbers.
+//! so that a vector takes one register, a block two, and the same product serves A and Aᵀ. τ² is left until a sum is complete. Where all is in the caches, a sweep of a
+//! cloth takes half the time that it takes by rows of 3 × 3 numbers.
 
 use super::super::block::Block;
 use super::kernel::Kernel;
