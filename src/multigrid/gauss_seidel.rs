@@ -239,13 +239,14 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
                 nodes,
                 #[inline(always)]
                 |row, node| {
+                    if outside.pattern.row(row).is_empty() {
+                        return;
+                    }
                     let mut sum = b[row];
                     for (column, a) in outside.row(row) {
                         subtract_apply(&mut sum, a, &x[column]);
                     }
-                    if !outside.pattern.row(row).is_empty() {
-                        node.rest = kernel.vector(sum);
-                    }
+                    node.rest = kernel.vector(sum);
                 },
             );
         }
