@@ -21,7 +21,7 @@ for _ in range(steps):
     state.positions = state.positions + change
     state.time += dt
 
-stepper = sprung.Stepper(system, method="linear-backward-euler", stiffness="tension")
+stepper = sprung.Stepper(system, method="linear-backward-euler", stiffness="tension", tolerance=1e-12)
 for _ in range(steps):
     stepper.step(dt)
 difference = abs(stepper.state.positions - state.positions).max()
