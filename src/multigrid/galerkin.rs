@@ -21,7 +21,7 @@ use super::parallel::{Starts as _, for_each_row_of};
 use super::prolongator::Prolongator;
 use super::sparse::{BlockMatrix, Pattern, Rows};
 use crate::error::Result;
-use rows::{General, RowProducts};
+use rows::{AnyRows, RowProducts};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -95,10 +95,10 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
     /// Recomputes A_c. A motion that an aggregate does not have gets the equation x = 0.
     pub fn update(&mut self, a: &impl Rows<N>, prolongator: &Prolongator<N, M>) {
         #[cfg(target_arch = "x86_64")]
-        if let Some(six) = six::Six::of(M) {
+        if let Some(six) = six::RowsOfSix::of(M) {
             return self.update_with(six, a, prolongator);
         }
-        self.update_with(General, a, prolongator);
+        self.update_with(AnyRows, a, prolongator);
     }
 
     fn update_with(&mut self, products: impl RowProducts<M>, a: &impl Rows<N>, prolongator: &Prolongator<N, M>) {

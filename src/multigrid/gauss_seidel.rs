@@ -28,7 +28,6 @@ use super::block::{BadPivot, Block, inverse, scaled, single, subtract_apply, sum
 use super::parallel::{for_chunks, for_each_row, for_each_sparse_row};
 use super::sparse::{BlockMatrix, Pattern, Rows, ahead};
 use crate::error::Result;
-use crate::operator::prefetch_all;
 use border::Damping;
 pub(super) use kernel::General;
 use kernel::Kernel;
@@ -201,7 +200,7 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
             |start, x, nodes, r| {
                 for i in 0..x.len() {
                     let row = start + i;
-                    ask_for(lower, blocks, row + ahead::<K::Block>());
+                    kernel.ask_for(lower.values_of(blocks, row + ahead::<K::Block>()));
                     let (columns, blocks) = (lower.columns(row), &blocks[lower.row(row)]);
                     let mut sum = kernel.begin(kernel.vector(b[row]));
                     for (&column, a) in columns.iter().zip(blocks) {
@@ -266,7 +265,7 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
                 }
                 for i in (0..x.len()).rev() {
                     let row = start + i;
-                    ask_for(lower, blocks, row.wrapping_sub(ahead::<K::Block>()));
+                    kernel.ask_for(lower.values_of(blocks, row.wrapping_sub(ahead::<K::Block>())));
                     let (columns, blocks) = (lower.columns(row), &blocks[lower.row(row)]);
                     let mut sum = kernel.begin(nodes[i].rest);
                     for (&column, a) in columns.iter().zip(blocks) {
@@ -291,14 +290,6 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
             + self.outside.bytes()
             + size_of_val(&self.inverses[..])
             + size_of_val(&self.nodes[..])
-    }
-}
-
-/// Asks for the blocks of a row that is read soon, if there is such a row.
-#[inline(always)]
-fn ask_for<T>(pattern: &Pattern, blocks: &[T], row: usize) {
-    if row < pattern.rows() {
-        prefetch_all(&blocks[pattern.row(row)]);
     }
 }
 

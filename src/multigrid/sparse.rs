@@ -60,6 +60,12 @@ impl Pattern {
         start..self.starts.get(row + 1).copied().unwrap_or(start)
     }
 
+    /// The values of a row among all; none where there is no such row.
+    #[inline(always)]
+    pub fn values_of<'v, T>(&self, values: &'v [T], row: usize) -> &'v [T] {
+        if row < self.rows() { &values[self.row(row)] } else { &[] }
+    }
+
     /// Positions of the blocks of consecutive rows.
     pub fn positions(&self, rows: &Range<usize>) -> Range<usize> {
         self.starts[rows.start]..self.starts[rows.end]
@@ -173,9 +179,7 @@ impl<const R: usize, const C: usize, T: Real> BlockMatrix<R, C, T> {
     /// Asks for the blocks of a row that is read soon, if there is such a row.
     #[inline(always)]
     pub fn ask_for(&self, row: usize) {
-        if row < self.pattern.rows() {
-            prefetch_all(self.values[self.pattern.row(row)].as_flattened().as_flattened());
-        }
+        prefetch_all(self.pattern.values_of(&self.values, row).as_flattened().as_flattened());
     }
 
     /// Bytes held, without the pattern.

@@ -25,9 +25,9 @@ pub trait RowProducts<const C: usize>: Copy + Send + Sync {
 
 /// For any number of columns and every processor.
 #[derive(Debug, Clone, Copy)]
-pub struct General;
+pub struct AnyRows;
 
-impl<const C: usize> RowProducts<C> for General {
+impl<const C: usize> RowProducts<C> for AnyRows {
     type Row = [f64; C];
 
     #[inline(always)]

@@ -8,9 +8,9 @@ use std::arch::x86_64::{__m128d, __m256d};
 
 /// For processors that multiply and add in one operation.
 #[derive(Debug, Clone, Copy)]
-pub struct Six(V3);
+pub struct RowsOfSix(V3);
 
-impl Six {
+impl RowsOfSix {
     /// For rows of so many numbers, if they are six and the processor is such a one.
     pub fn of(columns: usize) -> Option<Self> {
         V3::try_new().filter(|_| columns == 6).map(Self)
@@ -40,7 +40,7 @@ impl Six {
     }
 }
 
-impl<const C: usize> RowProducts<C> for Six {
+impl<const C: usize> RowProducts<C> for RowsOfSix {
     type Row = (__m256d, __m128d);
 
     #[inline(always)]
@@ -80,8 +80,8 @@ impl<const C: usize> RowProducts<C> for Six {
 
 #[cfg(test)]
 mod tests {
-    use super::super::rows::General;
-    use super::{RowProducts, Six};
+    use super::super::rows::AnyRows;
+    use super::{RowProducts, RowsOfSix};
     use crate::multigrid::block::Block;
 
     /// Of small whole numbers, which no sum rounds.
@@ -102,9 +102,9 @@ mod tests {
 
     #[test]
     fn rows_of_six_have_the_products_of_any_rows() {
-        assert!(Six::of(3).is_none());
-        let Some(six) = Six::of(6) else { return };
-        assert_eq!(products::<3>(six), products::<3>(General));
-        assert_eq!(products::<6>(six), products::<6>(General));
+        assert!(RowsOfSix::of(3).is_none());
+        let Some(six) = RowsOfSix::of(6) else { return };
+        assert_eq!(products::<3>(six), products::<3>(AnyRows));
+        assert_eq!(products::<6>(six), products::<6>(AnyRows));
     }
 }

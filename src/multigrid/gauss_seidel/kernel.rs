@@ -1,6 +1,7 @@
 //! How blocks are kept and multiplied in a sweep.
 
 use super::super::block::{Block, add_transposed_apply, apply, subtract_apply};
+use crate::operator::prefetch_all;
 use std::fmt::Debug;
 
 /// What a sweep does with blocks and vectors of N numbers, in single precision.
@@ -14,6 +15,8 @@ pub trait Kernel<const N: usize>: Copy + Debug + Send + Sync {
 
     fn keep(self, block: &Block<N, N, f32>) -> Self::Block;
     fn block(self, kept: &Self::Block) -> Block<N, N, f32>;
+    /// Asks for all lines of the memory in which blocks are that are read soon.
+    fn ask_for(self, blocks: &[Self::Block]);
     fn vector(self, numbers: [f32; N]) -> Self::Vector;
     fn numbers(self, vector: Self::Vector) -> [f32; N];
 
@@ -44,6 +47,11 @@ impl<const N: usize> Kernel<N> for General {
     #[inline(always)]
     fn block(self, kept: &Block<N, N, f32>) -> Block<N, N, f32> {
         *kept
+    }
+
+    #[inline(always)]
+    fn ask_for(self, blocks: &[Block<N, N, f32>]) {
+        prefetch_all(blocks.as_flattened().as_flattened());
     }
 
     #[inline(always)]

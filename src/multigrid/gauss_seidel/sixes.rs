@@ -5,6 +5,7 @@
 use super::super::block::Block;
 use super::super::eight::{Eight, SIX};
 use super::kernel::Kernel;
+use crate::operator::prefetch_all;
 use pulp::cast;
 use std::arch::x86_64::__m256;
 
@@ -65,6 +66,11 @@ impl<const N: usize> Kernel<N> for Sixes {
     #[inline(always)]
     fn block(self, kept: &Block<N, N, f32>) -> Block<N, N, f32> {
         *kept
+    }
+
+    #[inline(always)]
+    fn ask_for(self, blocks: &[Block<N, N, f32>]) {
+        prefetch_all(blocks.as_flattened().as_flattened());
     }
 
     #[inline(always)]

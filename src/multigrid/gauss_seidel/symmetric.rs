@@ -1,6 +1,6 @@
 //! Symmetric blocks of three axes, as springs between particles that can move along all of them have.
 //!
-//! Six numbers say such a block: its diagonal d and, beside it, o = (xy, yz, zx). With τ(x, y, z) = (y, z, x)
+//! SymmetricBlock numbers say such a block: its diagonal d and, beside it, o = (xy, yz, zx). With τ(x, y, z) = (y, z, x)
 //!
 //! ```text
 //! A v = d ∘ v + o ∘ τv + τ²(o ∘ v),   ∘ number by number,
@@ -11,6 +11,7 @@
 
 use super::super::block::Block;
 use super::kernel::Kernel;
+use crate::operator::prefetch_all;
 use pulp::cast;
 use pulp::x86::V3;
 use std::arch::x86_64::__m128;
@@ -22,12 +23,12 @@ pub struct Symmetric(V3);
 /// d and o, each with a zero behind it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(32))]
-pub struct Six {
+pub struct SymmetricBlock {
     diagonal: [f32; 4],
     beside: [f32; 4],
 }
 
-impl Six {
+impl SymmetricBlock {
     const ZERO: Self = Self { diagonal: [0.0; 4], beside: [0.0; 4] };
 }
 
@@ -65,23 +66,30 @@ impl Symmetric {
 }
 
 impl<const N: usize> Kernel<N> for Symmetric {
-    type Block = Six;
+    type Block = SymmetricBlock;
     type Vector = Three;
     type Sum = Sum;
 
     #[inline(always)]
-    fn keep(self, block: &Block<N, N, f32>) -> Six {
+    fn keep(self, block: &Block<N, N, f32>) -> SymmetricBlock {
         match *block.as_flattened() {
-            [xx, xy, _, _, yy, yz, zx, _, zz] => Six { diagonal: [xx, yy, zz, 0.0], beside: [xy, yz, zx, 0.0] },
-            _ => Six::ZERO,
+            [xx, xy, _, _, yy, yz, zx, _, zz] => {
+                SymmetricBlock { diagonal: [xx, yy, zz, 0.0], beside: [xy, yz, zx, 0.0] }
+            }
+            _ => SymmetricBlock::ZERO,
         }
     }
 
     #[inline(always)]
-    fn block(self, kept: &Six) -> Block<N, N, f32> {
+    fn block(self, kept: &SymmetricBlock) -> Block<N, N, f32> {
         let ([xx, yy, zz, _], [xy, yz, zx, _]) = (kept.diagonal, kept.beside);
         let rows = [[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]];
         std::array::from_fn(|r| std::array::from_fn(|c| rows[r][c]))
+    }
+
+    #[inline(always)]
+    fn ask_for(self, blocks: &[SymmetricBlock]) {
+        prefetch_all(blocks);
     }
 
     #[inline(always)]
@@ -101,7 +109,7 @@ impl<const N: usize> Kernel<N> for Symmetric {
     }
 
     #[inline(always)]
-    fn subtract(self, Sum(sum): &mut Sum, a: &Six, x: Three) {
+    fn subtract(self, Sum(sum): &mut Sum, a: &SymmetricBlock, x: Three) {
         let (fma, [d, o], x) = (self.0.fma, [cast(a.diagonal), cast(a.beside)], x.register());
         sum[0] = fma._mm_fnmadd_ps(d, x, sum[0]);
         sum[1] = fma._mm_fnmadd_ps(o, self.turned(x), sum[1]);
@@ -109,7 +117,7 @@ impl<const N: usize> Kernel<N> for Symmetric {
     }
 
     #[inline(always)]
-    fn apply(self, a: &Six, Sum([plain, more, turned]): Sum) -> Three {
+    fn apply(self, a: &SymmetricBlock, Sum([plain, more, turned]): Sum) -> Three {
         let (sse, fma, [d, o]) = (self.0.sse, self.0.fma, [cast(a.diagonal), cast(a.beside)]);
         let v = sse._mm_add_ps(sse._mm_add_ps(plain, self.turned_twice(turned)), more);
         let product = fma._mm_fmadd_ps(o, self.turned(v), sse._mm_mul_ps(d, v));
@@ -117,7 +125,7 @@ impl<const N: usize> Kernel<N> for Symmetric {
     }
 
     #[inline(always)]
-    fn subtract_transposed(self, y: &mut Three, a: &Six, x: Three) {
+    fn subtract_transposed(self, y: &mut Three, a: &SymmetricBlock, x: Three) {
         let (fma, [d, o], x) = (self.0.fma, [cast(a.diagonal), cast(a.beside)], x.register());
         let sum = fma._mm_fnmadd_ps(d, x, y.register());
         let sum = fma._mm_fnmadd_ps(o, self.turned(x), sum);
