@@ -307,4 +307,21 @@ mod tests {
             }
         }
     }
+
+    /// A particle that is held has no row; one that is held along an axis has rows of which its neighbours know nothing.
+    #[test]
+    fn blocks_are_symmetric_unless_an_axis_is_held() {
+        for (axes, expected) in [(None, true), (Some(Axes::first(3)), true), (Some(Axes::of(&[1])), false)] {
+            let mut builder = SystemBuilder::new();
+            (0..3).for_each(|particle| _ = builder.particle([f64::from(particle), 0.0, 0.0], 1.0));
+            for i in 0..2 {
+                builder.spring(i, i + 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
+            }
+            if let Some(axes) = axes {
+                builder.constrain(Constraint { particles: vec![1], axes, motion: Motion::Held });
+            }
+            let (system, _) = builder.build().unwrap();
+            assert_eq!(Finest::<3>::new(&system).unwrap().0.is_symmetric(), expected, "{axes:?}");
+        }
+    }
 }

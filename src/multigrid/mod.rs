@@ -66,7 +66,7 @@
 //! | lattice 46 | 221–228 | 108 | 115 | 3.2 / 1.8 / 0.7 / 1.7 |
 //!
 //! In the way of fewer stand the bytes: from 10⁵ particles on sweeps and transfers wait for memory. A sweep reads 350 a particle of a cloth, where a product reads 40 a spring,
-//! 240 a particle; the transfers read P, about 200 a particle, twice; the coarse levels of a cloth have half as many entries as A. A third to a half of the set-up is
+//! 240 a particle; the transfers read P, about 200 a particle, twice; the coarse levels of a cloth have half as many entries as A. Two fifths to a half of the set-up are
 //! the first `Pᵀ A P`, about 3000 multiplications a particle.
 //!
 //! In motion, 60 steps of `linear-backward-euler` under `tension` to 1e-10 (`… -- motion`): iterations of the first steps, the most, and
