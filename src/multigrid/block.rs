@@ -140,7 +140,7 @@ pub(super) fn sum<const R: usize, const C: usize>(a: &Block<R, C>, b: &Block<R, 
 }
 
 /// What is nothing beside one: processors take very long for products and sums below 1e-38.
-const NOTHING: f64 = 1e-25;
+pub(super) const NOTHING: f64 = 1e-25;
 
 /// `factor·A`, whose largest entries are about one, in single precision; zeros for what is nothing beside them.
 #[inline(always)]

@@ -4,6 +4,7 @@
 //! numbers behind it; what they become is left out of sums, or never looked at.
 
 use super::block::Block;
+use super::packed::Packed;
 use pulp::cast;
 use pulp::x86::V3;
 use std::arch::x86_64::__m256;
@@ -32,6 +33,18 @@ impl Eight {
         let numbers = &block.as_flattened()[row * C..];
         // Behind the last row there is nothing.
         numbers.first_chunk::<8>().map_or_else(|| self.six(&block[row]), |eight| cast(*eight))
+    }
+
+    /// A row of a packed block, without its scale.
+    #[inline(always)]
+    pub fn packed_row<const R: usize, const C: usize>(self, block: &Packed<R, C>, row: usize) -> __m256 {
+        let numbers = &block.numbers().as_flattened()[row * C..];
+        let eight = match (numbers.first_chunk::<8>(), numbers) {
+            (Some(eight), _) => *eight,
+            (None, &[a, b, c, d, e, f]) => [a, b, c, d, e, f, 0, 0],
+            _ => [0; 8],
+        };
+        self.0.avx._mm256_cvtepi32_ps(self.0.avx2._mm256_cvtepi16_epi32(cast(eight)))
     }
 
     /// Six numbers, and zeros behind them.
@@ -71,6 +84,11 @@ impl Eight {
         self.0.avx._mm256_sub_ps(a, b)
     }
 
+    #[inline(always)]
+    pub fn product(self, a: __m256, b: __m256) -> __m256 {
+        self.0.avx._mm256_mul_ps(a, b)
+    }
+
     /// `sum + a b`.
     #[inline(always)]
     pub fn add(self, sum: __m256, a: __m256, b: __m256) -> __m256 {
@@ -98,6 +116,7 @@ impl Eight {
 #[cfg(test)]
 mod tests {
     use super::{Eight, SIX};
+    use crate::multigrid::packed::Packed;
 
     #[test]
     fn rows_are_six_numbers_and_sums_go_across_them() {
@@ -110,6 +129,9 @@ mod tests {
             zeros_behind[..SIX].copy_from_slice(row);
             assert_eq!(eight.first::<8>(eight.six(row)), zeros_behind);
             assert_eq!(eight.first::<8>(eight.first_six(eight.row(&block, r))), zeros_behind);
+            let packed = Packed::of(&block);
+            let numbers = packed.numbers()[r].map(f32::from);
+            assert_eq!(eight.first::<SIX>(eight.packed_row(&packed, r)), numbers);
         }
         assert_eq!(eight.first::<8>(eight.row(&block, 1)), [10.0, 11.0, 12.0, 13.0, 14.0, 15.0, 20.0, 21.0]);
         let registers = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0].map(|number| eight.all(number));
@@ -118,9 +140,10 @@ mod tests {
         let found = [
             eight.sum(two, three),
             eight.difference(two, three),
+            eight.product(two, three),
             eight.add(two, three, five),
             eight.subtract(two, three, five),
         ];
-        assert_eq!(found.map(|found| eight.first::<1>(found)[0]), [5.0, -1.0, 17.0, -13.0]);
+        assert_eq!(found.map(|found| eight.first::<1>(found)[0]), [5.0, -1.0, 6.0, 17.0, -13.0]);
     }
 }

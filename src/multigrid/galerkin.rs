@@ -6,7 +6,7 @@
 //! particles that move together sideways are enough. Such a motion must not enter the coarse level. It may be shared by many
 //! aggregates, so no look at one of them finds it, but the energy before smoothing tells: with ε of it added, the
 //! energy of e is at least ε times that of T e, its correction is bounded by `(1 − ωλ)²/ε` of what T e would need, and the
-//! errors of single precision are at most 1e-7/ε of it. Motions that are meant to be corrected here have little energy before
+//! errors of P, of which sixteen bits are kept, are at most 1.5e-5/ε of it. Motions that are meant to be corrected here have little energy before
 //! smoothing, a few times what they have after it: for them ε changes nothing.
 //!
 //! Both terms are positive semidefinite where A is, so `A_c` is refused only if A is indefinite. Of its blocks the diagonal ones and those behind
@@ -15,6 +15,7 @@
 mod rows;
 #[cfg(target_arch = "x86_64")]
 mod six;
+mod unpacked;
 
 use super::block::{Block, double, scaled, transposed, zero};
 use super::parallel::{Starts as _, for_each_row_of};
@@ -24,6 +25,7 @@ use crate::error::Result;
 use rows::{AnyRows, RowProducts};
 use std::ops::Range;
 use std::sync::Arc;
+use unpacked::{Unpacked, windows};
 
 /// ε. Ten times less changes iteration counts as little, and leaves a digit less of the corrections near ωλ = 1.
 pub(super) const UNSMOOTHED: f64 = 1e-3;
@@ -43,16 +45,19 @@ pub(super) struct Galerkin<const N: usize, const M: usize> {
     sections: Vec<Section>,
     /// The blocks of one section of A P and A T, row by row.
     section: Vec<Block<N, M>>,
+    /// The rows of P that it takes.
+    unpacked: Unpacked<N, M>,
     /// A_c.
     pub coarse: BlockMatrix<M, M>,
     /// Multiplications of numbers in `Pᵀ A P`, of which the blocks before the diagonal are the transposes of others.
     pub multiplications: f64,
 }
 
-/// Consecutive rows of A P, and the range of rows of A_c that they add to.
+/// Consecutive rows of A P, rows of P among which are all that they take, and the range of rows of A_c that they add to.
 #[derive(Debug, Clone)]
 struct Section {
     rows: Range<usize>,
+    taken: Range<usize>,
     coarse: Range<usize>,
 }
 
@@ -72,13 +77,14 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
             columns,
             union(columns, |row| prolongator.column(row).map(|(node, _)| product.columns(node))),
         )?;
-        let section = |start: usize| {
-            let rows = start..a.rows().min(start + SECTION);
-            let touched = || rows.clone().flat_map(|row| p.columns(row)).map(|&column| column as usize);
-            let coarse = touched().min().unwrap_or(0)..touched().max().map_or(0, |last| last + 1);
-            Section { rows, coarse }
+        let rows = || (0..a.rows()).step_by(SECTION).map(|start| start..a.rows().min(start + SECTION));
+        let columns_of = |pattern: &Pattern, rows: Range<usize>| {
+            let columns = || rows.clone().flat_map(|row| pattern.columns(row)).map(|&column| column as usize);
+            columns().min().unwrap_or(0)..columns().max().map_or(0, |last| last + 1)
         };
-        let sections: Vec<_> = (0..a.rows()).step_by(SECTION).map(section).collect();
+        let taken = windows(rows().map(|rows| columns_of(a, rows)).collect(), a.rows());
+        let section = |(rows, taken): (Range<usize>, _)| Section { coarse: columns_of(p, rows.clone()), rows, taken };
+        let sections: Vec<_> = rows().zip(taken).map(section).collect();
         let blocks = |section: &Section| [&product, &**p].map(|pattern| pattern.positions(&section.rows).len());
         let largest = sections.iter().map(|section| blocks(section).iter().sum()).max().unwrap_or(0);
         let multiplications = (0..a.rows()).map(|row| {
@@ -88,8 +94,9 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
             (N * N * M * of_neighbours + N * M * M * transposed) as f64
         });
         let multiplications = multiplications.sum();
+        let unpacked = Unpacked::new(p, sections.iter().map(|section| &section.taken));
         let (section, coarse) = (vec![zero(); largest], BlockMatrix::zeros(Arc::new(coarse)));
-        Ok(Self { product, sections, section, coarse, multiplications })
+        Ok(Self { product, sections, section, unpacked, coarse, multiplications })
     }
 
     /// Recomputes A_c. A motion that an aggregate does not have gets the equation x = 0.
@@ -103,9 +110,11 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
 
     fn update_with(&mut self, products: impl RowProducts<M>, a: &impl Rows<N>, prolongator: &Prolongator<N, M>) {
         let p = &prolongator.matrix;
-        let Self { product, sections, section, coarse: BlockMatrix { pattern, values }, .. } = self;
+        let Self { product, sections, section, unpacked, coarse: BlockMatrix { pattern, values }, .. } = self;
         values.fill(zero());
-        for Section { rows, coarse } in sections {
+        unpacked.forget();
+        for Section { rows, taken, coarse } in sections {
+            unpacked.unpack(p, taken);
             let both = [&*product, &*p.pattern];
             let first = both.start(rows.start);
             let section = &mut section[..both.start(rows.end) - first];
@@ -123,7 +132,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
                         #[inline(always)]
                         |node, a| {
                             let mut slots = Slots::new(product.columns(row), smoothed);
-                            for (column, p) in p.row(node) {
+                            for (column, p) in unpacked.row(&p.pattern, node) {
                                 if let Some(sum) = slots.find(column) {
                                     products.add_product(sum, a, &products.double_rows(p));
                                 }
@@ -149,7 +158,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
                         let blocks = &section[both.start(node) - first..both.start(node + 1) - first];
                         let (smoothed, tentative) = blocks.split_at(product.columns(node).len());
                         let sums = &mut Behind { row, columns: pattern.columns(row), blocks: sums };
-                        add(products, sums, &double(of_node), product.columns(node), smoothed);
+                        add(products, sums, &double(&of_node.unpacked()), product.columns(node), smoothed);
                         if let Some((aggregate, t)) = prolongator.tentative_row(node)
                             && aggregate as usize == row
                         {
@@ -173,7 +182,8 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         let patterns = self.product.bytes() + self.coarse.pattern.bytes();
-        patterns + size_of_val(&self.section[..]) + size_of_val(&self.sections[..]) + self.coarse.bytes()
+        let sections = size_of_val(&self.section[..]) + self.unpacked.bytes() + size_of_val(&self.sections[..]);
+        patterns + sections + self.coarse.bytes()
     }
 }
 

@@ -55,14 +55,17 @@ pub(super) struct GaussSeidel<const N: usize, K: Kernel<N> = General> {
     outside: BlockMatrix<N, N, f32>,
     /// D̃⁻¹; zero where D is not positive definite.
     inverses: Vec<K::Block>,
-    nodes: Vec<Node<K::Vector>>,
+    /// For every row with blocks outside, what a backward sweep begins with: b less what is outside.
+    borders: Vec<(u32, [f32; N])>,
+    /// The nodes of a domain, for every thread that sweeps.
+    rooms: Vec<Vec<Node<K::Vector>>>,
 }
 
-/// What a sweep reads and writes of a row.
+/// What a sweep works with of a row, while it is in the domain. It stays in the caches: all that comes from memory and goes there is what is kept, b, x and r.
 #[derive(Debug, Clone, Copy)]
 struct Node<V> {
     x: V,
-    /// r of a forward sweep; b and what is outside of a backward one, and then what is left of it.
+    /// r of a forward sweep; of a backward one what it begins with, and then what is left of it.
     rest: V,
 }
 
@@ -97,6 +100,8 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
                 columns.push(row as u32);
             }
         })?;
+        let has_blocks = |row: &u32| !outside.row(*row as usize).is_empty();
+        let borders = (0..rows as u32).filter(has_blocks).map(|row| (row, [0.0; N])).collect();
         let (nothing, zero) = (kernel.vector([0.0; N]), kernel.keep(&zero()));
         Ok(Self {
             kernel,
@@ -105,7 +110,8 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
             lower,
             outside: BlockMatrix::zeros(Arc::new(outside)),
             inverses: vec![zero; rows],
-            nodes: vec![Node { x: nothing, rest: nothing }; rows],
+            borders,
+            rooms: vec![vec![Node { x: nothing, rest: nothing }; domain.min(rows)]],
         })
     }
 
@@ -190,14 +196,14 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
 
     /// `x = M⁻¹ b`, a forward sweep from zero, and `r = b − A x`.
     pub fn forward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], r: &mut [[f32; N]]) {
-        let Self { kernel, domain, lower, blocks, outside, inverses, nodes } = self;
+        let Self { kernel, domain, lower, blocks, outside, inverses, rooms, .. } = self;
         for_chunks(
             x,
-            nodes,
             r,
             *domain,
+            rooms,
             #[inline(always)]
-            |start, x, nodes, r| {
+            |start, x, r, nodes| {
                 for i in 0..x.len() {
                     let row = start + i;
                     kernel.ask_for(lower.values_of(blocks, row + ahead::<K::Block>()));
@@ -213,7 +219,7 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
                         kernel.subtract_transposed(&mut nodes[column as usize - start].rest, a, mine);
                     }
                 }
-                r.iter_mut().zip(nodes).for_each(|(r, node)| *r = kernel.numbers(node.rest));
+                r.iter_mut().zip(&*nodes).for_each(|(r, node)| *r = kernel.numbers(node.rest));
             },
         );
         if outside.values.is_empty() {
@@ -232,36 +238,32 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
 
     /// `x += M⁻ᵀ (b − A x)`, a backward sweep.
     pub fn backward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
-        let Self { kernel, domain, lower, blocks, outside, inverses, nodes } = self;
-        if !outside.values.is_empty() {
-            for_each_row(
-                nodes,
-                #[inline(always)]
-                |row, node| {
-                    if outside.pattern.row(row).is_empty() {
-                        return;
-                    }
-                    let mut sum = b[row];
-                    for (column, a) in outside.row(row) {
-                        subtract_apply(&mut sum, a, &x[column]);
-                    }
-                    node.rest = kernel.vector(sum);
-                },
-            );
-        }
+        let Self { kernel, domain, lower, blocks, outside, inverses, borders, rooms } = self;
+        for_each_row(
+            borders,
+            #[inline(always)]
+            |_, (row, sum)| {
+                *sum = b[*row as usize];
+                for (column, a) in outside.row(*row as usize) {
+                    subtract_apply(sum, a, &x[column]);
+                }
+            },
+        );
         let none = &mut vec![(); x.len()];
         for_chunks(
             x,
-            nodes,
             none,
             *domain,
+            rooms,
             #[inline(always)]
-            |start, x, nodes, _| {
-                for (i, (node, x)) in nodes.iter_mut().zip(&*x).enumerate() {
-                    node.x = kernel.vector(*x);
-                    if outside.pattern.row(start + i).is_empty() {
-                        node.rest = kernel.vector(b[start + i]);
-                    }
+            |start, x, _, nodes| {
+                for ((node, x), b) in nodes.iter_mut().zip(&*x).zip(&b[start..]) {
+                    *node = Node { x: kernel.vector(*x), rest: kernel.vector(*b) };
+                }
+                let end = start + x.len();
+                let [first, last] = [start, end].map(|at| borders.partition_point(|(row, _)| (*row as usize) < at));
+                for (row, sum) in &borders[first..last] {
+                    nodes[*row as usize - start].rest = kernel.vector(*sum);
                 }
                 for i in (0..x.len()).rev() {
                     let row = start + i;
@@ -289,7 +291,8 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
             + self.outside.pattern.bytes()
             + self.outside.bytes()
             + size_of_val(&self.inverses[..])
-            + size_of_val(&self.nodes[..])
+            + size_of_val(&self.borders[..])
+            + self.rooms.iter().map(|nodes| size_of_val(&nodes[..])).sum::<usize>()
     }
 }
 

@@ -102,6 +102,7 @@ mod gauss_seidel;
 mod graph;
 mod modes;
 mod order;
+mod packed;
 mod parallel;
 mod parts;
 mod prolongator;

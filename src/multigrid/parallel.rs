@@ -52,26 +52,38 @@ pub(super) fn largest(numbers: &[f64]) -> f64 {
     )
 }
 
-/// Calls `f(start, chunk, chunk, chunk)` for chunks of a given length of three vectors.
-pub(super) fn for_chunks<T: Send, U: Send, V: Send>(
+/// Calls `f(start, chunk, chunk, room)` for chunks of a given length of two vectors. Every thread has some that follow each other, one after the other in
+/// its room; rooms that are missing are made like the first.
+pub(super) fn for_chunks<T: Send, U: Send, R: Clone + Send>(
     first: &mut [T],
     second: &mut [U],
-    third: &mut [V],
     length: usize,
-    f: impl Fn(usize, &mut [T], &mut [U], &mut [V]) + Sync,
+    rooms: &mut Vec<R>,
+    f: impl Fn(usize, &mut [T], &mut [U], &mut R) + Sync,
 ) {
-    let chunk = |start: usize, first: &mut [T], second: &mut [U], third: &mut [V]| {
-        widely(
-            #[inline(always)]
-            || f(start, first, second, third),
-        );
+    let each = length * first.len().div_ceil(length).div_ceil(rayon::current_num_threads()).max(1);
+    while rooms.len() < first.len().div_ceil(each)
+        && let Some(room) = rooms.first().cloned()
+    {
+        rooms.push(room);
+    }
+    let of_thread = |start: usize, first: &mut [T], second: &mut [U], room: &mut R| {
+        let pairs = first.chunks_mut(length).zip(second.chunks_mut(length));
+        for (start, (first, second)) in (start..).step_by(length).zip(pairs) {
+            widely(
+                #[inline(always)]
+                || f(start, first, second, room),
+            );
+        }
     };
-    if first.len() <= length {
-        chunk(0, first, second, third);
+    if let [room, ..] = &mut rooms[..]
+        && first.len() <= each
+    {
+        of_thread(0, first, second, room);
     } else {
-        let pairs = first.par_chunks_mut(length).zip(second.par_chunks_mut(length));
-        let chunks = pairs.zip(third.par_chunks_mut(length)).enumerate();
-        chunks.for_each(|(at, ((first, second), third))| chunk(at * length, first, second, third));
+        let pairs = first.par_chunks_mut(each).zip(second.par_chunks_mut(each));
+        let of_threads = pairs.zip(rooms.par_iter_mut()).enumerate();
+        of_threads.for_each(|(at, ((first, second), room))| of_thread(at * each, first, second, room));
     }
 }
 
@@ -187,17 +199,22 @@ mod tests {
             for_each_row(&mut values, |row, value| *value += row + 1);
             assert!(values.iter().enumerate().all(|(row, &value)| value == row + 1), "{rows}");
 
-            let [mut first, mut second, mut third] = [0; 3].map(|zero| vec![zero; rows]);
-            for_chunks(&mut first, &mut second, &mut third, 1000, |start, first, second, third| {
-                assert!(first.len() == second.len() && first.len() == third.len() && first.len() <= 1000);
-                (start..).zip(first).for_each(|(row, value)| *value += row + 1);
-                (start..).zip(second).for_each(|(row, value)| *value += row + 2);
-                (start..).zip(third).for_each(|(row, value)| *value += row + 3);
-            });
-            assert!(
-                (0..rows).all(|row| [first[row], second[row], third[row]] == [row + 1, row + 2, row + 3]),
-                "{rows}"
-            );
+            for threads in [1, 2, 5] {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                let ([mut first, mut second], mut rooms) = ([0; 2].map(|zero| vec![zero; rows]), vec![0]);
+                pool.install(|| {
+                    for_chunks(&mut first, &mut second, 1000, &mut rooms, |start, first, second, chunks| {
+                        assert!(first.len() == second.len() && first.len() <= 1000);
+                        (start..).zip(first).for_each(|(row, value)| *value += row + 1);
+                        (start..).zip(second).for_each(|(row, value)| *value += row + 2);
+                        *chunks += 1;
+                    });
+                });
+                assert!((0..rows).all(|row| [first[row], second[row]] == [row + 1, row + 2]), "{rows}");
+                let chunks = rows.div_ceil(1000);
+                assert!(rooms.len() <= threads && rooms.iter().max() == Some(&chunks.div_ceil(threads)), "{rooms:?}");
+                assert_eq!(rooms.iter().sum::<usize>(), chunks);
+            }
 
             // A row has as many blocks as its number modulo three.
             let pattern = Pattern::build(rows, |row, columns| columns.extend(0..row as u32 % 3)).unwrap();

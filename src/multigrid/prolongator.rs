@@ -17,11 +17,11 @@ use super::block::{Block, add_apply, add_product, add_transposed_apply, single, 
 #[cfg(target_arch = "x86_64")]
 use super::eight::Eight;
 use super::modes::{AggregateModes, Frames};
+use super::packed::{Packed, ask_for};
 use super::parallel::{for_each_row, for_each_sparse_row};
 use super::smoother::Smoother;
-use super::sparse::{BlockMatrix, Pattern, Rows, Transpose, ahead};
+use super::sparse::{Pattern, Rows, Sparse, Transpose, ahead};
 use crate::error::Result;
-use crate::operator::prefetch_all;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -30,6 +30,9 @@ const OMEGA: f32 = 2.0 / 3.0;
 
 /// How many blocks ahead of their use those by columns are asked for, as [rows](ahead) are.
 const BLOCKS_AHEAD: usize = 64;
+
+/// Blocks of a row that are added up at once; more take another pass through the row of A.
+const AT_ONCE: usize = 8;
 
 /// The smoothed prolongator of a level, with the modes of its aggregates.
 #[derive(Debug, Clone)]
@@ -42,10 +45,10 @@ pub(super) struct Prolongator<const N: usize, const M: usize> {
     /// T, the one block of every row.
     tentative: Vec<Block<N, M, f32>>,
     /// P.
-    pub matrix: BlockMatrix<N, M, f32>,
+    pub matrix: Sparse<Packed<N, M>>,
     pub transpose: Transpose,
     /// The blocks of P by columns: read in order they come twice as fast.
-    by_columns: Vec<Block<N, M, f32>>,
+    by_columns: Vec<Packed<N, M>>,
 }
 
 impl<const N: usize, const M: usize> Prolongator<N, M> {
@@ -76,7 +79,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             next[aggregate] += 1;
         }
         let transpose = pattern.transpose(count);
-        let by_columns = vec![zero(); pattern.blocks()];
+        let by_columns = vec![Packed::ZERO; pattern.blocks()];
         let modes = vec![AggregateModes::NOTHING; count];
         let tentative = vec![zero(); a.rows()];
         Ok(Self {
@@ -85,7 +88,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             members,
             modes,
             tentative,
-            matrix: BlockMatrix::zeros(Arc::new(pattern)),
+            matrix: Sparse::filled(Arc::new(pattern), Packed::ZERO),
             transpose,
             by_columns,
         })
@@ -93,7 +96,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
 
     /// Recomputes the modes of the aggregates, and P with the D of a smoother that has `factor·A`.
     ///
-    /// In single precision: an error of 1e-7 in P costs energy by its square, and the coarse matrix is that of the P at hand.
+    /// In single precision, and then [packed](Packed): errors in P cost energy by their square, and the coarse matrix is that of the P at hand.
     pub fn update(
         &mut self,
         a: &impl Rows<N>,
@@ -119,32 +122,33 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
                 *t = aggregates.of_node(node).map_or(zero(), of_aggregate);
             },
         );
-        let BlockMatrix { pattern, values } = matrix;
+        let Sparse { pattern, values } = matrix;
         for_each_sparse_row(
             pattern,
             values,
             &mut vec![(); pattern.rows()],
             #[inline(always)]
             |row, p, ()| {
-                let columns = pattern.columns(row);
-                let slot =
-                    |node| aggregates.of_node(node).and_then(|aggregate| columns.iter().position(|&c| c == aggregate));
-                p.fill(zero());
-                a.visit(
-                    row,
-                    #[inline(always)]
-                    |node, a| {
-                        if let Some(slot) = slot(node) {
-                            add_product(&mut p[slot], &single(factor, a), &tentative[node]);
-                        }
-                    },
-                );
                 let mut damped = smoother.inverse(row);
                 damped.as_flattened_mut().iter_mut().for_each(|entry| *entry *= -OMEGA);
-                for (p, &aggregate) in p.iter_mut().zip(columns) {
-                    let mut smoothed = if aggregates.of_node(row) == Some(aggregate) { tentative[row] } else { zero() };
-                    add_product(&mut smoothed, &damped, p);
-                    *p = smoothed;
+                for (columns, p) in pattern.columns(row).chunks(AT_ONCE).zip(p.chunks_mut(AT_ONCE)) {
+                    let mut sums = [zero(); AT_ONCE];
+                    a.visit(
+                        row,
+                        #[inline(always)]
+                        |node, a| {
+                            let aggregate = aggregates.of_node(node);
+                            if let Some(slot) = columns.iter().position(|&column| aggregate == Some(column)) {
+                                add_product(&mut sums[slot], &single(factor, a), &tentative[node]);
+                            }
+                        },
+                    );
+                    for ((p, sum), &aggregate) in p.iter_mut().zip(&sums).zip(columns) {
+                        let is_own = aggregates.of_node(row) == Some(aggregate);
+                        let mut smoothed = if is_own { tentative[row] } else { zero() };
+                        add_product(&mut smoothed, &damped, sum);
+                        *p = Packed::of(&smoothed);
+                    }
                 }
             },
         );
@@ -158,22 +162,18 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
 
     /// Nodes and blocks of a column of P.
     #[inline(always)]
-    pub fn column(&self, aggregate: usize) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
+    pub fn column(&self, aggregate: usize) -> impl Iterator<Item = (usize, &Packed<N, M>)> {
         self.blocks_at(self.transpose.column(aggregate))
     }
 
     /// Nodes and blocks of a column of P within some rows.
     #[inline(always)]
-    pub fn column_within(
-        &self,
-        aggregate: usize,
-        rows: Range<usize>,
-    ) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
+    pub fn column_within(&self, aggregate: usize, rows: Range<usize>) -> impl Iterator<Item = (usize, &Packed<N, M>)> {
         self.blocks_at(self.transpose.column_within(aggregate, rows))
     }
 
     #[inline(always)]
-    fn blocks_at(&self, places: Range<usize>) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
+    fn blocks_at(&self, places: Range<usize>) -> impl Iterator<Item = (usize, &Packed<N, M>)> {
         let nodes = self.transpose.entries(places.clone()).iter().map(|&(node, _)| node as usize);
         nodes.zip(&self.by_columns[places])
     }
@@ -207,7 +207,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
                 let places = self.transpose.column(aggregate);
                 self.ask_for(&places);
                 for (node, p) in self.blocks_at(places) {
-                    add_transposed_apply(sum, p, &r[node]);
+                    add_transposed_apply(sum, &p.unpacked(), &r[node]);
                 }
             },
         );
@@ -223,9 +223,9 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             x,
             #[inline(always)]
             |row, x| {
-                self.matrix.ask_for(row + ahead::<Block<N, M, f32>>());
+                ask_for(self.matrix.pattern.values_of(&self.matrix.values, row + ahead::<Packed<N, M>>()));
                 for (aggregate, p) in self.matrix.row(row) {
-                    add_apply(x, p, &coarse[aggregate]);
+                    add_apply(x, &p.unpacked(), &coarse[aggregate]);
                 }
             },
         );
@@ -235,7 +235,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
     #[inline(always)]
     fn ask_for(&self, places: &Range<usize>) {
         let [from, to] = [places.start, places.end].map(|at| (at + BLOCKS_AHEAD).min(self.by_columns.len()));
-        prefetch_all(self.by_columns[from..to].as_flattened().as_flattened());
+        ask_for(&self.by_columns[from..to]);
     }
 
     /// Bytes held.

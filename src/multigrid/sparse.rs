@@ -2,7 +2,6 @@
 
 use super::block::{Block, Real, zero};
 use crate::error::{Invalid, Result};
-use crate::operator::prefetch_all;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -154,32 +153,36 @@ pub(super) trait Rows<const N: usize>: Sync {
     fn visit(&self, row: usize, visit: impl FnMut(usize, &Block<N, N>));
 }
 
-/// A sparse matrix of R × C blocks.
+/// A sparse matrix of blocks that are kept in some way.
 #[derive(Debug, Clone)]
-pub(super) struct BlockMatrix<const R: usize, const C: usize, T = f64> {
+pub(super) struct Sparse<B> {
     pub pattern: Arc<Pattern>,
-    pub values: Vec<Block<R, C, T>>,
+    pub values: Vec<B>,
 }
+
+/// A sparse matrix of R × C blocks.
+pub(super) type BlockMatrix<const R: usize, const C: usize, T = f64> = Sparse<Block<R, C, T>>;
 
 impl<const R: usize, const C: usize, T: Real> BlockMatrix<R, C, T> {
     /// The zero matrix on a pattern.
     pub fn zeros(pattern: Arc<Pattern>) -> Self {
-        let values = vec![zero(); pattern.blocks()];
+        Self::filled(pattern, zero())
+    }
+}
+
+impl<B: Copy> Sparse<B> {
+    /// One block everywhere.
+    pub fn filled(pattern: Arc<Pattern>, block: B) -> Self {
+        let values = vec![block; pattern.blocks()];
         Self { pattern, values }
     }
 
     /// Columns and blocks of a row.
     #[inline(always)]
-    pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, &Block<R, C, T>)> {
+    pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, &B)> {
         let range = self.pattern.row(row);
         let columns = &self.pattern.columns[range.clone()];
         columns.iter().map(|&column| column as usize).zip(&self.values[range])
-    }
-
-    /// Asks for the blocks of a row that is read soon, if there is such a row.
-    #[inline(always)]
-    pub fn ask_for(&self, row: usize) {
-        prefetch_all(self.pattern.values_of(&self.values, row).as_flattened().as_flattened());
     }
 
     /// Bytes held, without the pattern.

@@ -5,6 +5,7 @@ use super::stage::Refusal;
 use super::{Dimension, Dof, Multigrid, SetupFailure};
 use crate::force::Extensions;
 use crate::operator::{Combination, SystemOperator};
+use crate::scene::{Kind, builtin};
 use crate::spring::{Spring, Stiffness};
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
 
@@ -136,4 +137,27 @@ fn multiplications_are_those_of_the_levels() {
     let found = multigrid.multiplications();
     assert!(found >= 2.0 * 49.0 && found == hierarchy.stage.multiplications(), "{found}");
     assert_eq!(Multigrid::down_to(&system, 50).unwrap().multiplications(), 0.0);
+}
+
+/// Made anew for a softer matrix it gives, to the bit, what one gives that is made for that matrix alone.
+#[test]
+fn nothing_of_a_matrix_is_left_in_the_next() {
+    let (system, state) = builtin(Kind::Cloth, 20).unwrap().build().unwrap();
+    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let [stiff, soft] =
+        [0.1, 0.01].map(|dt| SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(dt)));
+    let applied = |matrices: &[&SystemOperator]| {
+        let mut multigrid = Multigrid::new(&system).unwrap();
+        multigrid.place(&state.positions);
+        for a in matrices {
+            multigrid.refill(a).and_then(|()| multigrid.rebuild(a)).unwrap();
+        }
+        assert!(multigrid.levels().len() > 1);
+        let r: Vec<f64> = (0..system.dofs().len()).map(|row| (row as f64).sin()).collect();
+        let mut z = vec![0.0; r.len()];
+        multigrid.apply(&r, &mut z);
+        z
+    };
+    assert_eq!(applied(&[&stiff, &soft]), applied(&[&soft]));
+    assert_ne!(applied(&[&stiff]), applied(&[&soft]));
 }

@@ -288,12 +288,12 @@ fn part(rows: usize, blocks: usize) -> usize {
     8 * (rows + 1) + blocks * (4 + 4 * 4)
 }
 
-/// Of ten couplings four lie within a domain: these are kept once, the others for both of their rows. Every row has an inverse, and twice two numbers to
-/// work with; all have blocks outside, so that they have a diagonal one there.
+/// Of ten couplings four lie within a domain: these are kept once, the others for both of their rows. Every row has an inverse; all have blocks outside, so that they
+/// have a diagonal one there, and a number and a vector of their own. There is room for a domain, with two vectors a row.
 #[test]
 fn memory_is_that_of_both_parts() {
     let smoother = GaussSeidel::<2>::with_domains(General, &matrix().pattern, 3).unwrap();
-    assert_eq!(smoother.bytes(), part(ROWS, 4) + part(ROWS, 12 + 7) + 7 * 4 * 4 + 7 * 4 * 4);
+    assert_eq!(smoother.bytes(), part(ROWS, 4) + part(ROWS, 12 + 7) + 7 * 4 * 4 + 7 * (4 + 2 * 4) + 3 * 4 * 4);
 }
 
 /// Of eight rows in a line, in domains of four, the fourth and the fifth are coupled across the border: these two alone have blocks outside, one each and
@@ -308,5 +308,5 @@ fn rows_inside_a_domain_have_nothing_outside() {
     let outside = &smoother.outside.pattern;
     let columns: Vec<&[u32]> = (0..rows).map(|row| outside.columns(row)).collect();
     assert_eq!(columns, [&[][..], &[], &[], &[3, 4], &[3, 4], &[], &[], &[]]);
-    assert_eq!(smoother.bytes(), part(rows, 6) + part(rows, 4) + rows * 4 * 4 + rows * 4 * 4);
+    assert_eq!(smoother.bytes(), part(rows, 6) + part(rows, 4) + rows * 4 * 4 + 2 * (4 + 2 * 4) + 4 * 4 * 4);
 }

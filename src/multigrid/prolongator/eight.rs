@@ -1,7 +1,7 @@
 //! Restriction and prolongation where columns are six.
 
-use super::super::block::Block;
 use super::super::eight::{Eight, SIX};
+use super::super::packed::{Packed, ask_for};
 use super::super::parallel::for_each_row;
 use super::super::sparse::ahead;
 use super::Prolongator;
@@ -18,7 +18,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
                 let mut sums = [eight.nothing(); N];
                 for (node, p) in self.blocks_at(places) {
                     for ((k, sum), &r) in sums.iter_mut().enumerate().zip(&r[node]) {
-                        *sum = eight.add(*sum, eight.row(p, k), eight.all(r));
+                        *sum = eight.add(*sum, eight.packed_row(p, k), eight.all(p.scale() * r));
                     }
                 }
                 *coarse = eight.first(sums.into_iter().fold(eight.nothing(), |all, sum| eight.sum(all, sum)));
@@ -32,12 +32,12 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             x,
             #[inline(always)]
             |row, x| {
-                self.matrix.ask_for(row + ahead::<Block<N, M, f32>>());
+                ask_for(self.matrix.pattern.values_of(&self.matrix.values, row + ahead::<Packed<N, M>>()));
                 let mut sums = [eight.nothing(); SIX];
                 for (aggregate, p) in self.matrix.row(row) {
-                    let e = eight.six(&coarse[aggregate]);
+                    let e = eight.product(eight.six(&coarse[aggregate]), eight.all(p.scale()));
                     for (k, sum) in sums.iter_mut().enumerate().take(N) {
-                        *sum = eight.add(*sum, eight.row(p, k), e);
+                        *sum = eight.add(*sum, eight.packed_row(p, k), e);
                     }
                 }
                 let more: [f32; N] = eight.first(eight.across(sums));

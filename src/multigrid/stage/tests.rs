@@ -76,7 +76,7 @@ fn dense<const N: usize>(a: &impl Rows<N>) -> DMatrix<f64> {
     dense
 }
 
-fn columns<'b, const N: usize, const M: usize, I: Iterator<Item = (usize, &'b Block<N, M, f32>)>>(
+fn columns<const N: usize, const M: usize, I: Iterator<Item = (usize, Block<N, M, f32>)>>(
     rows: usize,
     count: usize,
     column: impl Fn(usize) -> I,
@@ -93,10 +93,10 @@ fn columns<'b, const N: usize, const M: usize, I: Iterator<Item = (usize, &'b Bl
 fn tentative_column<const N: usize, const M: usize>(
     prolongator: &Prolongator<N, M>,
     aggregate: usize,
-) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
+) -> impl Iterator<Item = (usize, Block<N, M, f32>)> {
     let nodes = 0..prolongator.matrix.pattern.rows();
     let rows = nodes.filter_map(|node| Some((node, prolongator.tentative_row(node)?)));
-    rows.filter(move |(_, (column, _))| *column as usize == aggregate).map(|(node, (_, block))| (node, block))
+    rows.filter(move |(_, (column, _))| *column as usize == aggregate).map(|(node, (_, block))| (node, *block))
 }
 
 /// The blocks of a matrix for which this holds.
@@ -169,11 +169,13 @@ fn reference<const N: usize, const M: usize>(
     assert_eq!(stage.multiplications() - level.next.multiplications(), multiplications as f64);
 
     // P = (I − ω D⁻¹A) T.
-    let p = columns(order / N, count, |aggregate| level.prolongator.column(aggregate));
+    let column = |aggregate| level.prolongator.column(aggregate).map(|(node, block)| (node, block.unpacked()));
+    let p = columns(order / N, count, column);
     assert_near(&p, &((&identity - 2.0 / 3.0 * &inverse_diagonal * &scaled) * &t), SINGLE, "P");
     for (row, block) in (0..order / N).flat_map(|row| level.prolongator.matrix.row(row).map(move |entry| (row, entry)))
     {
-        let found = DMatrix::from_fn(N, M, |r, c| f64::from(block.1[r][c]));
+        let entries = block.1.unpacked();
+        let found = DMatrix::from_fn(N, M, |r, c| f64::from(entries[r][c]));
         assert_eq!(found, p.view((row * N, block.0 * M), (N, M)));
     }
 
