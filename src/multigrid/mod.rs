@@ -37,6 +37,8 @@
 //! | cycle in single precision, coarse matrices computed in double | half the time, the same iterations |
 //! | loops compiled for wide vectors, picked at run time | set-up in eight tenths of the time, see `parallel` |
 //! | one triangle of each matrix, each block used twice | half the time of a sweep, see `gauss_seidel` |
+//! | P in sixteen bits a number, A_c of the P at hand | transfers from 10⁵ particles on in four fifths of the time, less memory, the same iterations, see `packed` |
+//! | nodes of a sweep in a room of one domain | all that a sweep takes from memory is the matrix, b, x and r, see `gauss_seidel` |
 //! | blocks asked for before they are used | from 10⁵ particles on a cycle in three quarters of the time, see `sparse` |
 //! | blocks in registers of their size, multiplied and added in one operation | a sweep of the finest level in 0.6 to 0.75 of the time, the first coarse matrix in 0.7 to 0.77, see `gauss_seidel::symmetric`, `eight` and `galerkin::six` |
 //! | finest matrix in double precision never stored | recomputing rows from the springs is cheap |
@@ -60,13 +62,13 @@
 //!
 //! | scene | all | set-up | solve | of an iteration: smoothing of the finest level / transfers / coarse levels / conjugate gradients |
 //! |---|---|---|---|---|
-//! | cloth 100 | 324–349 | 128 | 202 | 3.0 / 2.0 / 1.3 / 1.7 |
-//! | cloth 316 | 314–321 | 114 | 204 | 2.8 / 1.9 / 1.4 / 1.7 |
-//! | cloth 1000 | 356 (one run) | 86 | 270 | 2.8 / 1.8 / 1.7 / 1.8 |
-//! | lattice 46 | 221–228 | 108 | 115 | 3.2 / 1.8 / 0.7 / 1.7 |
+//! | cloth 100 | 293–343 | 128 | 202 | 3.2 / 1.9 / 1.2 / 1.8 |
+//! | cloth 316 | 291–309 | 122 | 182 | 2.6 / 1.4 / 1.2 / 1.7 |
+//! | cloth 1000 | 343 (one run) | 99 | 244 | 2.6 / 1.3 / 1.4 / 1.8 |
+//! | lattice 46 | 196–230 | 108 | 110 | 3.4 / 1.4 / 0.6 / 1.7 |
 //!
-//! In the way of fewer stand the bytes: from 10⁵ particles on sweeps and transfers wait for memory. A sweep reads 350 a particle of a cloth, where a product reads 40 a spring,
-//! 240 a particle; the transfers read P, about 200 a particle, twice; the coarse levels of a cloth have half as many entries as A. Two fifths to a half of the set-up are
+//! In the way of fewer stand the bytes: from 10⁵ particles on sweeps and transfers wait for memory. A sweep reads and writes 260 a particle of a cloth, a product 290;
+//! the transfers read P, about 120 a particle, twice; the coarse levels of a cloth have half as many entries as A. Two fifths to a half of the set-up are
 //! the first `Pᵀ A P`, about 3000 multiplications a particle.
 //!
 //! In motion, 60 steps of `linear-backward-euler` under `tension` to 1e-10 (`… -- motion`): iterations of the first steps, the most, and
