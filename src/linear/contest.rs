@@ -1,11 +1,11 @@
 //! Which preconditioner costs least, found out by trying.
 //!
-//! What a matrix costs is what its preconditioner is prepared with and the iterations it takes. Without a preconditioner there is nothing
-//! to prepare, and where masses weigh more than springs, or springs are alike, no blocks make iterations fewer. So none comes first, and is watched:
-//! what a matrix has cost more than the cheapest other one is expected to is added up, starting again from zero whenever it falls
-//! below, and when it exceeds what a trial costs there is one (the argument of renting or buying skis). Iterations are expected to
-//! be proportional to the digits that are gained; of what has not been tried yet, as few as they can well be. One that turns
-//! out to cost more is left by the same rule, and a further trial of it has to promise more each time.
+//! What a matrix costs is what its preconditioner is prepared with, the iterations it takes, and its share of coarse levels that serve
+//! several. Without a preconditioner there is nothing to prepare, and where masses weigh more than springs, or springs are alike, no blocks
+//! make iterations fewer. So none comes first, and is watched: what a matrix has cost more than the cheapest other one is expected to is
+//! added up, starting again from zero whenever it falls below, and when it exceeds what a trial costs there is one (the argument of renting
+//! or buying skis). Iterations are expected to be proportional to the digits that are gained; of what has not been tried yet, as few as
+//! they can well be. One that turns out to cost more is left by the same rule, and a further trial of it has to promise more each time.
 //!
 //! The blocks of a matrix that may be indefinite are made even where nothing is preconditioned: they may show it, where conjugate gradients
 //! do not come across it. From the first on that is refused such matrices are preconditioned with them at least, as iterations then sooner
@@ -241,19 +241,20 @@ impl Contest {
             return None;
         }
         let current = place(kind);
-        let of = |kind: Kind, iterations: f64, set_ups: f64| {
-            let set_ups = if kind == Kind::Multigrid { set_ups * costs.multigrid_setup() } else { 0.0 };
+        // Coarse levels serve several matrices: each bears what they cost as a rule, also the one that they are made for.
+        let of = |kind: Kind, iterations: f64| {
+            let set_ups = if kind == Kind::Multigrid { self.set_ups * costs.multigrid_setup() } else { 0.0 };
             let watched = kind == Kind::None && definite == SurelyDefinite::Nothing;
             let made = if watched { Kind::BlockJacobi } else { kind };
             costs.preparation(made) + iterations * costs.iteration(kind) + set_ups
         };
         let expected = |place: usize| {
             let iterations = self.per_digit(place) * digits;
-            KINDS.get(place).map_or(f64::INFINITY, |&kind| of(kind, iterations, self.set_ups))
+            KINDS.get(place).map_or(f64::INFINITY, |&kind| of(kind, iterations))
         };
         let others = (usize::from(needs_blocks)..KINDS.len()).filter(|&other| other != current);
         let best = others.min_by(|&a, &b| expected(a).total_cmp(&expected(b)))?;
-        let cost = of(kind, iterations, set_up);
+        let cost = of(kind, iterations);
         let expected = expected(best);
         self.lost = (self.lost + SURE * cost - expected).max(0.0);
         let trial = match KINDS.get(best)? {

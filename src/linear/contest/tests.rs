@@ -212,6 +212,25 @@ fn coarse_levels_that_age_fast_are_left() {
     }
 }
 
+/// Coarse levels that serve seven matrices are not left for what they cost the one that they are made for.
+#[test]
+fn coarse_levels_that_age_slowly_stay() {
+    let (mut contest, costs) = (contest(), costs());
+    let of = |kind: Kind, iterations: u64| costs.preparation(kind) + iterations as f64 * costs.iteration(kind);
+    let (with, set_up) = (of(Kind::Multigrid, 3), costs.multigrid_setup());
+    let blocks = (1..).find(|&k| of(Kind::BlockJacobi, k) > SURE * (with + (1.0 - MEMORY) * set_up)).unwrap();
+    // What that one alone loses would be a reason to try.
+    assert!(SURE * (with + set_up) - of(Kind::BlockJacobi, blocks) > costs.preparation(Kind::BlockJacobi) + with);
+    contest.record(Kind::BlockJacobi, blocks, 10.0);
+    contest.changed(Kind::BlockJacobi, Kind::Multigrid);
+    contest.set_up(1.0);
+    for matrix in 1..100 {
+        contest.record(Kind::Multigrid, 3, 10.0);
+        assert_eq!(contest.next(Kind::Multigrid, &costs, SurelyDefinite::Matrix), None, "{matrix}");
+        contest.set_up(if matrix % 7 == 0 { 1.0 } else { 0.0 });
+    }
+}
+
 #[test]
 fn there_is_something_better_until_multigrid() {
     assert_eq!(KINDS.map(Contest::patience), [Some(50), Some(100), None]);
@@ -278,7 +297,8 @@ fn trials_begin_where_they_have_cost_as_much_not_to_be_made() {
             contest.record(kind, iterations, digits);
             contest.set_up(set_up);
         };
-        let cost = run(kind, iterations as f64) + set_up * costs.multigrid_setup();
+        // Of these set-ups it bears what a mean over matrices gives the last.
+        let cost = run(kind, iterations as f64) + (1.0 - MEMORY) * set_up * costs.multigrid_setup();
         let expected = if best == Kind::Multigrid { run(best, digits) } else { run(best, 8.0 * digits) };
         let lost = SURE * cost - expected;
         assert!(lost > 0.0, "{lost}");
