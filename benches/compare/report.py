@@ -272,10 +272,10 @@ The first call of everything, which takes new memory from the system, does not c
 The scenes are those of `benches/scenes.rs`. All numbers are in `results.json`.
 
 """
+    text += "## Targets\n\n" + "\n".join(targets(results)) + "\n\n"
     remarks = folder / "remarks.md"
     if remarks.exists():
         text += remarks.read_text() + "\n"
-    text += "## Targets\n\n" + "\n".join(targets(results)) + "\n\n"
     if (folder / "since.json").exists():
         text += since(folder)
     text += "## All stages\n\n"
