@@ -25,15 +25,16 @@ fn coarse_levels_that_age_fast_are_left() {
 fn coarse_levels_that_age_slowly_stay() {
     let (mut contest, costs) = (contest(), costs());
     let of = |kind: Kind, iterations: u64| costs.preparation(kind) + iterations as f64 * costs.iteration(kind);
-    let (with, set_up) = (of(Kind::Multigrid, 3), costs.multigrid_setup());
+    let (with, set_up) = (of(Kind::Multigrid, 1), costs.multigrid_setup());
     let blocks = (1..).find(|&k| of(Kind::BlockJacobi, k) > SURE * (with + (1.0 - MEMORY) * set_up)).unwrap();
-    // What that one alone loses would be a reason to try.
-    assert!(SURE * (with + set_up) - of(Kind::BlockJacobi, blocks) > costs.preparation(Kind::BlockJacobi) + with);
+    // If that one bore all, it and the next would lose what a trial costs.
+    let lost = SURE * (2.0 * with + set_up) - 2.0 * of(Kind::BlockJacobi, blocks);
+    assert!(lost > 1.2 * (costs.preparation(Kind::BlockJacobi) + with), "{lost}");
     contest.record(Kind::BlockJacobi, blocks, 10.0);
     contest.changed(Kind::BlockJacobi, Kind::Multigrid);
     contest.set_up(1.0);
     for matrix in 1..100 {
-        contest.record(Kind::Multigrid, 3, 10.0);
+        contest.record(Kind::Multigrid, 1, 10.0);
         assert_eq!(contest.next(Kind::Multigrid, &costs, SurelyDefinite::Matrix), None, "{matrix}");
         contest.set_up(if matrix % 7 == 0 { 1.0 } else { 0.0 });
     }
