@@ -16,8 +16,9 @@ use crate::system::System;
 use crate::work::Work;
 use nalgebra::Vector3;
 
-/// What recomputing the coarse levels costs, in iterations: as measured, between 8 and 11 (`cargo bench --bench multigrid`).
-const REBUILD: f64 = 10.0;
+/// What recomputing the coarse levels costs, in iterations. It costs 10 to 12 (`cargo bench --bench multigrid`); counted with a little less a
+/// crumpled cloth in motion never takes more than one and a half times the iterations of its first steps, for the same work in all.
+const REBUILD: f64 = 8.0;
 
 /// Coarse levels that took so many times the iterations of new ones, and more than one beyond, are not used again: the next solve would
 /// take still more.
@@ -232,13 +233,13 @@ mod tests {
             assert_eq!(multigrid.coarse, coarse, "after {iterations} iterations for {digits} digits");
         }
         // A quarter more than six a digit and one are seven and a half and one.
-        for (iterations, lost) in [(8, 2.0), (9, 10.0)] {
+        for (iterations, lost) in [(8, 2.0), (9, 8.0)] {
             let mut multigrid = aged(used(6.0, 0.0));
             multigrid.record(iterations, 1.0);
             assert_eq!(multigrid.coarse, used(6.0, lost), "after {iterations} iterations for one digit");
         }
         // Of two digits these are fifteen and one.
-        for (iterations, lost) in [(15, 3.0), (16, 4.0), (17, 10.0)] {
+        for (iterations, lost) in [(15, 3.0), (16, 4.0), (17, 8.0)] {
             let mut multigrid = aged(used(6.0, 0.0));
             multigrid.record(iterations, 2.0);
             assert_eq!(multigrid.coarse, used(6.0, lost), "after {iterations} iterations for two digits");
@@ -248,10 +249,10 @@ mod tests {
         assert_eq!(multigrid.coarse, Coarse::Missing);
     }
 
-    /// In the first solve with the next matrix five iterations more than expected are too many, four are not.
+    /// In the first solve with the next matrix four iterations more than expected are too many, three are not.
     #[test]
     fn coarse_levels_age_fast_by_what_they_lose() {
-        for (iterations, solves, renewals) in [(10, 1, 0), (11, 1, 4), (11, 2, 0)] {
+        for (iterations, solves, renewals) in [(9, 1, 0), (10, 1, 4), (10, 2, 0)] {
             let mut multigrid = ReusedMultigrid { solves, ..aged(used(6.0, 0.0)) };
             multigrid.record(iterations, 1.0);
             assert_eq!(multigrid.renewals, renewals, "{iterations} in solve {solves}");
@@ -277,7 +278,7 @@ mod tests {
         assert_eq!(aged(Coarse::Missing).patience(), None);
     }
 
-    /// Coarse levels are recomputed as soon as ten iterations are lost, and where there are none that a solve has used.
+    /// Coarse levels are recomputed as soon as eight iterations are lost, and where there are none that a solve has used.
     #[test]
     fn coarse_levels_last_until_their_price_is_lost() {
         let (system, state) = cloth(3).unwrap().build().unwrap();
@@ -287,9 +288,9 @@ mod tests {
             (Coarse::Missing, 1, Coarse::New),
             (Coarse::New, 1, Coarse::New),
             (used(3.0, 0.0), 0, used(3.0, 0.0)),
-            (used(3.0, 9.75), 0, used(3.0, 9.75)),
-            (used(3.0, 10.0), 1, Coarse::New),
-            (used(3.0, 10.25), 1, Coarse::New),
+            (used(3.0, 7.75), 0, used(3.0, 7.75)),
+            (used(3.0, 8.0), 1, Coarse::New),
+            (used(3.0, 8.25), 1, Coarse::New),
         ] {
             let (mut multigrid, mut work) = (aged(before), Work::default());
             multigrid.update(&a, &mut work).unwrap();

@@ -131,9 +131,9 @@ pub(super) fn transposed<const R: usize, const C: usize>(a: &Block<R, C>) -> Blo
 
 /// `A + B`.
 #[inline(always)]
-pub(super) fn sum<const R: usize, const C: usize>(a: &Block<R, C>, b: &Block<R, C>) -> Block<R, C> {
+pub(super) fn sum<const R: usize, const C: usize, T: Real>(a: &Block<R, C, T>, b: &Block<R, C, T>) -> Block<R, C, T> {
     let mut sum = *a;
-    for (sum, b) in sum.as_flattened_mut().iter_mut().zip(b.as_flattened()) {
+    for (sum, &b) in sum.as_flattened_mut().iter_mut().zip(b.as_flattened()) {
         *sum += b;
     }
     sum

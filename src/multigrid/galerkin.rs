@@ -36,8 +36,7 @@ const SECTION: usize = 4096;
 /// Rows of A_c that one thread sums up at a stretch: few of them have a part in a section.
 const GRAIN: usize = 64;
 
-/// The triple products. What is between, A P and A T, takes several times the memory of P, so it is made section by section. A T has the pattern of
-/// P, which is T and what A takes it to.
+/// The triple products. What is between, A P and A T, takes several times the memory of P, so it is made section by section.
 #[derive(Debug, Clone)]
 pub(super) struct Galerkin<const N: usize, const M: usize> {
     /// Which blocks A P has.
@@ -85,7 +84,8 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
         let taken = windows(rows().map(|rows| columns_of(a, rows)).collect(), a.rows());
         let section = |(rows, taken): (Range<usize>, _)| Section { coarse: columns_of(p, rows.clone()), rows, taken };
         let sections: Vec<_> = rows().zip(taken).map(section).collect();
-        let blocks = |section: &Section| [&product, &**p].map(|pattern| pattern.positions(&section.rows).len());
+        let blocks =
+            |section: &Section| [&product, prolongator.coupled()].map(|pattern| pattern.positions(&section.rows).len());
         let largest = sections.iter().map(|section| blocks(section).iter().sum()).max().unwrap_or(0);
         let multiplications = (0..a.rows()).map(|row| {
             let of_neighbours: usize = a.columns(row).iter().map(|&node| p.row(node as usize).len()).sum();
@@ -109,13 +109,13 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
     }
 
     fn update_with(&mut self, products: impl RowProducts<M>, a: &impl Rows<N>, prolongator: &Prolongator<N, M>) {
-        let p = &prolongator.matrix;
+        let (p, coupled) = (&prolongator.matrix, prolongator.coupled());
         let Self { product, sections, section, unpacked, coarse: BlockMatrix { pattern, values }, .. } = self;
         values.fill(zero());
         unpacked.forget();
         for Section { rows, taken, coarse } in sections {
             unpacked.unpack(p, taken);
-            let both = [&*product, &*p.pattern];
+            let both = [&*product, coupled];
             let first = both.start(rows.start);
             let section = &mut section[..both.start(rows.end) - first];
             for_each_row_of(
@@ -138,7 +138,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
                                 }
                             }
                             if let Some((column, t)) = prolongator.tentative_row(node)
-                                && let Some(sum) = Slots::new(p.pattern.columns(row), tentative).find(column as usize)
+                                && let Some(sum) = Slots::new(coupled.columns(row), tentative).find(column as usize)
                             {
                                 products.add_product(sum, a, &products.double_rows(t));
                             }
@@ -163,7 +163,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
                             && aggregate as usize == row
                         {
                             let t = scaled(UNSMOOTHED, &double(t));
-                            add(products, sums, &t, p.pattern.columns(node), tentative);
+                            add(products, sums, &t, coupled.columns(node), tentative);
                         }
                     }
                 },

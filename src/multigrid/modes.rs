@@ -111,9 +111,21 @@ impl<const M: usize> AggregateModes<M> {
     /// `T_i = B_i S(c_i − C) R⁻¹`.
     #[inline(always)]
     pub fn tentative<const N: usize>(&self, member: &Frame<N, M>) -> Block<N, M> {
-        let mut t = zero();
-        add_product(&mut t, &member.about(self.frame.centre), &self.inverse);
-        t
+        self.normalised(&self.followed_by(member))
+    }
+
+    /// `B_i S(c_i − C)`: how a node follows rigid motions about the aggregate's centre.
+    #[inline(always)]
+    pub fn followed_by<const N: usize>(&self, node: &Frame<N, M>) -> Block<N, M> {
+        node.about(self.frame.centre)
+    }
+
+    /// `X R⁻¹`.
+    #[inline(always)]
+    pub fn normalised<const N: usize>(&self, x: &Block<N, M>) -> Block<N, M> {
+        let mut product = zero();
+        add_product(&mut product, x, &self.inverse);
+        product
     }
 
     /// Whether a motion is one of the aggregate's.

@@ -1,7 +1,8 @@
 //! The prolongator P from aggregates to nodes: tentative, then smoothed.
 //!
 //! `P = (I − ω D⁻¹A) T` with `ω = 4/(3 λ_max(D⁻¹A))` and D the diagonal blocks of A: one step of damped block Jacobi takes the
-//! jumps between aggregates out of T, so that a coarse motion costs little energy (Vaněk, Mandel, Brezina 1996, section 4).
+//! jumps between aggregates out of T, so that a coarse motion costs little energy (Vaněk, Mandel, Brezina 1996, section 4). Of A what couples a
+//! node weakly to other aggregates is left out, see `filter`: P is sparser, and nearly as good.
 //!
 //! λ_max is not computed but bounded: a spring's block B is positive semidefinite where A is of use, and
 //! `(x_i − x_j)ᵀ B (x_i − x_j) ≤ 2 x_iᵀ B x_i + 2 x_jᵀ B x_j`; summed over the springs, `xᵀA x ≤ 2 xᵀD x`, so `λ_max ≤ 2`. Where the power
@@ -11,19 +12,21 @@
 
 #[cfg(target_arch = "x86_64")]
 mod eight;
+mod filter;
 
 use super::aggregate::Aggregates;
-use super::block::{Block, add_apply, add_product, add_transposed_apply, single, zero};
+use super::block::{Block, add_apply, add_product, add_transposed_apply, single, sum, zero};
 #[cfg(target_arch = "x86_64")]
 use super::eight::Eight;
+use super::graph::Graph;
 use super::modes::{AggregateModes, Frames};
 use super::packed::{Packed, ask_for};
 use super::parallel::{for_each_row, for_each_sparse_row};
 use super::smoother::Smoother;
 use super::sparse::{Pattern, Rows, Sparse, Transpose, ahead};
 use crate::error::Result;
+use filter::Filter;
 use std::ops::Range;
-use std::sync::Arc;
 
 /// ω, for `λ_max = 2`.
 const OMEGA: f32 = 2.0 / 3.0;
@@ -44,6 +47,7 @@ pub(super) struct Prolongator<const N: usize, const M: usize> {
     pub modes: Vec<AggregateModes<M>>,
     /// T, the one block of every row.
     tentative: Vec<Block<N, M, f32>>,
+    filter: Filter,
     /// P.
     pub matrix: Sparse<Packed<N, M>>,
     pub transpose: Transpose,
@@ -56,17 +60,9 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
     ///
     /// # Errors
     /// More blocks than 32-bit indices can count.
-    pub fn new(a: &Pattern, aggregates: Aggregates) -> Result<Self> {
+    pub fn new(a: &Pattern, graph: &Graph, aggregates: Aggregates) -> Result<Self> {
         let count = aggregates.count();
-        let mut last_seen = vec![u32::MAX; count];
-        let pattern = Pattern::build(a.rows(), |row, columns| {
-            for aggregate in a.columns(row).iter().filter_map(|&node| aggregates.of_node(node as usize)) {
-                if last_seen[aggregate as usize] != row as u32 {
-                    last_seen[aggregate as usize] = row as u32;
-                    columns.push(aggregate);
-                }
-            }
-        })?;
+        let filter = Filter::new(a, graph, &aggregates)?;
         let mut starts = vec![0usize; count + 1];
         let of_nodes =
             || (0..a.rows()).filter_map(|node| aggregates.of_node(node).map(|aggregate| (node, aggregate as usize)));
@@ -78,6 +74,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             members[next[aggregate]] = node as u32;
             next[aggregate] += 1;
         }
+        let pattern = filter.reached.clone();
         let transpose = pattern.transpose(count);
         let by_columns = vec![Packed::ZERO; pattern.blocks()];
         let modes = vec![AggregateModes::NOTHING; count];
@@ -88,7 +85,8 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             members,
             modes,
             tentative,
-            matrix: Sparse::filled(Arc::new(pattern), Packed::ZERO),
+            matrix: Sparse::filled(pattern, Packed::ZERO),
+            filter,
             transpose,
             by_columns,
         })
@@ -104,7 +102,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         smoother: &Smoother<N>,
         frames: &(impl Frames<N, M> + ?Sized),
     ) {
-        let Self { aggregates, starts, members, modes, tentative, matrix, transpose, by_columns } = self;
+        let Self { aggregates, starts, members, modes, tentative, filter, matrix, transpose, by_columns } = self;
         for_each_row(
             modes,
             #[inline(always)]
@@ -131,18 +129,28 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             |row, p, ()| {
                 let mut damped = smoother.inverse(row);
                 damped.as_flattened_mut().iter_mut().for_each(|entry| *entry *= -OMEGA);
+                let stand_in = filter.stand_in(row);
                 for (columns, p) in pattern.columns(row).chunks(AT_ONCE).zip(p.chunks_mut(AT_ONCE)) {
                     let mut sums = [zero(); AT_ONCE];
+                    let substituted = columns.iter().position(|&column| column == stand_in);
+                    let mut left_out: Option<Block<N, M>> = None;
                     a.visit(
                         row,
                         #[inline(always)]
                         |node, a| {
-                            let aggregate = aggregates.of_node(node);
-                            if let Some(slot) = columns.iter().position(|&column| aggregate == Some(column)) {
+                            let Some(aggregate) = aggregates.of_node(node) else { return };
+                            if let Some(slot) = columns.iter().position(|&column| column == aggregate) {
                                 add_product(&mut sums[slot], &single(factor, a), &tentative[node]);
+                            } else if substituted.is_some() && filter.leaves_out(row, aggregate) {
+                                let fixed = modes[stand_in as usize].followed_by(&frames.frame(node));
+                                add_product(left_out.get_or_insert(zero()), a, &fixed);
                             }
                         },
                     );
+                    if let (Some(slot), Some(left_out)) = (substituted, left_out) {
+                        let left_out = single(factor, &modes[stand_in as usize].normalised(&left_out));
+                        sums[slot] = sum(&sums[slot], &left_out);
+                    }
                     for ((p, sum), &aggregate) in p.iter_mut().zip(&sums).zip(columns) {
                         let is_own = aggregates.of_node(row) == Some(aggregate);
                         let mut smoothed = if is_own { tentative[row] } else { zero() };
@@ -176,6 +184,11 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
     fn blocks_at(&self, places: Range<usize>) -> impl Iterator<Item = (usize, &Packed<N, M>)> {
         let nodes = self.transpose.entries(places.clone()).iter().map(|&(node, _)| node as usize);
         nodes.zip(&self.by_columns[places])
+    }
+
+    /// The aggregates that nodes are coupled to: the pattern of A T.
+    pub fn coupled(&self) -> &Pattern {
+        &self.filter.coupled
     }
 
     /// The one block of a row of T, and its column; none where the node has no aggregate.
@@ -245,7 +258,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             + size_of_val(&self.members[..])
             + size_of_val(&self.modes[..])
             + size_of_val(&self.tentative[..])
-            + self.matrix.pattern.bytes()
+            + self.filter.bytes()
             + self.matrix.bytes()
             + self.transpose.bytes()
             + size_of_val(&self.by_columns[..])

@@ -71,7 +71,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
             return Ok(Self::Uncoupled(Box::new(Uncoupled { smoother, residual: vec![[0.0; N]; rows] })));
         }
         let coarse_graph = graph.quotient(aggregates.count(), |node| aggregates.of_node(node));
-        let prolongator = Prolongator::new(a, aggregates)?;
+        let prolongator = Prolongator::new(a, graph, aggregates)?;
         let galerkin = Galerkin::new(a, &prolongator)?;
         let next = Stage::new(&galerkin.coarse.pattern, false, &coarse_graph, largest_dense)?;
         let coarse = prolongator.columns();
