@@ -51,39 +51,39 @@
 //!
 //! | scene | particles | nodes of the levels | entries of all / of A | tension | axial | block Jacobi |
 //! |---|---|---|---|---|---|---|
-//! | cloth 100 | 10 000 | 9998, 686, 82, 12 | 1.46 | 24 (25) | 24 (44) | 1018 |
-//! | cloth 316 | 99 856 | 99 854, 6720, 768, 93, 13 | 1.48 | 25 (28) | | 1633 |
-//! | cloth 1000 | 10⁶ | 999 998, 66 866, 7473, 875, 109, 16 | 1.49 | 32 | | 1844 |
-//! | lattice 10 | 1000 | 900, 48 | 1.19 | 12 | | |
-//! | lattice 22 | 10 648 | 10 164, 448, 27 | 1.21 | 12 (13) | | 479 |
-//! | lattice 46 | 97 336 | 95 220, 3840, 180, 12 | 1.22 | 15 | | 922 |
+//! | cloth 100 | 10 000 | 9998, 686, 82, 12 | 1.25 | 25 (27) | 24 (47) | 1018 |
+//! | cloth 316 | 99 856 | 99 854, 6720, 768, 93, 13 | 1.26 | 27 (29) | | 1633 |
+//! | cloth 1000 | 10⁶ | 999 998, 66 866, 7473, 875, 109, 16 | 1.26 | 33 | | 1844 |
+//! | lattice 10 | 1000 | 900, 48 | 1.19 | 13 | | |
+//! | lattice 22 | 10 648 | 10 164, 448, 27 | 1.21 | 14 (14) | | 479 |
+//! | lattice 46 | 97 336 | 95 220, 3840, 180, 12 | 1.22 | 16 | | 922 |
 //!
 //! What a solve to 1e-10 costs, set-up included, in products A·w of the same matrix (`cargo bench --bench multigrid`; one thread of a machine
-//! of Intel's, a product timed beside every cycle; four runs, of which the medians of the parts):
+//! of Intel's, a product timed beside every cycle; four runs, two of cloth 1000, of which the medians of the parts):
 //!
 //! | scene | all | set-up | solve | of an iteration: smoothing of the finest level / transfers / coarse levels / conjugate gradients |
 //! |---|---|---|---|---|
-//! | cloth 100 | 293–343 | 128 | 202 | 3.2 / 1.9 / 1.2 / 1.8 |
-//! | cloth 316 | 291–309 | 122 | 182 | 2.6 / 1.4 / 1.2 / 1.7 |
-//! | cloth 1000 | 343 (one run) | 99 | 244 | 2.6 / 1.3 / 1.4 / 1.8 |
-//! | lattice 46 | 196–230 | 108 | 110 | 3.4 / 1.4 / 0.6 / 1.7 |
+//! | cloth 100 | 270–290 | 97 | 182 | 3.2 / 1.3 / 0.7 / 1.7 |
+//! | cloth 316 | 224–249 | 79 | 159 | 2.3 / 1.0 / 0.6 / 1.6 |
+//! | cloth 1000 | 279–281 | 67 | 214 | 2.6 / 1.0 / 0.7 / 1.8 |
+//! | lattice 46 | 176–201 | 86 | 106 | 3.3 / 1.0 / 0.5 / 1.7 |
 //!
 //! In the way of fewer stand the bytes: from 10⁵ particles on sweeps and transfers wait for memory. A sweep reads and writes 260 a particle of a cloth, a product 290;
-//! the transfers read P, about 120 a particle, twice; the coarse levels of a cloth have half as many entries as A. Two fifths to a half of the set-up are
-//! the first `Pᵀ A P`, about 3000 multiplications a particle.
+//! the transfers read P, about 85 a particle, twice; the coarse levels of a cloth have a quarter as many entries as A. Two fifths to a half of the set-up are
+//! the first `Pᵀ A P`; those of all levels take about 2700 multiplications a particle.
 //!
 //! In motion, 60 steps of `linear-backward-euler` under `tension` to 1e-10 (`… -- motion`): iterations of the first steps, the most, and
 //! how often the coarse levels were made anew. A cloth's first step, flat and at rest, takes one and does not count.
 //!
 //! | scene | dt, s | first | most | set-ups |
 //! |---|---|---|---|---|
-//! | cloth 100, swings down | 0.01 | 16, 15, 15 | 22 | 44 |
-//! | | 1/60 | 16, 15, 15 | 19 | 60 |
-//! | cloth 250, swings down | 0.01 | 16, 15, 15 | 23 | 39 |
-//! | cloth 316, swings down | 0.01 | 16, 16, 16 | 25 | 40 |
-//! | cloth 100, stiff and crumpled by 3 % | 0.01 | 20, 22, 26 | 29 | 35 |
-//! | | 1/60 | 20, 22, 21 | 26 | 60 |
-//! | lattice 22 | 1/60 | 15, 14, 14 | 15 | 3 |
+//! | cloth 100, swings down | 0.01 | 19, 18, 18 | 27 | 34 |
+//! | | 1/60 | 18, 17, 17 | 22 | 60 |
+//! | cloth 250, swings down | 0.01 | 19, 18, 18 | 26 | 34 |
+//! | cloth 316, swings down | 0.01 | 20, 19, 19 | 27 | 34 |
+//! | cloth 100, stiff and crumpled by 3 % | 0.01 | 21, 23, 26 | 34 | 29 |
+//! | | 1/60 | 21, 30, 22 | 30 | 59 |
+//! | lattice 22 | 1/60 | 16, 15, 15 | 16 | 1 |
 //! | bunny | 1/60 | 23, 20, 19 | 28 | 10 |
 //!
 //! What makes them grow is the age of the coarse levels: where they are of the matrix at hand, iterations are those of the first

@@ -2,12 +2,19 @@
 
 use super::*;
 
+/// What a solve of so many iterations costs, the coarse levels of multigrid aside.
+fn solve(costs: &CostModel, kind: Kind, iterations: u64) -> f64 {
+    costs.preparation(kind) + iterations as f64 * costs.iteration(kind)
+}
+
 /// Coarse levels that have to be made anew for every matrix cost more than the iterations that they save.
 #[test]
 fn coarse_levels_that_age_fast_are_left() {
     for (set_ups, is_left) in [(0.0, false), (1.0, true)] {
         let (mut contest, costs) = (contest(), costs());
-        contest.record(Kind::BlockJacobi, 100, 10.0);
+        let with = solve(&costs, Kind::Multigrid, 8);
+        let blocks = (1..).find(|&k| solve(&costs, Kind::BlockJacobi, k) > with).unwrap();
+        contest.record(Kind::BlockJacobi, blocks, 10.0);
         contest.changed(Kind::BlockJacobi, Kind::Multigrid);
         contest.set_up(1.0);
         let left = (0..100).find_map(|_| {
@@ -24,7 +31,7 @@ fn coarse_levels_that_age_fast_are_left() {
 #[test]
 fn coarse_levels_that_age_slowly_stay() {
     let (mut contest, costs) = (contest(), costs());
-    let of = |kind: Kind, iterations: u64| costs.preparation(kind) + iterations as f64 * costs.iteration(kind);
+    let of = |kind: Kind, iterations: u64| solve(&costs, kind, iterations);
     let (with, set_up) = (of(Kind::Multigrid, 1), costs.multigrid_setup());
     let blocks = (1..).find(|&k| of(Kind::BlockJacobi, k) > SURE * (with + (1.0 - MEMORY) * set_up)).unwrap();
     // If that one bore all, it and the next would lose what a trial costs.
