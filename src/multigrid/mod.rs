@@ -33,7 +33,7 @@
 //! |---|---|
 //! | graph weighted by k/l0, not by A | aggregates and sparsity do not change from step to step |
 //! | Gram matrices for the bases | they take one pass, and show which motions an aggregate does not have |
-//! | P without weak couplings, which others stand in for | half of the multiplications of a set-up, a quarter less memory, a cycle in seven eighths of the time, two to four in a hundred more iterations, see `prolongator::filter` |
+//! | P without weak couplings, for which others stand in | half of the multiplications of a set-up, a quarter less memory, a cycle in seven eighths of the time; a few more iterations, of falling cloths an eighth to a fifth: work is a tenth less, see `prolongator::filter` |
 //! | λ_max(D⁻¹A) = 2, its bound | nothing to estimate, see `prolongator` |
 //! | cycle in single precision, coarse matrices computed in double | half the time, the same iterations |
 //! | loops compiled for wide vectors, picked at run time | set-up in eight tenths of the time, see `parallel` |
