@@ -71,7 +71,7 @@ fn iterations_are_locked_and_hardly_grow_with_the_size() {
     let count = |scene| solve(&scene, Stiffness::Tension).1;
     let cloths = [32, 64, 100].map(|n| count(cloth(n, 1.0)));
     let lattices = [10, 16].map(|n| count(lattice(n, 1.0)));
-    assert_eq!((cloths, lattices), ([20, 23, 24], [13, 13]));
+    assert_eq!((cloths, lattices), ([21, 25, 25], [13, 13]));
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn a_hundredfold_stiffness_or_none_across_the_springs_costs_few_iterations() {
         solve(&cloth(64, 1.0), Stiffness::Axial).1,
         solve(&cloth(64, 100.0), Stiffness::Axial).1,
     ];
-    assert_eq!(counts, [24, 14, 23, 48]);
+    assert_eq!(counts, [26, 14, 24, 50]);
 }
 
 #[test]
@@ -336,9 +336,9 @@ fn a_smooth_motion_gives_good_first_guesses() {
 fn coarse_levels_are_kept_as_long_as_they_serve() {
     let scene = cloth(40, 1.0);
     let (_, work) = run(&scene, Some(PreconditionerKind::Multigrid), DT, 30);
-    assert_eq!((work.solves, work.multigrid_setups), (30, 20));
+    assert_eq!((work.solves, work.multigrid_setups), (30, 18));
     // The width of the processor's vectors decides about roundings, and these about an iteration now and then.
-    assert!(work.cg_iterations.abs_diff(554) <= 6, "{} iterations", work.cg_iterations);
+    assert!(work.cg_iterations.abs_diff(607) <= 6, "{} iterations", work.cg_iterations);
 }
 
 /// Iterations of every step.
@@ -380,7 +380,7 @@ fn iterations_of_a_motion_stay_within_half_as_many_again_as_those_of_its_first_s
 fn an_easy_first_solve_does_not_cost_coarse_levels_in_every_step() {
     let scene = builtin::cloth(40).unwrap().build().unwrap();
     let (_, work) = run(&scene, Some(PreconditionerKind::Multigrid), 0.001, 40);
-    assert_eq!((work.solves, work.multigrid_setups), (40, 5));
+    assert_eq!((work.solves, work.multigrid_setups), (40, 6));
 }
 
 #[test]
