@@ -12,7 +12,8 @@
 //!
 //! with T̃_j = T_j if the row reaches the aggregate of j. If not, j is taken to be fixed to one that it does reach, which *stands in*:
 //! `T̃_j = B_j S(c_j − C) R⁻¹` with C and R of that aggregate, see `modes`. It is the strongest of the others, or the node's own if the
-//! row reaches no other. Where all aggregates follow one rigid motion `Σ_j A_ij T̃_j` is `(A T)_i`, and P takes it to what it always did.
+//! row reaches no other. Where all aggregates follow one rigid motion `Σ_j A_ij T̃_j` is `(A T)_i`, and P takes it to what it always did, as far
+//! as the one that stands in has all motions: one that lacks some, as of particles on a line, leaves them out beside that line too.
 //!
 //! P of a cloth has two thirds of the blocks then, `Pᵀ A P` of all levels half of the multiplications and coarse matrices half of the entries; of a
 //! lattice two thirds of the multiplications, of a random network a third. 240 random systems (cloths, lattices and networks of 200 to 5600 particles)
@@ -24,7 +25,8 @@ use super::super::sparse::Pattern;
 use crate::error::Result;
 use std::sync::Arc;
 
-/// The share of a node's couplings below which those to an aggregate may be left out. At a fifth, a lattice of 46³ takes 26 iterations instead of 16.
+/// The share of a node's couplings below which those to an aggregate may be left out. At a fifth, however much that is in all, a lattice of 46³ takes 26
+/// iterations instead of 16.
 const WEAK: f64 = 0.15;
 
 /// How much of its couplings may be left out in all: in networks every node that a node is coupled to may be in an aggregate of its own.
