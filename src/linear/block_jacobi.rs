@@ -1,5 +1,6 @@
 //! Block-diagonal preconditioners: Jacobi and 3×3 block Jacobi.
 
+use super::norms::dot;
 use crate::operator::{BlockDiagonal, SystemOperator};
 use crate::system::{Axes, Dof, DofMap};
 use nalgebra::{Matrix3, Vector3};
@@ -88,21 +89,22 @@ impl BlockJacobi {
         if count > 0.0 { sum / count * (-logarithms / count).exp() } else { 1.0 }
     }
 
-    /// `z = P⁻¹ r`, reduced vectors.
-    pub fn apply(&self, r: &[f64], z: &mut [f64]) {
-        self.apply_to(0..self.inverses.len(), r, z);
+    /// `z = P⁻¹ r`, reduced vectors; returns `rᵀ z`.
+    pub fn apply(&self, r: &[f64], z: &mut [f64]) -> f64 {
+        self.apply_to(0..self.inverses.len(), r, z)
     }
 
-    /// The rows of some particles, which are what `r` and `z` hold.
-    fn apply_to(&self, particles: Range<usize>, r: &[f64], z: &mut [f64]) {
+    /// The rows of some particles, which are what `r` and `z` hold. Where particles are cut depends on their number alone, and so does how sums are added up.
+    fn apply_to(&self, particles: Range<usize>, r: &[f64], z: &mut [f64]) -> f64 {
         let first = self.dofs.first_row(particles.start);
         if particles.len() > STRETCH {
             let middle = particles.start + particles.len() / 2;
             let at = self.dofs.first_row(middle) - first;
             let ((r0, r1), (z0, z1)) = (r.split_at(at), z.split_at_mut(at));
             let Range { start, end } = particles;
-            rayon::join(|| self.apply_to(start..middle, r0, z0), || self.apply_to(middle..end, r1, z1));
-            return;
+            let (first, second) =
+                rayon::join(|| self.apply_to(start..middle, r0, z0), || self.apply_to(middle..end, r1, z1));
+            return first + second;
         }
         for (inverse, particle) in self.inverses[particles.clone()].iter().zip(particles) {
             let rows = self.dofs.rows(particle);
@@ -117,6 +119,8 @@ impl BlockJacobi {
                 }
             }
         }
+        // While they are in the cache.
+        dot(r, z)
     }
 }
 
@@ -206,12 +210,18 @@ mod tests {
         let rows = system.dofs().len();
         let r: Vec<f64> = (0..rows).map(|row| (row as f64).sin()).collect();
         let (mut z, mut alone) = (vec![0.0; rows], vec![0.0; rows]);
-        blocks.apply(&r, &mut z);
+        let all = blocks.apply(&r, &mut z);
+        let mut sum = 0.0;
         for p in 0..particles {
             let rows = system.dofs().rows(p);
-            blocks.apply_to(p..p + 1, &r[rows.clone()], &mut alone[rows]);
+            sum += blocks.apply_to(p..p + 1, &r[rows.clone()], &mut alone[rows]);
         }
         assert_eq!(z, alone);
+        assert!((all - sum).abs() <= rows as f64 * f64::EPSILON * sum, "{all} {sum}");
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            assert_eq!(pool.install(|| blocks.apply(&r, &mut z)), all, "{threads}");
+        }
         let row = system.dofs().rows(8).start;
         assert_eq!(z[row..row + 2], [9.0 * r[row] + 0.5 * r[row + 1], 0.5 * r[row] + 2.0 * r[row + 1]]);
     }

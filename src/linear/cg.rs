@@ -95,6 +95,8 @@ pub struct ConjugateGradient {
     preconditioned: Vec<f64>,
     direction: Vec<f64>,
     product: Vec<f64>,
+    /// Room for those of an inner product.
+    sums: Vec<f64>,
 }
 
 impl ConjugateGradient {
@@ -109,6 +111,7 @@ impl ConjugateGradient {
             preconditioned: zeros(),
             direction: zeros(),
             product: zeros(),
+            sums: Vec::new(),
         }
     }
 
@@ -204,16 +207,11 @@ impl ConjugateGradient {
         iterations: &mut u64,
         goes_on: &mut dyn FnMut(u64, f64) -> bool,
     ) -> Option<CgOutcome> {
-        let Self { residual: r, preconditioned: z, direction: p, product: q, interrupt, .. } = self;
+        let Self { residual: r, preconditioned: z, direction: p, product: q, sums, interrupt, .. } = self;
         // With the identity z is r, and need not be made.
         let is_identity = matches!(preconditioner, Preconditioner::Identity);
-        if is_identity {
-            p.copy_from_slice(r);
-        } else {
-            preconditioner.apply(r, z);
-            p.copy_from_slice(z);
-        }
-        let mut rz = dot(r, p);
+        let mut rz = if is_identity { dot(r, r) } else { preconditioner.apply(r, z) };
+        p.copy_from_slice(if is_identity { r } else { z });
         let mut size = norm(r);
         // Further down than rounding the recurrence knows nothing of the true residual, and would end in underflow.
         let floor = target.max(f64::EPSILON * size);
@@ -224,8 +222,7 @@ impl ConjugateGradient {
             if interrupt.is_requested() {
                 return Some(CgOutcome::Interrupted);
             }
-            a.apply(p, q);
-            let curvature = dot(p, q);
+            let curvature = a.apply_and_dot(p, q, sums);
             if !curvature.is_finite() {
                 return Some(CgOutcome::NonFinite);
             }
@@ -236,15 +233,10 @@ impl ConjugateGradient {
             let alpha = rz / curvature;
             let squares = descend(alpha, q, r);
             size = squares.sqrt();
-            let (z, next) = if is_identity {
-                (&*r, squares)
-            } else {
-                preconditioner.apply(r, z);
-                (&*z, dot(r, z))
-            };
+            let next = if is_identity { squares } else { preconditioner.apply(r, z) };
             let beta = next / rz;
             rz = next;
-            advance(alpha, beta, z, p, x);
+            advance(alpha, beta, if is_identity { r } else { z }, p, x);
         }
         None
     }

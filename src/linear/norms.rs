@@ -1,6 +1,6 @@
 //! Inner products and error measures of vectors.
 
-pub use super::vector::dot;
+pub use crate::operator::dot;
 
 /// The Euclidean norm.
 #[inline]

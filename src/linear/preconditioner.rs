@@ -1,6 +1,7 @@
 //! The preconditioners of conjugate gradients behind one type.
 
 use super::block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
+use super::norms::dot;
 use super::outcome::{Evidence, SolveFailure};
 use super::preconditioner_kind::PreconditionerKind;
 use super::reuse::ReusedMultigrid;
@@ -103,14 +104,15 @@ impl Preconditioner {
         }
     }
 
-    /// `z = P⁻¹ r`, reduced vectors.
-    pub fn apply(&mut self, r: &[f64], z: &mut [f64]) {
+    /// `z = P⁻¹ r`, reduced vectors; returns `rᵀ z`.
+    pub fn apply(&mut self, r: &[f64], z: &mut [f64]) -> f64 {
         match self {
             Self::Identity => z.copy_from_slice(r),
-            Self::BlockJacobi(block_jacobi) => block_jacobi.apply(r, z),
+            Self::BlockJacobi(block_jacobi) => return block_jacobi.apply(r, z),
             Self::Multigrid(multigrid) => multigrid.apply(r, z),
             Self::Own(own) => own.apply(r, z),
         }
+        dot(r, z)
     }
 }
 

@@ -1,56 +1,8 @@
 //! The vector operations of conjugate gradients: parallel, fused where they read the same vectors, and the same to the bit
-//! for any number of threads.
-//!
-//! A vector is halved until a piece has at most [`PIECE`] numbers; where it is cut depends on its length alone. Sums over
-//! pieces are added up pairwise, so a long inner product loses fewer digits than one sum from end to end.
+//! for any number of threads, as [inner products](crate::operator::dot) are.
 
+use crate::operator::inner_product::{PIECE, SERIAL, both, dot_piece, middle};
 use crate::registers::widely;
-
-/// Numbers in a piece: a few vectors of them fit the first-level cache.
-const PIECE: usize = 1024;
-
-/// Vectors no longer than this stay on one thread.
-const SERIAL: usize = 16_384;
-
-/// Partial sums of an inner product: as many as fill the widest vector registers twice.
-const LANES: usize = 16;
-
-/// Both results; in parallel where that pays.
-fn both<A: Send, B: Send>(length: usize, a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
-    if length <= SERIAL { (a(), b()) } else { rayon::join(a, b) }
-}
-
-/// Where to cut; on a boundary of pieces.
-fn middle(length: usize) -> usize {
-    (length / 2).next_multiple_of(PIECE)
-}
-
-/// `aᵀb`.
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    if a.len() <= PIECE {
-        return widely(
-            #[inline(always)]
-            || dot_piece(a, b),
-        );
-    }
-    let ((a0, a1), (b0, b1)) = (a.split_at(middle(a.len())), b.split_at(middle(a.len())));
-    let (first, second) = both(a.len(), || dot(a0, b0), || dot(a1, b1));
-    first + second
-}
-
-#[inline(always)]
-fn dot_piece(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; LANES];
-    let (a, a_rest) = a.as_chunks::<LANES>();
-    let (b, b_rest) = b.as_chunks::<LANES>();
-    for (a, b) in a.iter().zip(b) {
-        for lane in 0..LANES {
-            sums[lane] += a[lane] * b[lane];
-        }
-    }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    sums.iter().sum::<f64>() + rest
-}
 
 /// `r −= α q`; returns `rᵀr`.
 pub fn descend(alpha: f64, q: &[f64], r: &mut [f64]) -> f64 {
@@ -111,6 +63,7 @@ pub fn subtract(s: f64, b: &[f64], q: &[f64], r: &mut [f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::operator::dot;
 
     fn vector(length: usize, seed: f64) -> Vec<f64> {
         (0..length).map(|i| ((i as f64 + 0.5) * seed).sin()).collect()
@@ -130,9 +83,6 @@ mod tests {
             let bound = length as f64 * f64::EPSILON;
             assert!((squares - plain).abs() <= bound * plain);
             assert_eq!(squares, dot(&r, &r));
-            let magnitude: f64 = p.iter().zip(&q).map(|(p, q)| (p * q).abs()).sum();
-            let plain: f64 = p.iter().zip(&q).map(|(p, q)| p * q).sum();
-            assert!((dot(&p, &q) - plain).abs() <= bound * magnitude);
             let mut direction = p.clone();
             advance(alpha, beta, &q, &mut direction, &mut x);
             assert!((0..length).all(|i| x[i] == x0[i] + alpha * p[i] && direction[i] == q[i] + beta * p[i]));

@@ -2,11 +2,13 @@
 //!
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `matrices`.
 
+pub(crate) mod inner_product;
 pub(crate) mod lanes;
 mod prefetch;
 mod stream;
 mod system_operator;
 
+pub use inner_product::dot;
 pub(crate) use prefetch::{prefetch, prefetch_all};
 pub(crate) use stream::row_shares;
 pub use system_operator::{Combination, Margins, SurelyDefinite, SystemOperator};
@@ -20,6 +22,12 @@ pub trait LinearOperator {
 
     /// `y = A w` for vectors of length n.
     fn apply(&self, w: &[f64], y: &mut [f64]);
+
+    /// `y = A w`, and returns `wᵀ y`, which is `wᵀ A w`. `room` is for what is summed up on the way, to be handed in again.
+    fn apply_and_dot(&self, w: &[f64], y: &mut [f64], _room: &mut Vec<f64>) -> f64 {
+        self.apply(w, y);
+        dot(w, y)
+    }
 }
 
 /// A matrix whose diagonal 3×3 blocks are known, one a particle; what block Jacobi needs.

@@ -13,10 +13,11 @@
 
 mod definite;
 
+use super::inner_product::{pieces, total};
 use super::stream::SpringStream;
 use super::{BlockDiagonal, LinearOperator};
 use crate::force::Extensions;
-use crate::parallel::pieces;
+use crate::parallel;
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{Axes, System};
 use definite::extremes;
@@ -159,7 +160,7 @@ impl<'s> SystemOperator<'s> {
     ) {
         self.mass = mass;
         let system = self.system;
-        pieces(&mut self.blocks, &|first, piece| {
+        parallel::pieces(&mut self.blocks, &|first, piece| {
             for (target, (position, (spring, at))) in
                 piece.iter_mut().zip((first..).zip(extensions.from(system, first)))
             {
@@ -239,7 +240,13 @@ impl LinearOperator for SystemOperator<'_> {
     }
 
     fn apply(&self, w: &[f64], y: &mut [f64]) {
-        self.stream.multiply(self.system, &self.blocks, &self.inertia, w, y);
+        self.stream.multiply(self.system, &self.blocks, &self.inertia, w, y, &mut []);
+    }
+
+    fn apply_and_dot(&self, w: &[f64], y: &mut [f64], room: &mut Vec<f64>) -> f64 {
+        room.resize(pieces(w.len()), 0.0);
+        self.stream.multiply(self.system, &self.blocks, &self.inertia, w, y, room);
+        total(w.len(), room)
     }
 }
 

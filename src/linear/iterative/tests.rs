@@ -173,7 +173,7 @@ fn multigrid_after_the_trial_is_the_one_at_the_places_given() {
     solver.take(&a, &mut work).unwrap();
     assert!(solver.change(PreconditionerKind::Multigrid, system));
     solver.prepare_for(&a, &mut work).unwrap();
-    assert_eq!(applied(&mut |r, z| solver.preconditioner.apply(r, z)), placed);
+    assert_eq!(applied(&mut |r, z| _ = solver.preconditioner.apply(r, z)), placed);
 }
 
 /// The coarse levels are made once and judged by the digits that they gain: the same matrix again needs no new ones, and the

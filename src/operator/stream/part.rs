@@ -31,36 +31,51 @@ pub struct Reach {
     pub others: usize,
     /// Rows of the part that have their first term, which they must have before springs are added.
     pub rows: usize,
+    /// Rows of the part, from the first, that no spring of a later stretch ends in.
+    pub complete: usize,
 }
 
 impl Part {
     pub fn new(system: &System, particles: &Range<usize>, stretches: &[Stretch]) -> Self {
         let dofs = system.dofs();
         let rows = dofs.first_row(particles.start)..dofs.first_row(particles.end);
-        // The first row behind those that these springs end in.
-        let behind = |four: &Four| {
+        // From the first row that these springs end in to the one behind the last.
+        let own = |four: &Four| {
             let springs = four.iter().filter(|&&position| position != NO_SPRING);
             let ends = springs.flat_map(|&position| pair(system, position));
             let own = ends.filter(|end| particles.contains(end) && !dofs.rows(*end).is_empty());
-            own.max().map(|end| dofs.first_row(end + 1) - rows.start)
+            let (first, last) = own.fold((usize::MAX, 0), |(first, last), end| (first.min(end), last.max(end)));
+            (first <= last).then(|| dofs.first_row(first) - rows.start..dofs.first_row(last + 1) - rows.start)
         };
         let mut part = Self { rows: rows.clone(), in_a_row: Quads::new(), others: Quads::new(), stretches: Vec::new() };
         let mut reach = Reach::default();
+        let mut first_rows = Vec::with_capacity(stretches.len());
         for stretch in stretches {
+            let mut first_row = rows.len();
+            let mut reached = |own: Range<usize>| {
+                reach.rows = reach.rows.max(own.end);
+                first_row = first_row.min(own.start);
+            };
             for &(rows, four) in &stretch.in_a_row {
-                if let Some(behind) = behind(&four) {
-                    reach.rows = reach.rows.max(behind);
+                if let Some(own) = own(&four) {
+                    reached(own);
                     part.in_a_row.push(InARow { rows, by_matrix: 0 }, four);
                 }
             }
             for four in &stretch.others {
-                if let Some(rows) = behind(four) {
-                    reach.rows = reach.rows.max(rows);
+                if let Some(own) = own(four) {
+                    reached(own);
                     part.others.push([[NO_ROW; 4]; 2], *four);
                 }
             }
             (reach.in_a_row, reach.others) = (part.in_a_row.quads.len(), part.others.quads.len());
             part.stretches.push(reach);
+            first_rows.push(first_row);
+        }
+        let mut complete = rows.len();
+        for (stretch, first_row) in part.stretches.iter_mut().zip(first_rows).rev() {
+            stretch.complete = complete.min(stretch.rows);
+            complete = complete.min(first_row);
         }
         part.in_a_row.shrink();
         part.others.shrink();
