@@ -8,11 +8,11 @@ use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3};
 use proptest::prelude::*;
 use sprung::assembly::{SpringPattern, SystemMatrix};
 use sprung::force::Extensions;
-use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
+use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, StiffnessPolicy, TimeStepper};
 use sprung::linear::*;
 use sprung::multigrid::{Multigrid, SetupFailure};
 use sprung::operator::{Combination, SystemOperator};
-use sprung::scene::builtin;
+use sprung::scene::{Kind, builtin};
 use sprung::work::Work;
 use sprung::{Scene, State, Stiffness, System};
 use std::sync::Arc;
@@ -381,6 +381,24 @@ fn an_easy_first_solve_does_not_cost_coarse_levels_in_every_step() {
     let scene = builtin::cloth(40).unwrap().build().unwrap();
     let (_, work) = run(&scene, Some(PreconditionerKind::Multigrid), 0.001, 40);
     assert_eq!((work.solves, work.multigrid_setups), (40, 6));
+}
+
+/// A random network in long steps: with its whole stiffness the matrix of nearly every step is refused, by conjugate gradients, and coarse levels are made for
+/// the softer one alone. They were made for both, 38 in all.
+#[test]
+fn matrices_that_are_refused_step_after_step_take_no_coarse_levels() {
+    let (system, mut state) = builtin(Kind::Network, 1000).unwrap().build().unwrap();
+    let preconditioner = Some(PreconditionerKind::Multigrid);
+    let linear = SolverOptions { solver: SolverChoice::Cg, preconditioner, ..Default::default() };
+    let options =
+        ImplicitOptions { stiffness: StiffnessPolicy::OnDemand, linear: linear.with_tolerance(1e-7).unwrap() };
+    let mut stepper = LinearBackwardEuler::new(&system, &state, &options).unwrap();
+    for _ in 0..30 {
+        stepper.step(&mut state, 0.1).unwrap();
+    }
+    let work = stepper.statistics().work;
+    assert!(work.assemblies >= 55 && work.iterative_solves >= 50, "{work:?}");
+    assert!(work.multigrid_setups <= 24, "{work:?}");
 }
 
 #[test]

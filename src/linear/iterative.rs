@@ -157,7 +157,7 @@ impl CgSolver {
     /// Iterations after which a solve is to go on with something better, if there is anything.
     fn patience(&self) -> Option<u64> {
         match &self.preconditioner {
-            Preconditioner::Multigrid(_) => self.coarse().map(|_| Patience::FIRST),
+            Preconditioner::Multigrid(_) => self.coarse().map(|patience| patience.first),
             _ if self.choice.is_some() => Contest::patience(self.kind()),
             _ => None,
         }
@@ -208,10 +208,16 @@ impl CgSolver {
         {
             multigrid.record(report.iterations, digits);
         }
+        let is_refused = matches!(report.outcome, CgOutcome::NegativeCurvature { .. });
+        if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner
+            && is_refused
+        {
+            multigrid.refused();
+        }
         let kind = self.kind();
         if let Some(choice) = &mut self.choice {
             choice.contest.record(kind, report.iterations, digits);
-            if matches!(report.outcome, CgOutcome::NegativeCurvature { .. }) {
+            if is_refused {
                 choice.contest.refused();
             }
         }

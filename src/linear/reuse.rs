@@ -55,6 +55,10 @@ pub struct ReusedMultigrid {
     renewals: u32,
     /// How many such matrices there will be the next time.
     next_renewals: u32,
+    /// Whether the last matrix was refused, and the one before.
+    refused: [bool; 2],
+    /// Whether the matrix at hand is likely to be.
+    is_doubtful: bool,
 }
 
 impl ReusedMultigrid {
@@ -64,7 +68,15 @@ impl ReusedMultigrid {
     /// More matrix blocks than 32-bit indices can count.
     pub fn new(system: &System) -> Result<Self> {
         let multigrid = Multigrid::new(system)?;
-        Ok(Self { multigrid, coarse: Coarse::Missing, solves: 0, renewals: 0, next_renewals: RENEWALS })
+        Ok(Self {
+            multigrid,
+            coarse: Coarse::Missing,
+            solves: 0,
+            renewals: 0,
+            next_renewals: RENEWALS,
+            refused: [false; 2],
+            is_doubtful: false,
+        })
     }
 
     /// See [`Multigrid::place`].
@@ -72,13 +84,25 @@ impl ReusedMultigrid {
         self.multigrid.place(positions);
     }
 
-    /// Takes over a matrix, with new coarse levels if it is time.
+    /// Takes over a matrix, with new coarse levels if it is time, and if it is not likely to be refused: where matrices are refused and
+    /// made definite then, step after step, every second one is.
     ///
     /// # Errors
     /// What shows that the matrix is not positive definite, or not finite.
     pub fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
+        self.is_doubtful = self.refused == [false, true];
+        self.refused = [false, self.refused[0]];
+        let updated = self.refill_and_renew(a, work);
+        if updated.is_err() {
+            self.refused();
+        }
+        updated
+    }
+
+    fn refill_and_renew(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
         self.multigrid.refill(a).map_err(failure)?;
         match self.coarse {
+            Coarse::Used { .. } if self.is_doubtful => Ok(()),
             Coarse::Used { lost, .. } if lost < REBUILD && self.renewals == 0 => Ok(()),
             _ => {
                 self.renewals = self.renewals.saturating_sub(1);
@@ -87,12 +111,17 @@ impl ReusedMultigrid {
         }
     }
 
+    /// Takes note that the matrix at hand is not positive definite, as a solve has found.
+    pub fn refused(&mut self) {
+        self.refused[0] = true;
+    }
+
     /// Recomputes the coarse levels in a solve that they have made too long; counts it.
     ///
     /// # Errors
     /// What shows that the matrix is not positive definite, or not finite.
     pub fn rebuild(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
-        if matches!(self.coarse, Coarse::Used { .. }) && self.solves <= 1 {
+        if matches!(self.coarse, Coarse::Used { .. }) && self.solves <= 1 && !self.is_doubtful {
             self.age_fast();
         }
         self.renew(a, work)
@@ -116,7 +145,10 @@ impl ReusedMultigrid {
     /// Whether a solve should go on with coarse levels that are not new; `None` when they are.
     pub(super) fn patience(&self) -> Option<Patience> {
         match self.coarse {
-            Coarse::Used { per_digit, .. } => Some(Patience { per_digit }),
+            Coarse::Used { per_digit, .. } => {
+                let first = if self.is_doubtful { FIRST + REBUILD as u64 } else { FIRST };
+                Some(Patience { per_digit, first })
+            }
             Coarse::New | Coarse::Missing => None,
         }
     }
@@ -165,12 +197,14 @@ impl ReusedMultigrid {
 pub(super) struct Patience {
     /// Iterations per digit when they were new.
     per_digit: f64,
+    /// Iterations after which to ask for [`more`](Self::more).
+    pub first: u64,
 }
 
-impl Patience {
-    /// Iterations after which it can be told how many there will be, to ask for [`more`](Self::more).
-    pub const FIRST: u64 = 5;
+/// Iterations after which it can be told how many there will be. A matrix that is likely to be refused gets as many more as new coarse levels cost.
+const FIRST: u64 = 5;
 
+impl Patience {
     /// How many iterations more there may be: none, if the coarse levels will not be used again after this solve and new ones take
     /// few enough for what is left of it, and otherwise one. Residuals fall evenly, so that it is soon known how many will be needed.
     pub fn more(self, progress: Progress) -> u64 {
@@ -196,193 +230,4 @@ fn failure(failure: SetupFailure) -> SolveFailure {
 }
 
 #[cfg(all(test, feature = "scene"))]
-mod tests {
-    use super::*;
-    use crate::force::Extensions;
-    use crate::operator::Combination;
-    use crate::scene::builtin::cloth;
-    use crate::spring::Stiffness;
-
-    fn used(per_digit: f64, lost: f64) -> Coarse {
-        Coarse::Used { per_digit, lost }
-    }
-
-    /// With a small system, to be aged by hand.
-    fn aged(coarse: Coarse) -> ReusedMultigrid {
-        let (system, _) = cloth(3).unwrap().build().unwrap();
-        ReusedMultigrid { coarse, ..ReusedMultigrid::new(&system).unwrap() }
-    }
-
-    /// What was lost is the iterations beyond those that new coarse levels would have taken; a solve that takes fewer gives
-    /// nothing back, and one that gains less than a digit does not count.
-    #[test]
-    fn losses_are_counted_against_new_coarse_levels() {
-        let mut multigrid = aged(Coarse::New);
-        for (iterations, digits, coarse) in [
-            (9, 0.5, Coarse::New),
-            (9, f64::NAN, Coarse::New),
-            (30, 5.0, used(6.0, 0.0)),
-            (40, 5.0, used(6.0, 10.0)),
-            (33, 5.0, used(6.0, 13.0)),
-            (20, 5.0, used(6.0, 13.0)),
-            (90, 0.75, used(6.0, 13.0)),
-            (90, f64::NAN, used(6.0, 13.0)),
-            (8, 1.0, used(6.0, 15.0)),
-        ] {
-            multigrid.record(iterations, digits);
-            assert_eq!(multigrid.coarse, coarse, "after {iterations} iterations for {digits} digits");
-        }
-        // A quarter more than six a digit and one are seven and a half and one.
-        for (iterations, lost) in [(8, 2.0), (9, 8.0)] {
-            let mut multigrid = aged(used(6.0, 0.0));
-            multigrid.record(iterations, 1.0);
-            assert_eq!(multigrid.coarse, used(6.0, lost), "after {iterations} iterations for one digit");
-        }
-        // Of two digits these are fifteen and one.
-        for (iterations, lost) in [(15, 3.0), (16, 4.0), (17, 8.0)] {
-            let mut multigrid = aged(used(6.0, 0.0));
-            multigrid.record(iterations, 2.0);
-            assert_eq!(multigrid.coarse, used(6.0, lost), "after {iterations} iterations for two digits");
-        }
-        let mut multigrid = aged(Coarse::Missing);
-        multigrid.record(30, 5.0);
-        assert_eq!(multigrid.coarse, Coarse::Missing);
-    }
-
-    /// In the first solve with the next matrix four iterations more than expected are too many, three are not.
-    #[test]
-    fn coarse_levels_age_fast_by_what_they_lose() {
-        for (iterations, solves, renewals) in [(9, 1, 0), (10, 1, 4), (10, 2, 0)] {
-            let mut multigrid = ReusedMultigrid { solves, ..aged(used(6.0, 0.0)) };
-            multigrid.record(iterations, 1.0);
-            assert_eq!(multigrid.renewals, renewals, "{iterations} in solve {solves}");
-        }
-    }
-
-    /// Three iterations a digit are expected. After five, at the pace so far: ten digits in thirty-eight are no more than a quarter and one beyond
-    /// thirty, ten in thirty-nine are, and more than three can still be saved; of two digits five more, but not three.
-    #[test]
-    fn patience_ends() {
-        let patience = aged(used(3.0, 1.0)).patience().unwrap();
-        for (iterations, gained, left, more) in [
-            (5, 5.0 / 3.85, 10.0 - 5.0 / 3.85, 1),
-            (5, 5.0 / 3.95, 10.0 - 5.0 / 3.95, 0),
-            (5, 1.0, 1.0, 1),
-            (5, 1.0, 1.5, 0),
-            (5, 0.0, 1.0, 0),
-            (5, -1.0, 1.0, 0),
-        ] {
-            assert_eq!(patience.more(Progress { iterations, gained, left }), more, "{gained} of {}", gained + left);
-        }
-        assert_eq!(aged(Coarse::New).patience(), None);
-        assert_eq!(aged(Coarse::Missing).patience(), None);
-    }
-
-    /// Coarse levels are recomputed as soon as eight iterations are lost, and where there are none that a solve has used.
-    #[test]
-    fn coarse_levels_last_until_their_price_is_lost() {
-        let (system, state) = cloth(3).unwrap().build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
-        let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
-        for (before, setups, after) in [
-            (Coarse::Missing, 1, Coarse::New),
-            (Coarse::New, 1, Coarse::New),
-            (used(3.0, 0.0), 0, used(3.0, 0.0)),
-            (used(3.0, 7.75), 0, used(3.0, 7.75)),
-            (used(3.0, 8.0), 1, Coarse::New),
-            (used(3.0, 8.25), 1, Coarse::New),
-        ] {
-            let (mut multigrid, mut work) = (aged(before), Work::default());
-            multigrid.update(&a, &mut work).unwrap();
-            assert_eq!((work.multigrid_setups, multigrid.coarse), (setups, after), "{before:?}");
-        }
-    }
-
-    /// Six iterations a digit in the first solve: eighty for ten digits in the next one are twenty too many, more than a quarter. So are those of
-    /// a solve with the next matrix that has to ask for new coarse levels. What ages later only loses.
-    #[test]
-    fn coarse_levels_that_age_in_one_step_are_made_anew_for_a_while() {
-        let (system, state) = cloth(3).unwrap().build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
-        let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
-        let (mut multigrid, mut work) = (ReusedMultigrid::new(&system).unwrap(), Work::default());
-        let mut step = |multigrid: &mut ReusedMultigrid, iterations: u64| {
-            multigrid.update(&a, &mut work).unwrap();
-            multigrid.record(iterations, 10.0);
-            work.multigrid_setups
-        };
-        let setups: Vec<u64> = [60, 60, 80, 60, 80].into_iter().map(|k| step(&mut multigrid, k)).collect();
-        assert_eq!((setups, multigrid.renewals), (vec![1, 1, 1, 2, 2], 4));
-        for renewed in 1..=4 {
-            assert_eq!(step(&mut multigrid, 60), 2 + renewed);
-        }
-        assert_eq!((multigrid.renewals, multigrid.next_renewals), (0, 8));
-        for (solves, coarse) in [(2, used(6.0, 0.0)), (1, Coarse::New)] {
-            (multigrid.solves, multigrid.coarse) = (solves, coarse);
-            multigrid.rebuild(&a, &mut Work::default()).unwrap();
-            assert_eq!((multigrid.renewals, multigrid.next_renewals), (0, 8), "{coarse:?}");
-        }
-        for renewals in [8, 16, 32, 64, 128, 256, 512, 512] {
-            (multigrid.solves, multigrid.coarse) = (1, used(6.0, 0.0));
-            multigrid.rebuild(&a, &mut Work::default()).unwrap();
-            assert_eq!(multigrid.renewals, renewals);
-        }
-        // Those that serve once more when they are tried again are no longer in a fast motion.
-        (multigrid.solves, multigrid.coarse, multigrid.renewals) = (1, used(6.0, 0.0), 0);
-        step(&mut multigrid, 61);
-        assert_eq!((multigrid.renewals, multigrid.next_renewals), (0, 4));
-    }
-
-    /// A solve that asks for new coarse levels says that they age fast only if they were used, and once at most.
-    #[test]
-    fn new_coarse_levels_do_not_age() {
-        let (system, state) = cloth(3).unwrap().build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
-        let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
-        for (coarse, solves, renewals) in
-            [(used(6.0, 0.0), 1, 4), (used(6.0, 0.0), 2, 0), (Coarse::New, 0, 0), (Coarse::Missing, 1, 0)]
-        {
-            let mut multigrid = ReusedMultigrid { solves, ..aged(coarse) };
-            multigrid.rebuild(&a, &mut Work::default()).unwrap();
-            assert_eq!(multigrid.renewals, renewals, "{coarse:?} {solves}");
-        }
-    }
-
-    /// Sixty iterations are expected of new ones, and seventy-six are no more than a quarter and one beyond; of six a ninth is, but three are
-    /// no loss that new ones would pay for.
-    #[test]
-    fn ageing_takes_slow_solves_that_lose_much() {
-        for (iterations, digits, renewals) in [(70, 10.0, 0), (76, 10.0, 0), (77, 10.0, 4), (9, 1.0, 0), (11, 1.0, 4)] {
-            let mut multigrid = ReusedMultigrid { solves: 1, ..aged(used(6.0, 0.0)) };
-            multigrid.record(iterations, digits);
-            assert_eq!(multigrid.renewals, renewals, "{iterations} for {digits}");
-        }
-    }
-
-    /// The places of the particles reach the multigrid inside: it does what one does that was told them directly.
-    #[test]
-    fn places_are_passed_on() {
-        let (system, state) = cloth(14).unwrap().build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
-        let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
-        let r: Vec<f64> = (0..system.dofs().len()).map(|row| (row as f64).sin()).collect();
-        let mut reused = ReusedMultigrid::new(&system).unwrap();
-        reused.place(&state.positions);
-        reused.update(&a, &mut Work::default()).unwrap();
-        let mut of_reused = vec![0.0; r.len()];
-        reused.apply(&r, &mut of_reused);
-        let direct = |is_placed: bool| {
-            let mut multigrid = Multigrid::new(&system).unwrap();
-            if is_placed {
-                multigrid.place(&state.positions);
-            }
-            multigrid.refill(&a).unwrap();
-            multigrid.rebuild(&a).unwrap();
-            let mut z = vec![0.0; r.len()];
-            multigrid.apply(&r, &mut z);
-            z
-        };
-        assert_eq!(of_reused, direct(true));
-        assert_ne!(of_reused, direct(false));
-    }
-}
+mod tests;

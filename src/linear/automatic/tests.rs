@@ -2,8 +2,11 @@
 
 use super::super::preconditioner_kind::PreconditionerKind;
 use super::*;
+use crate::force::Extensions;
 use crate::linear::fixtures::{chain, operator, right_hand_side};
+use crate::operator::Combination;
 use crate::scene::builtin;
+use crate::spring::Stiffness;
 use crate::system::System;
 use faer::Par;
 
@@ -57,6 +60,32 @@ fn losses_are_added_up_until_they_exceed_one_factorization() {
     solver.take(&a, &mut work).unwrap();
     assert_eq!((solver.name(), work.factorizations), ("llt", 1));
     assert_eq!((solver.preconditioner(), solver.factor().is_some()), (None, true));
+}
+
+/// What conjugate gradients find to be indefinite would have been refused by a factorization too, after a quarter of it: within a solve, and, by its blocks,
+/// before.
+#[test]
+fn a_refused_matrix_costs_a_part_of_a_factorization() {
+    let scene = chain(80);
+    let extensions = Extensions::at(&scene.0, &scene.1.positions).unwrap();
+    let negative = Combination { mass: 1.0, damping: 0.0, stiffness: 1.0 };
+    let a = SystemOperator::new(&scene.0, &extensions, Stiffness::Axial, negative);
+    let (b, mut x, mut work) = (right_hand_side(80), vec![0.0; 80], Work::default());
+    let costs = CostModel::of(&scene.0);
+
+    let mut plain = automatic(&scene.0, PreconditionerKind::None, 1000.0, 10.0);
+    plain.lost = 300.0;
+    plain.take(&a, &mut work).unwrap();
+    assert_near(plain.lost, -700.0);
+    let solved = plain.solve(Held(&a), &b, &mut x, &mut work);
+    assert!(matches!(solved, Err(SolveFailure::Indefinite(_))), "{solved:?}");
+    let iterations = work.cg_iterations as f64 * costs.iteration(PreconditionerKind::None);
+    assert_near(plain.lost, 50.0 + iterations + costs.iterative_solve());
+
+    let mut blocks = automatic(&scene.0, PreconditionerKind::BlockJacobi, 1000.0, 10.0);
+    blocks.lost = 300.0;
+    assert!(matches!(blocks.take(&a, &mut work), Err(SolveFailure::Indefinite(_))));
+    assert_near(blocks.lost, 50.0 + costs.preparation(PreconditionerKind::BlockJacobi));
 }
 
 /// Factoring costs 20 and solving 2, and 2.3 are lost already: a solve may cost 20 + 2 + 2 − 2.3 = 21.7. What that leaves for iterations
