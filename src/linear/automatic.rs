@@ -10,6 +10,8 @@
 //! - then against those. When it exceeds an analysis and one of them, the pattern is analysed, and what factorizations cost is known;
 //! - from then on against these. When it exceeds one of them the solver changes to factorizations for good.
 //!
+//! A matrix that is refused as indefinite would have taken a part of a factorization only.
+//!
 //! Where the mean matrix has cost more than what became known, the next look is taken at once. Whatever a scene is like, this wastes at
 //! most the cost of an analysis and two factorizations (the argument of renting or buying skis); of a lattice, whose analysis takes as long as a
 //! dozen solves with multigrid, the first ordering says that it cannot pay.

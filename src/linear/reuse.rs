@@ -5,7 +5,8 @@
 //! best choice of moments (the argument of renting or buying skis). They are also recomputed after a solve in which they took a
 //! quarter more iterations than new ones, or within it: after a few iterations it can be told how many there will be. Where coarse levels
 //! are too old one step after they were new, as in a fast motion, they are recomputed in every step for a while, and then tried
-//! again, which costs little where it fails. All is counted in iterations, never in seconds: a run
+//! again, which costs little where it fails. Where every second matrix is refused as indefinite, and solved with when it has been made definite,
+//! coarse levels are made for the definite ones alone. All is counted in iterations, never in seconds: a run
 //! does the same as often as it is repeated (see `docs/robustness.md` for what another kind of processor may change).
 
 use super::outcome::{Evidence, Progress, SolveFailure};

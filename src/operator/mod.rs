@@ -23,8 +23,10 @@ pub trait LinearOperator {
     /// `y = A w` for vectors of length n.
     fn apply(&self, w: &[f64], y: &mut [f64]);
 
-    /// `y = A w`, and returns `wᵀ y`, which is `wᵀ A w`. `room` is for what is summed up on the way, to be handed in again.
-    fn apply_and_dot(&self, w: &[f64], y: &mut [f64], _room: &mut Vec<f64>) -> f64 {
+    /// `y = A w`; returns `wᵀ y`, which is `wᵀ A w`, to the bit as [`dot`] computes it. Implement it where the product has parts of both at hand; `room` is
+    /// for what is summed up on the way, and to be handed in again, so that nothing is allocated.
+    fn apply_and_dot(&self, w: &[f64], y: &mut [f64], room: &mut Vec<f64>) -> f64 {
+        let _ = room;
         self.apply(w, y);
         dot(w, y)
     }
