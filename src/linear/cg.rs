@@ -95,7 +95,7 @@ pub struct ConjugateGradient {
     preconditioned: Vec<f64>,
     direction: Vec<f64>,
     product: Vec<f64>,
-    /// Room for those of an inner product.
+    /// Room for the sums over the pieces of an inner product.
     sums: Vec<f64>,
 }
 

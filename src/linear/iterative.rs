@@ -203,16 +203,11 @@ impl CgSolver {
         if is_done {
             self.warm_start.record(x);
         }
-        if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner
-            && is_done
-        {
-            multigrid.record(report.iterations, digits);
-        }
         let is_refused = matches!(report.outcome, CgOutcome::NegativeCurvature { .. });
-        if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner
-            && is_refused
-        {
-            multigrid.refused();
+        match &mut self.preconditioner {
+            Preconditioner::Multigrid(multigrid) if is_done => multigrid.record(report.iterations, digits),
+            Preconditioner::Multigrid(multigrid) if is_refused => multigrid.refused(),
+            _ => {}
         }
         let kind = self.kind();
         if let Some(choice) = &mut self.choice {
