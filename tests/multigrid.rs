@@ -71,7 +71,7 @@ fn iterations_are_locked_and_hardly_grow_with_the_size() {
     let count = |scene| solve(&scene, Stiffness::Tension).1;
     let cloths = [32, 64, 100].map(|n| count(cloth(n, 1.0)));
     let lattices = [10, 16].map(|n| count(lattice(n, 1.0)));
-    assert_eq!((cloths, lattices), ([21, 25, 25], [13, 13]));
+    assert_eq!((cloths, lattices), ([21, 25, 22], [13, 13]));
 }
 
 #[test]
@@ -336,9 +336,9 @@ fn a_smooth_motion_gives_good_first_guesses() {
 fn coarse_levels_are_kept_as_long_as_they_serve() {
     let scene = cloth(40, 1.0);
     let (_, work) = run(&scene, Some(PreconditionerKind::Multigrid), DT, 30);
-    assert_eq!((work.solves, work.multigrid_setups), (30, 18));
+    assert_eq!((work.solves, work.multigrid_setups), (30, 20));
     // The width of the processor's vectors decides about roundings, and these about an iteration now and then.
-    assert!(work.cg_iterations.abs_diff(607) <= 6, "{} iterations", work.cg_iterations);
+    assert!(work.cg_iterations.abs_diff(595) <= 6, "{} iterations", work.cg_iterations);
 }
 
 /// Iterations of every step.

@@ -86,7 +86,7 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
     }
 
     /// With so many rows a domain.
-    fn with_domains(kernel: K, pattern: &Pattern, domain: usize) -> Result<Self> {
+    pub fn with_domains(kernel: K, pattern: &Pattern, domain: usize) -> Result<Self> {
         let rows = pattern.rows();
         let is_within = |row: usize, column: u32| column as usize / domain == row / domain;
         let lower = Pattern::build(rows, |row, columns| {
@@ -192,6 +192,29 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
     #[inline(always)]
     pub fn inverse(&self, row: usize) -> Block<N, N, f32> {
         self.kernel.block(&self.inverses[row])
+    }
+
+    /// Calls `visit(column, block, D̃⁻¹ of that row)` for the blocks of a row of `factor·A` before the diagonal one.
+    #[inline(always)]
+    pub fn visit_before(&self, row: usize, mut visit: impl FnMut(usize, &Block<N, N, f32>, &Block<N, N, f32>)) {
+        let Self { kernel, lower, blocks, outside, .. } = self;
+        for (&column, block) in lower.columns(row).iter().zip(&blocks[lower.row(row)]) {
+            visit(column as usize, &kernel.block(block), &self.inverse(column as usize));
+        }
+        for (column, block) in outside.row(row).filter(|&(column, _)| column < row) {
+            visit(column, block, &self.inverse(column));
+        }
+    }
+
+    /// Whether a row has blocks outside its domain.
+    #[inline(always)]
+    pub fn is_at_border(&self, row: usize) -> bool {
+        !self.outside.pattern.row(row).is_empty()
+    }
+
+    /// Rows of a domain; the last may have fewer.
+    pub fn domain(&self) -> usize {
+        self.domain
     }
 
     /// `x = M⁻¹ b`, a forward sweep from zero, and `r = b − A x`.

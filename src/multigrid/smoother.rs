@@ -64,6 +64,23 @@ impl<const N: usize> Smoother<N> {
         with!(self, smoother => smoother.inverse(row))
     }
 
+    /// Calls `visit(column, block, D̃⁻¹ of that row)` for the blocks of a row of `factor·A` before the diagonal one.
+    #[inline(always)]
+    pub fn visit_before(&self, row: usize, visit: impl FnMut(usize, &Block<N, N, f32>, &Block<N, N, f32>)) {
+        with!(self, smoother => smoother.visit_before(row, visit));
+    }
+
+    /// Whether a row has blocks outside its domain.
+    #[inline(always)]
+    pub fn is_at_border(&self, row: usize) -> bool {
+        with!(self, smoother => smoother.is_at_border(row))
+    }
+
+    /// Rows of a domain; the last may have fewer.
+    pub fn domain(&self) -> usize {
+        with!(self, smoother => smoother.domain())
+    }
+
     /// `x = M⁻¹ b`, a forward sweep from zero, and `r = b − A x`.
     pub fn forward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], r: &mut [[f32; N]]) {
         with!(self, smoother => smoother.forward(b, x, r));

@@ -8,6 +8,7 @@ use super::galerkin::Galerkin;
 use super::gauss_seidel::BadBlock;
 use super::graph::Graph;
 use super::modes::Frames;
+use super::pairs::Pairs;
 use super::parts::{Part, Watch};
 use super::prolongator::Prolongator;
 use super::smoother::Smoother;
@@ -36,6 +37,7 @@ pub(super) struct Uncoupled<const N: usize> {
 #[derive(Debug)]
 pub(super) struct Level<const N: usize, const M: usize> {
     smoother: Smoother<N>,
+    pairs: Pairs<N>,
     prolongator: Prolongator<N, M>,
     galerkin: Galerkin<N, M>,
     residual: Vec<[f32; N]>,
@@ -77,6 +79,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         let coarse = prolongator.columns();
         Ok(Self::Coarsen(Box::new(Level {
             smoother,
+            pairs: Pairs::default(),
             prolongator,
             galerkin,
             residual: vec![[0.0; N]; rows],
@@ -97,9 +100,19 @@ impl<const N: usize, const M: usize> Stage<N, M> {
                 return dense.update(a, factor).map_err(refused);
             }
             Self::Uncoupled(level) => &mut level.smoother,
-            Self::Coarsen(level) => &mut level.smoother,
+            Self::Coarsen(level) => {
+                level.pairs.update(a, factor);
+                &mut level.smoother
+            }
         };
         smoother.update(a, factor).map_err(|BadBlock { row, bad }| Refusal { level: 0, node: row, pivot: Some(bad) })
+    }
+
+    /// Finds the pairs of this level. Call after [`update_smoother`](Self::update_smoother).
+    pub fn find_pairs(&mut self, a: &impl Rows<N>, factor: f64) {
+        if let Self::Coarsen(level) = self {
+            level.pairs.find(a, &level.smoother, factor);
+        }
     }
 
     /// Recomputes the coarse levels. Call after [`update_smoother`](Self::update_smoother).
@@ -174,8 +187,9 @@ impl<const N: usize, const M: usize> Stage<N, M> {
 
 impl<const N: usize, const M: usize> Level<N, M> {
     fn cycle(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], done: Watch) {
-        let Self { smoother, prolongator, residual, coarse_residual, correction, next, .. } = self;
+        let Self { smoother, pairs, prolongator, residual, coarse_residual, correction, next, .. } = self;
         smoother.forward(b, x, residual);
+        pairs.before(b, x, residual);
         done(Part::Smoothing);
         prolongator.restrict(residual, coarse_residual);
         done(Part::Transfer);
@@ -183,12 +197,14 @@ impl<const N: usize, const M: usize> Level<N, M> {
         done(Part::CoarseLevels);
         prolongator.prolong(correction, x);
         done(Part::Transfer);
+        pairs.after(b, x);
         smoother.backward(b, x);
         done(Part::Smoothing);
     }
 
     fn bytes(&self) -> usize {
         self.smoother.bytes()
+            + self.pairs.bytes()
             + self.prolongator.bytes()
             + self.galerkin.bytes()
             + size_of_val(&self.residual[..])
