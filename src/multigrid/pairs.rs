@@ -24,12 +24,12 @@
 //! once it would be moved by `A_CC⁻¹`, of which single precision keeps what is soft alone.)
 //!
 //! Own derivation. To relax a few unknowns together is as old as multigrid for systems (Trottenberg, Oosterlee and Schüller 2001, "Multigrid",
-//! 8.7); to do so by a single one that all share is aggregation, here for the few nodes that ask for it.
+//! chapter 8); to do so by a single one that all share is aggregation, here for the few nodes that ask for it.
 
 mod search;
 mod tight;
 
-use super::block::{Block, NOTHING, add_transposed_apply, scaled};
+use super::block::{self, Block, add_transposed_apply, scaled};
 use super::parallel::for_chunks;
 use super::smoother::Smoother;
 use super::sparse::Rows;
@@ -193,7 +193,8 @@ fn dot<const N: usize>(a: &[f32; N], b: &[f32; N]) -> f32 {
 }
 
 fn single<const N: usize>(numbers: &[f64; N]) -> [f32; N] {
-    numbers.map(|number| if number.abs() < NOTHING { 0.0 } else { number as f32 })
+    let [numbers] = block::single(1.0, &[*numbers]);
+    numbers
 }
 
 #[cfg(test)]
