@@ -32,7 +32,7 @@ use crate::spring::SpringBlock;
 use crate::system::{DofMap, Share, System};
 use order::pair;
 pub(crate) use order::row_shares;
-use part::Part;
+use part::{Growing, Part};
 use product::Product;
 
 /// The springs of an operator, by parts.
@@ -46,9 +46,11 @@ pub(super) struct SpringStream {
 impl SpringStream {
     /// A part for every share; [`update`](Self::update) fills in the numbers.
     pub fn new(system: &System, shares: &[Share]) -> Self {
-        let stretches = order::stretches(system);
-        let parts = shares.iter().map(|share| Part::new(system, &share.particles, &stretches)).collect();
-        Self { parts, sign: 1.0 }
+        let mut parts: Vec<_> = shares.iter().map(|share| Growing::new(system, share)).collect();
+        for stretch in order::stretches(system) {
+            parts.iter_mut().for_each(|part| part.add(&stretch));
+        }
+        Self { parts: parts.into_iter().map(Growing::finish).collect(), sign: 1.0 }
     }
 
     /// Recomputes the numbers from the blocks of the active springs, without allocating.

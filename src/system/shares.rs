@@ -60,8 +60,10 @@ fn shares(system: &System, count: usize) -> Vec<Share> {
     let share = |particles: Range<usize>| {
         let ends_here = |pair: [usize; 2]| pair.iter().any(|end| particles.contains(end));
         let active = (0u32..).zip(system.active());
-        let springs = active.filter(|(_, (_, pair, _))| ends_here(*pair)).map(|(at, _)| at).collect();
-        Share { particles, springs }
+        // Room for all: a list that grows leaves holes in the memory.
+        let mut springs = Vec::with_capacity(system.active_springs().len());
+        springs.extend(active.filter(|(_, (_, pair, _))| ends_here(*pair)).map(|(at, _)| at));
+        Share { particles, springs: springs.into() }
     };
     cut(system, count).into_iter().map(share).collect()
 }

@@ -131,19 +131,23 @@ pub fn pair(system: &System, position: u32) -> [usize; 2] {
     system.pair(system.active_springs()[position as usize] as usize)
 }
 
-/// All active springs of a system.
-pub fn stretches(system: &System) -> Vec<Stretch> {
+/// No system has more stretches.
+pub fn most_stretches(system: &System) -> usize {
+    system.particles().div_ceil(STRETCH)
+}
+
+/// All active springs of a system, stretch by stretch: all at once would be a third of what a product keeps.
+pub fn stretches(system: &System) -> impl Iterator<Item = Stretch> + '_ {
     let moving = Moving::of(system);
     let (positions, ends_of_stretches) = by_stretch(&moving);
     let mut entries = Vec::new();
     let mut start = 0;
-    let of_stretch = |end: usize| {
+    ends_of_stretches.into_iter().map(move |end| {
         entries.clear();
         entries.extend(positions[start..end].iter().map(|&position| moving.entry(position)));
         start = end;
         of_stretch(&moving, &mut entries)
-    };
-    ends_of_stretches.into_iter().map(of_stretch).collect()
+    })
 }
 
 /// The positions of all springs, those of the first stretch first, and where each stretch ends.

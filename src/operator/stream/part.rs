@@ -1,9 +1,9 @@
 //! Consecutive particles and the springs that end in them, four by four.
 
 use super::Springs;
-use super::order::{Four, NO_SPRING, Stretch, ends, pair};
+use super::order::{self, Four, NO_SPRING, Stretch, ends, pair};
 use super::quad::{AnyEnds, BY_MATRIX, InARow, NO_ROW, Quad, Streamed};
-use crate::system::{Axes, System};
+use crate::system::{Axes, Share, System};
 use std::ops::Range;
 
 /// Quads and the positions of their springs.
@@ -35,44 +35,67 @@ pub struct Reach {
     pub complete: usize,
 }
 
-impl Part {
-    pub fn new(system: &System, particles: &Range<usize>, stretches: &[Stretch]) -> Self {
-        let dofs = system.dofs();
-        let rows = dofs.first_row(particles.start)..dofs.first_row(particles.end);
-        // From the first row that these springs end in to the one behind the last.
-        let own = |four: &Four| {
-            let springs = four.iter().filter(|&&position| position != NO_SPRING);
-            let ends = springs.flat_map(|&position| pair(system, position));
-            let own = ends.filter(|end| particles.contains(end) && !dofs.rows(*end).is_empty());
-            let (first, last) = own.fold((usize::MAX, 0), |(first, last), end| (first.min(end), last.max(end)));
-            (first <= last).then(|| dofs.first_row(first) - rows.start..dofs.first_row(last + 1) - rows.start)
+/// A part to which the springs of one stretch after the other are added.
+pub struct Growing<'a> {
+    system: &'a System,
+    particles: Range<usize>,
+    part: Part,
+    /// Of every stretch, the first row of the part that its springs end in.
+    first_rows: Vec<usize>,
+}
+
+impl<'a> Growing<'a> {
+    /// Without springs, and with room for all that can end in these particles: lists that grow leave holes in the memory.
+    pub fn new(system: &'a System, Share { particles, springs }: &Share) -> Self {
+        let rows = system.dofs().first_row(particles.start)..system.dofs().first_row(particles.end);
+        let stretches = order::most_stretches(system);
+        // At least two springs in a row are a quad; others are four by four, but for the last of every stretch.
+        let in_a_row = Quads::with_capacity(springs.len() / 2);
+        let others = Quads::with_capacity(springs.len() / 4 + stretches);
+        let part = Part { rows, in_a_row, others, stretches: Vec::with_capacity(stretches) };
+        Self { system, particles: particles.clone(), part, first_rows: Vec::with_capacity(stretches) }
+    }
+
+    /// Adds those springs of a stretch that end in these particles.
+    pub fn add(&mut self, stretch: &Stretch) {
+        let mut reach = self.part.stretches.last().copied().unwrap_or_default();
+        let mut first_row = self.part.rows.len();
+        let mut reached = |own: Range<usize>| {
+            reach.rows = reach.rows.max(own.end);
+            first_row = first_row.min(own.start);
         };
-        let mut part = Self { rows: rows.clone(), in_a_row: Quads::new(), others: Quads::new(), stretches: Vec::new() };
-        let mut reach = Reach::default();
-        let mut first_rows = Vec::with_capacity(stretches.len());
-        for stretch in stretches {
-            let mut first_row = rows.len();
-            let mut reached = |own: Range<usize>| {
-                reach.rows = reach.rows.max(own.end);
-                first_row = first_row.min(own.start);
-            };
-            for &(rows, four) in &stretch.in_a_row {
-                if let Some(own) = own(&four) {
-                    reached(own);
-                    part.in_a_row.push(InARow { rows, by_matrix: 0 }, four);
-                }
+        for &(rows, four) in &stretch.in_a_row {
+            if let Some(own) = self.own(&four) {
+                reached(own);
+                self.part.in_a_row.push(InARow { rows, by_matrix: 0 }, four);
             }
-            for four in &stretch.others {
-                if let Some(own) = own(four) {
-                    reached(own);
-                    part.others.push([[NO_ROW; 4]; 2], *four);
-                }
-            }
-            (reach.in_a_row, reach.others) = (part.in_a_row.quads.len(), part.others.quads.len());
-            part.stretches.push(reach);
-            first_rows.push(first_row);
         }
-        let mut complete = rows.len();
+        for four in &stretch.others {
+            if let Some(own) = self.own(four) {
+                reached(own);
+                self.part.others.push([[NO_ROW; 4]; 2], *four);
+            }
+        }
+        (reach.in_a_row, reach.others) = (self.part.in_a_row.quads.len(), self.part.others.quads.len());
+        self.part.stretches.push(reach);
+        self.first_rows.push(first_row);
+    }
+
+    /// From the first row of the part that these springs end in to the one behind the last.
+    fn own(&self, four: &Four) -> Option<Range<usize>> {
+        let dofs = self.system.dofs();
+        let springs = four.iter().filter(|&&position| position != NO_SPRING);
+        let ends = springs.flat_map(|&position| pair(self.system, position));
+        let own = ends.filter(|end| self.particles.contains(end) && !dofs.rows(*end).is_empty());
+        let (first, last) = own.fold((usize::MAX, 0), |(first, last), end| (first.min(end), last.max(end)));
+        let start = self.part.rows.start;
+        (first <= last).then(|| dofs.first_row(first) - start..dofs.first_row(last + 1) - start)
+    }
+
+    /// The part, when all stretches have been added.
+    pub fn finish(self) -> Part {
+        let Self { mut part, first_rows, .. } = self;
+        let mut complete = part.rows.len();
         for (stretch, first_row) in part.stretches.iter_mut().zip(first_rows).rev() {
             stretch.complete = complete.min(stretch.rows);
             complete = complete.min(first_row);
@@ -81,7 +104,9 @@ impl Part {
         part.others.shrink();
         part
     }
+}
 
+impl Part {
     /// Recomputes the numbers from the blocks of the active springs, without allocating.
     pub fn update(&mut self, springs: &Springs) {
         let Springs { system, blocks, sign } = *springs;
@@ -119,8 +144,8 @@ fn row(system: &System, particle: usize) -> Option<u32> {
 }
 
 impl<E> Quads<E> {
-    fn new() -> Self {
-        Self { quads: Vec::new(), positions: Vec::new() }
+    fn with_capacity(quads: usize) -> Self {
+        Self { quads: Vec::with_capacity(quads), positions: Vec::with_capacity(quads) }
     }
 
     fn push(&mut self, ends: E, four: Four) {
