@@ -8,7 +8,8 @@
 //! - as long as nothing is known of the pattern, against factorizations that fill nothing in. When this exceeds a first ordering and
 //!   one of them, the particles are ordered, which shows what factorizations take at least;
 //! - then against those. When it exceeds an analysis and one of them, the pattern is analysed, and what factorizations cost is known;
-//! - from then on against these. When it exceeds one of them the solver changes to factorizations for good.
+//! - from then on against these. When it exceeds one of them the solver changes to factorizations. Every now and then a matrix is left to conjugate gradients
+//!   [again](again), and if they take less than eight tenths of the effort, so are those that follow, watched as before.
 //!
 //! A matrix that is refused as indefinite would have taken a part of a factorization only.
 //!
@@ -23,6 +24,8 @@
 //! A factor takes memory only when the choice has fallen on it, and only as much as leaves room for everything else: one that would
 //! take more than half of what the process may hold is not considered, whatever it costs.
 
+mod again;
+
 use super::analysis::{FactorReport, FactorSize};
 use super::cost::CostModel;
 use super::direct::{CholeskyGlance, CholeskyPlan, CholeskySolver};
@@ -33,6 +36,7 @@ use crate::memory;
 use crate::operator::SystemOperator;
 use crate::system::System;
 use crate::work::Work;
+use again::Trials;
 use faer::Par;
 use nalgebra::Vector3;
 
@@ -54,6 +58,8 @@ enum Direct {
     Seen(Box<CholeskyPlan>),
     /// Chosen.
     Chosen(Box<CholeskySolver>),
+    /// Chosen once, while conjugate gradients cost less now.
+    Left(Box<CholeskySolver>),
     /// Far too expensive, or too large.
     Hopeless,
 }
@@ -97,6 +103,8 @@ pub struct AutomaticSolver {
     lost: f64,
     /// Matrices that conjugate gradients were tried on.
     tried: u64,
+    /// Of them, those where factorizations are chosen.
+    trials: Trials,
 }
 
 impl AutomaticSolver {
@@ -104,7 +112,7 @@ impl AutomaticSolver {
     pub fn new(system: &System, iterative: CgSolver, par: Par) -> Self {
         let costs = CostModel::of(system);
         let cost = DirectCost { factor: costs.least_factorization(), solve: costs.least_direct_solve() };
-        Self { iterative, direct: Direct::Unseen, par, costs, cost, lost: 0.0, tried: 0 }
+        Self { iterative, direct: Direct::Unseen, par, costs, cost, lost: 0.0, tried: 0, trials: Trials::NONE_YET }
     }
 
     fn chosen(&self) -> &dyn LinearSolver {
@@ -124,7 +132,7 @@ impl AutomaticSolver {
         match &self.direct {
             Direct::Unseen => self.costs.glance() + self.cost.step(),
             Direct::Glanced(glance) => self.costs.analysis(glance.least()) + self.cost.step(),
-            Direct::Seen(_) => self.cost.step(),
+            Direct::Seen(_) | Direct::Left(_) => self.cost.step(),
             Direct::Chosen(_) | Direct::Hopeless => f64::INFINITY,
         }
     }
@@ -162,8 +170,18 @@ impl AutomaticSolver {
                     self.direct = Direct::Chosen(Box::new(direct));
                 }
             }
+            Direct::Left(direct) => self.direct = Direct::Chosen(direct),
             decided => self.direct = decided,
         }
+    }
+
+    /// Leaves what follows to conjugate gradients, which a trial has shown to cost less.
+    fn leave(&mut self) {
+        self.trials.end();
+        self.direct = match std::mem::replace(&mut self.direct, Direct::Hopeless) {
+            Direct::Chosen(direct) => Direct::Left(direct),
+            other => other,
+        };
     }
 }
 
@@ -179,7 +197,7 @@ impl LinearSolver for AutomaticSolver {
     fn factor(&self) -> Option<FactorReport> {
         match &self.direct {
             Direct::Seen(plan) => Some(plan.report()),
-            Direct::Chosen(direct) => direct.factor(),
+            Direct::Chosen(direct) | Direct::Left(direct) => direct.factor(),
             Direct::Unseen | Direct::Glanced(_) | Direct::Hopeless => None,
         }
     }
@@ -193,7 +211,7 @@ impl LinearSolver for AutomaticSolver {
             Direct::Glanced(_) => {
                 format!("{name}: {tried}, factoring and solving would take that of {:.1} at least", self.cost.step())
             }
-            Direct::Seen(_) | Direct::Chosen(_) => {
+            Direct::Seen(_) | Direct::Chosen(_) | Direct::Left(_) => {
                 format!("{name}: {tried}, factoring and solving take that of {:.1}", self.cost.step())
             }
             Direct::Hopeless => {
@@ -210,14 +228,22 @@ impl LinearSolver for AutomaticSolver {
         if self.lost > self.patience() {
             self.reconsider(a.system(), work);
         }
+        let before = self.iterative.effort();
         if let Direct::Chosen(direct) = &mut self.direct {
-            return direct.take(a, work);
+            if !self.trials.take(before, self.cost.step()) {
+                return direct.take(a, work);
+            }
+            // What was lost before factorizations were chosen is no concern of the trial's.
+            self.lost = 0.0;
         }
         self.tried += 1;
-        let before = self.iterative.effort();
         let prepared = self.iterative.take(a, work);
-        let share = if matches!(prepared, Err(SolveFailure::Indefinite(_))) { REFUSED } else { 1.0 };
+        let is_refused = matches!(prepared, Err(SolveFailure::Indefinite(_)));
+        let share = if is_refused { REFUSED } else { 1.0 };
         self.lost = self.lost.max(0.0) + self.iterative.effort() - before - share * self.cost.factor;
+        if is_refused {
+            self.trials.refused(REFUSED * self.cost.factor);
+        }
         prepared
     }
 
@@ -227,23 +253,34 @@ impl LinearSolver for AutomaticSolver {
 
     fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
         loop {
-            if let Direct::Chosen(direct) = &mut self.direct {
-                return direct.solve(a, b, x, work);
-            }
             let before = self.iterative.effort();
-            self.iterative.allow(self.patience() + self.cost.solve - self.lost);
+            let trial = self.trials.left(before);
+            if let (Direct::Chosen(direct), None) = (&mut self.direct, trial) {
+                let solved = direct.solve(a, b, x, work)?;
+                // A trial begins where conjugate gradients would be.
+                self.iterative.remember(x);
+                return Ok(solved);
+            }
+            self.iterative.allow(trial.unwrap_or(self.patience() + self.cost.solve - self.lost));
             let solved = self.iterative.solve(a, b, x, work);
             self.lost += self.iterative.effort() - before;
             // A factorization would have been refused too, and not whole, and nothing solved with it.
-            self.lost += match solved {
-                Err(SolveFailure::Indefinite(_)) => (1.0 - REFUSED) * self.cost.factor,
-                _ => -self.cost.solve,
-            };
-            match (solved, &self.direct) {
-                (Err(SolveFailure::NotConverged { .. }), Direct::Unseen | Direct::Glanced(_) | Direct::Seen(_)) => {}
-                (solved, _) => return solved,
+            if matches!(solved, Err(SolveFailure::Indefinite(_))) {
+                self.lost += (1.0 - REFUSED) * self.cost.factor;
+                self.trials.refused(REFUSED * self.cost.factor);
+            } else {
+                self.lost -= self.cost.solve;
             }
-            self.reconsider(a.system(), work);
+            match (&solved, &self.direct) {
+                (Err(SolveFailure::NotConverged { .. }), Direct::Chosen(_)) => self.trials.end(),
+                (Err(SolveFailure::NotConverged { .. }), Direct::Hopeless) => return solved,
+                (Err(SolveFailure::NotConverged { .. }), _) => self.reconsider(a.system(), work),
+                (Ok(_), Direct::Chosen(_)) => {
+                    self.leave();
+                    return solved;
+                }
+                _ => return solved,
+            }
             // Conjugate gradients go on from where they were.
             if let Direct::Chosen(direct) = &mut self.direct {
                 direct.take(&a, work)?;

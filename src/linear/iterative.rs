@@ -149,6 +149,11 @@ impl CgSolver {
         self.budget.spent()
     }
 
+    /// Takes note of a solution that another solver found, for first guesses.
+    pub(super) fn remember(&mut self, x: &[f64]) {
+        self.warm_start.record(x);
+    }
+
     /// Lets the effort grow by so much; a solve that needs more ends as [`NotConverged::IterationLimit`].
     pub fn allow(&mut self, more: f64) {
         self.budget.allow(more);

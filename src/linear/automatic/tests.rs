@@ -7,7 +7,7 @@ use crate::linear::fixtures::{chain, operator, right_hand_side};
 use crate::operator::Combination;
 use crate::scene::builtin;
 use crate::spring::Stiffness;
-use crate::system::System;
+use crate::system::{State, System};
 use faer::Par;
 
 /// Conjugate gradients with the preconditioner, watched by what factorizations are said to cost.
@@ -254,4 +254,77 @@ fn a_look_at_factorizations_does_not_throw_away_a_solve() {
     let interrupted = solve(&mut solver, &mut work);
     assert!(matches!(solver.direct, Direct::Glanced(_)) && work.iterative_solves == 2);
     assert!(interrupted as f64 <= 1.5 * uninterrupted as f64, "{interrupted} {uninterrupted}");
+}
+
+/// Of many matrices, all alike, those that are left to conjugate gradients where factorizations have been chosen: numbers, and what is counted in the end.
+fn tried_again(scene: &(System, State), a: &SystemOperator, matrices: u64) -> (AutomaticSolver, Vec<u64>, Work) {
+    let mut solver = automatic(&scene.0, PreconditionerKind::BlockJacobi, 20.0, 2.0);
+    let (mut tried, mut work) = (Vec::new(), Work::default());
+    solver.lost = f64::MAX;
+    // Each with a right-hand side that has nothing to do with those before: first guesses would be solutions otherwise.
+    let loads: Vec<f64> = (0..80 * matrices).map(|n| ((n * n) as f64 * 0.7).sin()).collect();
+    for (matrix, b) in (1..).zip(loads.chunks(80)) {
+        let before = work.cg_iterations;
+        solver.take(a, &mut work).unwrap();
+        let solution = solver.solve(Held(a), b, &mut [0.0; 80], &mut work).unwrap();
+        assert!(solution.relative_residual < 1e-9);
+        if work.cg_iterations > before {
+            tried.push(matrix);
+        }
+    }
+    (solver, tried, work)
+}
+
+/// The seventeenth matrix is tried, and from then on all of them, as they take few iterations each. A factor that is needed again takes no analysis.
+#[test]
+fn conjugate_gradients_are_chosen_again_where_they_cost_less() {
+    let scene = chain(80);
+    let easy = operator(&scene, 1e-4);
+    let (mut solver, tried, mut work) = tried_again(&scene, &easy, 40);
+    assert_eq!(tried, Vec::from_iter(17..=40));
+    assert_eq!((work.factorizations, solver.name(), solver.factor().is_some()), (16, "cg", true));
+    // What the last matrix was cheaper by.
+    let costs = CostModel::of(&scene.0);
+    let [preparation, iteration] =
+        [CostModel::preparation, CostModel::iteration].map(|cost| cost(&costs, PreconditionerKind::BlockJacobi));
+    let most = preparation + 6.0 * iteration + costs.iterative_solve() + costs.warm_start() - 22.0;
+    assert!(work.cg_iterations <= 24 * 6 && most < 0.0, "{} {most}", work.cg_iterations);
+    assert!(solver.lost <= most + 1e-9, "{} {most}", solver.lost);
+    solver.lost = 22.1;
+    solver.take(&easy, &mut work).unwrap();
+    assert_eq!((work.factorizations, work.symbolic_factorizations, solver.name()), (17, 0, "llt"));
+}
+
+/// A trial may cost 0.8 · (20 + 2) = 17.6; then the matrix is factored, and twice as many as before are until the next.
+#[test]
+fn trials_that_fail_become_rare() {
+    let scene = chain(80);
+    let (solver, tried, work) = tried_again(&scene, &operator(&scene, 0.1), 60);
+    assert_eq!(tried, [17, 50]);
+    assert_eq!((work.factorizations, solver.name()), (60, "llt"));
+    let costs = CostModel::of(&scene.0);
+    let [preparation, iteration] =
+        [CostModel::preparation, CostModel::iteration].map(|cost| cost(&costs, PreconditionerKind::BlockJacobi));
+    let affordable = (17.6 - preparation - costs.iterative_solve() - costs.warm_start()) / iteration;
+    assert_eq!(work.cg_iterations, 2 * affordable as u64);
+}
+
+/// A trial goes on with the matrix that takes the place of one that was refused, and may cost a quarter of a factorization more.
+#[test]
+fn a_trial_goes_on_after_a_refused_matrix() {
+    let scene = chain(80);
+    let (mut solver, _, mut work) = tried_again(&scene, &operator(&scene, 0.1), 16);
+    let extensions = Extensions::at(&scene.0, &scene.1.positions).unwrap();
+    let negative = Combination { mass: 1.0, damping: 0.0, stiffness: 1.0 };
+    let refused = SystemOperator::new(&scene.0, &extensions, Stiffness::Axial, negative);
+    assert!(matches!(solver.take(&refused, &mut work), Err(SolveFailure::Indefinite(_))));
+    let spent = solver.iterative.effort();
+    assert_near(
+        solver.trials.left(spent).unwrap(),
+        17.6 + 5.0 - solver.costs.preparation(PreconditionerKind::BlockJacobi),
+    );
+    let easy = operator(&scene, 1e-4);
+    solver.take(&easy, &mut work).unwrap();
+    solver.solve(Held(&easy), &right_hand_side(80), &mut [0.0; 80], &mut work).unwrap();
+    assert_eq!((work.factorizations, solver.name()), (16, "cg"));
 }
