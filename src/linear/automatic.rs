@@ -60,7 +60,7 @@ enum Direct {
     /// Chosen.
     Chosen(Box<CholeskySolver>),
     /// Chosen once, while conjugate gradients cost less now.
-    Left(Box<CholeskySolver>),
+    Resting(Box<CholeskySolver>),
     /// Far too expensive, or too large.
     Hopeless,
 }
@@ -104,7 +104,7 @@ pub struct AutomaticSolver {
     lost: f64,
     /// Matrices that conjugate gradients were tried on.
     tried: u64,
-    /// Of them, those where factorizations are chosen.
+    /// When they are tried again where factorizations are chosen.
     trials: Trials,
 }
 
@@ -133,7 +133,7 @@ impl AutomaticSolver {
         match &self.direct {
             Direct::Unseen => self.costs.glance() + self.cost.step(),
             Direct::Glanced(glance) => self.costs.analysis(glance.least()) + self.cost.step(),
-            Direct::Seen(_) | Direct::Left(_) => self.cost.step(),
+            Direct::Seen(_) | Direct::Resting(_) => self.cost.step(),
             Direct::Chosen(_) | Direct::Hopeless => f64::INFINITY,
         }
     }
@@ -171,7 +171,7 @@ impl AutomaticSolver {
                     self.direct = Direct::Chosen(Box::new(direct));
                 }
             }
-            Direct::Left(direct) => self.direct = Direct::Chosen(direct),
+            Direct::Resting(direct) => self.direct = Direct::Chosen(direct),
             decided => self.direct = decided,
         }
     }
@@ -180,7 +180,7 @@ impl AutomaticSolver {
     fn leave(&mut self) {
         self.trials.end();
         self.direct = match std::mem::replace(&mut self.direct, Direct::Hopeless) {
-            Direct::Chosen(direct) => Direct::Left(direct),
+            Direct::Chosen(direct) => Direct::Resting(direct),
             other => other,
         };
     }
@@ -198,7 +198,7 @@ impl LinearSolver for AutomaticSolver {
     fn factor(&self) -> Option<FactorReport> {
         match &self.direct {
             Direct::Seen(plan) => Some(plan.report()),
-            Direct::Chosen(direct) | Direct::Left(direct) => direct.factor(),
+            Direct::Chosen(direct) | Direct::Resting(direct) => direct.factor(),
             Direct::Unseen | Direct::Glanced(_) | Direct::Hopeless => None,
         }
     }
@@ -212,7 +212,7 @@ impl LinearSolver for AutomaticSolver {
             Direct::Glanced(_) => {
                 format!("{name}: {tried}, factoring and solving would take that of {:.1} at least", self.cost.step())
             }
-            Direct::Seen(_) | Direct::Chosen(_) | Direct::Left(_) => {
+            Direct::Seen(_) | Direct::Chosen(_) | Direct::Resting(_) => {
                 format!("{name}: {tried}, factoring and solving take that of {:.1}", self.cost.step())
             }
             Direct::Hopeless => {

@@ -2,7 +2,8 @@
 //!
 //! Factorizations are chosen where conjugate gradients cost more, and what these cost changes with the motion: a column that buckles and a cloth that crumples take
 //! several times the iterations that they take later. So one matrix is left to conjugate gradients again after sixteen that were factored, and where that fails after
-//! twice as many each time: of n matrices few more than log₂(n/16) are tried in vain, each at less than the price of a factorization with its solve.
+//! twice as many each time: of n matrices few more than log₂(n/16) are tried in vain, each at less than the price of a factorization with its solve, and of the coarse
+//! levels that multigrid makes before it begins.
 
 /// Matrices that are factored before the first trial.
 const FIRST: u64 = 16;
