@@ -153,14 +153,15 @@ impl Spring {
 
     /// The stiffness block `K^s` under an option, in N/m.
     pub fn stiffness_block(&self, at: &Extension, option: Stiffness) -> SpringBlock {
-        // k (1/l0 − 1/l), written with the exact difference l − l0 so that it keeps its digits near rest.
-        let transverse = self.stiffness * (at.length - self.rest_length) / (self.rest_length * at.length);
-        let transverse = match option {
-            Stiffness::Full => transverse,
-            Stiffness::Tension if self.is_compressed(at) => 0.0,
-            Stiffness::Tension => transverse,
+        // What an option drops, it drops here: to leave out the division below, a processor would have to guess which springs are compressed.
+        let elongation = at.length - self.rest_length;
+        let elongation = match option {
+            Stiffness::Full => elongation,
+            Stiffness::Tension => elongation.max(0.0),
             Stiffness::Axial => 0.0,
         };
+        // k (1/l0 − 1/l), written with the exact difference l − l0 so that it keeps its digits near rest.
+        let transverse = self.stiffness * elongation / (self.rest_length * at.length);
         SpringBlock { direction: at.direction, transverse, axial: self.stiffness / self.rest_length }
     }
 

@@ -96,13 +96,15 @@ impl Filling<'_> {
         let (mut diagonal, mut beside) = (lanes.four([0.0 + mass; 4]), zero);
         for &Incidence { spring, place } in self.springs.incidences(particle) {
             let SpringBlock { direction, transverse, axial } = blocks[spring as usize];
-            let n = lanes.four([direction.x, direction.y, direction.z, 0.0]);
+            // What lies behind the direction comes along: the fourth lane is of no use.
+            let n = lanes.four([direction.x, direction.y, direction.z, transverse]);
+            let turned = lanes.turned(n);
+            let twice = lanes.turned(turned);
+            let (axial, transverse) = (lanes.four([axial; 4]), lanes.four([transverse; 4]));
             let along = lanes.mul(n, n);
-            let turned = lanes.turned(along);
-            let across = lanes.add(turned, lanes.turned(turned));
-            let of_axes =
-                lanes.add(lanes.mul(lanes.four([axial; 4]), along), lanes.mul(lanes.four([transverse; 4]), across));
-            let of_pairs = lanes.mul(lanes.four([axial - transverse; 4]), lanes.mul(n, lanes.turned(n)));
+            let across = lanes.add(lanes.mul(turned, turned), lanes.mul(twice, twice));
+            let of_axes = lanes.add(lanes.mul(axial, along), lanes.mul(transverse, across));
+            let of_pairs = lanes.mul(lanes.sub(axial, transverse), lanes.mul(n, turned));
             diagonal = lanes.add(diagonal, of_axes);
             beside = lanes.add(beside, of_pairs);
             let Some(offset) = place.offset() else { continue };

@@ -53,9 +53,9 @@ impl SpringStream {
         Self { parts: parts.into_iter().map(Growing::finish).collect(), sign: 1.0 }
     }
 
-    /// Recomputes the numbers from the blocks of the active springs, without allocating.
-    pub fn update(&mut self, system: &System, blocks: &[SpringBlock]) {
-        self.sign = if blocks.iter().any(|block| block.axial < 0.0) { -1.0 } else { 1.0 };
+    /// Recomputes the numbers from the blocks of the active springs, without allocating. Those whose β has the other sign go through their matrix.
+    pub fn update(&mut self, system: &System, blocks: &[SpringBlock], sign: f64) {
+        self.sign = sign;
         update_parts(&mut self.parts, &Springs { system, blocks, sign: self.sign });
     }
 

@@ -23,6 +23,7 @@ use crate::system::{Axes, System};
 use definite::extremes;
 pub use definite::{Margins, SurelyDefinite};
 use nalgebra::{Matrix3, Vector3};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Coefficients of `mass·M + damping·G + stiffness·K`.
 ///
@@ -158,18 +159,26 @@ impl<'s> SystemOperator<'s> {
         mass: f64,
         block: impl Fn(usize, &Spring, &Extension) -> SpringBlock + Sync,
     ) {
-        self.mass = mass;
         let system = self.system;
+        let some_negative = AtomicBool::new(false);
         parallel::pieces(&mut self.blocks, &|first, piece| {
-            for (target, (position, (spring, at))) in
-                piece.iter_mut().zip((first..).zip(extensions.from(system, first)))
-            {
+            let springs = (first..).zip(extensions.from(system, first));
+            let mut negative = false;
+            for (target, (position, (spring, at))) in piece.iter_mut().zip(springs) {
                 *target = block(position, spring, at);
+                negative |= target.axial < 0.0;
+            }
+            if negative {
+                some_negative.store(true, Ordering::Relaxed);
             }
         });
-        self.stream.update(self.system, &self.blocks);
-        for (particle, mass) in self.system.masses().iter().enumerate() {
-            self.inertia[self.system.dofs().rows(particle)].fill(self.mass * mass);
+        let sign = if some_negative.into_inner() { -1.0 } else { 1.0 };
+        self.stream.update(system, &self.blocks, sign);
+        // The same from step to step.
+        if std::mem::replace(&mut self.mass, mass) != mass {
+            for (particle, kilograms) in system.masses().iter().enumerate() {
+                self.inertia[system.dofs().rows(particle)].fill(mass * kilograms);
+            }
         }
     }
 
@@ -301,6 +310,38 @@ mod tests {
             // Numbers of some hundreds, a dozen operations each.
             assert!(y.iter().zip(&expected).all(|(y, expected)| (y - expected).abs() < 1e-11), "{y:?} {expected:?}");
         }
+    }
+
+    /// Of K all blocks are negative along their springs. They are streamed as those of −K are, whose products are theirs to the bit but for the sign, and one
+    /// operator becomes the other; the 3×3 matrices of the blocks would round otherwise.
+    #[test]
+    fn an_operator_becomes_another() {
+        let mut builder = SystemBuilder::new();
+        (0..9).for_each(|p| _ = builder.particle([1.3 * f64::from(p), f64::from(p * p % 5), 0.1 * f64::from(p)], 1.5));
+        for i in 0..8 {
+            builder.spring(i, i + 1, Spring { stiffness: 50.0 + i as f64, rest_length: 1.1, damping: 0.0 });
+        }
+        let (system, state) = builder.build().unwrap();
+        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let w: Vec<f64> = (0..system.dofs().len()).map(|row| (1.0 + row as f64 * 12.9898).sin()).collect();
+        let product = |operator: &SystemOperator| {
+            let mut y = vec![f64::NAN; w.len()];
+            operator.apply(&w, &mut y);
+            y
+        };
+        let minus_k = Combination { stiffness: -1.0, ..Combination::STIFFNESS };
+        let mut operator = SystemOperator::new(&system, &extensions, Stiffness::Full, minus_k);
+        let opposite: Vec<f64> = product(&operator).iter().map(|y| -y).collect();
+        let others =
+            [Combination::STIFFNESS, Combination::MASS, minus_k, Combination::step(0.1), Combination::STIFFNESS];
+        for combination in others {
+            operator.update(&extensions, Stiffness::Full, combination);
+            assert_eq!(
+                product(&operator),
+                product(&SystemOperator::new(&system, &extensions, Stiffness::Full, combination))
+            );
+        }
+        assert_eq!(product(&operator), opposite);
     }
 
     /// Those that are asked for are the blocks of all, and the others stay.

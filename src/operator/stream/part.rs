@@ -73,7 +73,9 @@ impl<'a> Growing<'a> {
         for four in &stretch.others {
             if let Some(own) = self.own(four) {
                 reached(own);
-                self.part.others.push([[NO_ROW; 4]; 2], *four);
+                // All go through their matrix until they have numbers.
+                let ends = four.map(|p| if p == NO_SPRING { [NO_ROW; 2] } else { [BY_MATRIX, p] });
+                self.part.others.push([ends.map(|[first, _]| first), ends.map(|[_, other]| other)], *four);
             }
         }
         (reach.in_a_row, reach.others) = (self.part.in_a_row.quads.len(), self.part.others.quads.len());
@@ -123,15 +125,23 @@ impl Part {
         for (quad, four) in self.others.each() {
             for (n, &position) in four.iter().enumerate() {
                 let Some(block) = blocks.get(position as usize) else { continue };
-                let [first, other] = ends(system, position).map(|end| row(system, end));
-                let rows = first.zip(other);
-                let streamed = Streamed::of(block, sign).filter(|_| rows.is_some());
-                let (first, other) = rows.filter(|_| streamed.is_some()).unwrap_or((BY_MATRIX, position));
+                let mut streamed = Streamed::of(block, sign);
+                // What was streamed, and is, keeps its rows: to look them up takes longer than all the rest.
+                if streamed.is_none() || quad.ends[0][n] == BY_MATRIX {
+                    let rows = streamed.and_then(|_| rows(system, position));
+                    (quad.ends[0][n], quad.ends[1][n]) = rows.unwrap_or((BY_MATRIX, position));
+                    streamed = streamed.filter(|_| rows.is_some());
+                }
                 quad.set(n, streamed);
-                (quad.ends[0][n], quad.ends[1][n]) = (first, other);
             }
         }
     }
+}
+
+/// Where the rows of both ends of a spring begin, if each moves along all axes or is held.
+fn rows(system: &System, position: u32) -> Option<(u32, u32)> {
+    let [first, other] = ends(system, position).map(|end| row(system, end));
+    first.zip(other)
 }
 
 /// Where the rows of a particle that moves along all axes begin; [`NO_ROW`] of one that is held.

@@ -34,10 +34,16 @@ fn shares(system: &System, particles: &[usize]) -> Vec<Share> {
     particles.iter().map(|&count| share(count)).collect()
 }
 
+/// With the sign that an operator says for these blocks.
+fn update(stream: &mut SpringStream, system: &System, blocks: &[SpringBlock]) {
+    let is_negative = |block: &SpringBlock| block.axial < 0.0;
+    stream.update(system, blocks, if blocks.iter().any(is_negative) { -1.0 } else { 1.0 });
+}
+
 /// The positions of the springs that go through their matrix, for the blocks given.
 fn by_matrix(system: &System, blocks: &[SpringBlock]) -> Vec<u32> {
     let mut stream = SpringStream::new(system, &shares(system, &[system.particles()]));
-    stream.update(system, blocks);
+    update(&mut stream, system, blocks);
     let part = &stream.parts[0];
     let mut found = Vec::new();
     for (number, quad) in part.in_a_row.quads.iter().enumerate() {
@@ -76,7 +82,7 @@ fn blocks_of_both_signs_may_be_mixed() {
     let blocks = [block(2.0), block(-3.0)];
     assert_eq!(by_matrix(&system, &blocks), [0]);
     let mut stream = SpringStream::new(&system, &shares(&system, &[3]));
-    stream.update(&system, &blocks);
+    update(&mut stream, &system, &blocks);
     let mut w = [0.0; 9];
     (w[0], w[6]) = (1.0, 4.0);
     let mut y = [f64::NAN; 9];
@@ -96,7 +102,7 @@ fn products_are_the_same_to_the_bit_for_any_shares() {
     let w: Vec<f64> = (0..27).map(|row| (row as f64 * 12.9898).sin()).collect();
     let product = |particles: &[usize]| {
         let mut stream = SpringStream::new(&system, &shares(&system, particles));
-        stream.update(&system, operator.blocks());
+        update(&mut stream, &system, operator.blocks());
         let mut y = vec![f64::NAN; 27];
         stream.multiply(&system, operator.blocks(), &[100.0; 27], &w, &mut y, &mut []);
         y
@@ -131,7 +137,7 @@ fn inner_products_are_those_of_the_products() {
     operator.apply(&w, &mut plain);
     for particles in [&[1500][..], &[750, 750], &[400, 341, 759], &[5, 1, 300, 394, 10, 700, 85, 5]] {
         let mut stream = SpringStream::new(&system, &shares(&system, particles));
-        stream.update(&system, operator.blocks());
+        update(&mut stream, &system, operator.blocks());
         let (mut y, mut sums) = (vec![f64::NAN; n], vec![f64::NAN; pieces(n)]);
         stream.multiply(&system, operator.blocks(), &vec![64.0; n], &w, &mut y, &mut sums);
         assert_eq!((&y, total(n, &sums)), (&plain, dot(&w, &y)), "{particles:?}");
@@ -206,7 +212,7 @@ fn four_springs_at_a_time_are_each_by_itself() {
         let operator = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.1));
         let rows = system.dofs().len();
         let mut stream = SpringStream::new(&system, &shares(&system, &[system.particles()]));
-        stream.update(&system, operator.blocks());
+        update(&mut stream, &system, operator.blocks());
         let part = &stream.parts[0];
         assert!(part.stretches.len() == 5 && by_matrix(&system, operator.blocks()).is_empty());
         assert_eq!(part.in_a_row.quads.len() > 200, dimension == 3, "{}", part.in_a_row.quads.len());
@@ -252,7 +258,7 @@ fn springs_of_both_kinds_may_be_mixed() {
     let diagonal = vec![100.0; rows];
     let product = |particles: &[usize]| {
         let mut stream = SpringStream::new(&system, &shares(&system, particles));
-        stream.update(&system, operator.blocks());
+        update(&mut stream, &system, operator.blocks());
         let mut y = vec![f64::NAN; rows];
         stream.multiply(&system, operator.blocks(), &diagonal, &w, &mut y, &mut []);
         y
