@@ -139,6 +139,16 @@ pub(super) fn sum<const R: usize, const C: usize, T: Real>(a: &Block<R, C, T>, b
     sum
 }
 
+/// `A + s I`.
+#[inline(always)]
+pub(super) fn shifted<const N: usize>(a: &Block<N, N>, shift: f64) -> Block<N, N> {
+    let mut shifted = *a;
+    for (k, row) in shifted.iter_mut().enumerate() {
+        row[k] += shift;
+    }
+    shifted
+}
+
 /// What is nothing beside one: processors take very long for products and sums below 1e-38.
 pub(super) const NOTHING: f64 = 1e-25;
 
@@ -157,7 +167,7 @@ pub(super) fn single<const R: usize, const C: usize>(factor: f64, a: &Block<R, C
 
 /// `Σ x_i²`.
 #[inline]
-pub(super) fn norm_squared<const N: usize>(x: &[f64; N]) -> f64 {
+pub(super) fn norm_squared(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum()
 }
 
@@ -182,30 +192,36 @@ pub(super) fn is_definite<const N: usize>(a: &Block<N, N>) -> bool {
     })
 }
 
-/// The inverse of a symmetric positive definite block, through its Cholesky factor; the lower triangle is read.
+/// The inverse of a symmetric positive definite block, `A⁻¹ = L⁻ᵀ D⁻¹ L⁻¹` with `A = L D Lᵀ`; the lower triangle is read. Roots, which take longer than
+/// all else, are not needed.
 pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, BadPivot> {
     // L is inverted as it is made: row i of L⁻¹ needs the rows above only.
     let mut l: Block<N, N> = zero();
     let mut l_inverse: Block<N, N> = zero();
+    let mut reciprocals = [0.0; N];
     for i in 0..N {
+        let mut l_times_d = a[i];
+        let mut pivot = a[i][i];
         for j in 0..i {
-            let sum: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
-            l[i][j] = (a[i][j] - sum) / l[j][j];
+            l_times_d[j] -= (0..j).map(|k| l_times_d[k] * l[j][k]).sum::<f64>();
+            l[i][j] = l_times_d[j] * reciprocals[j];
+            pivot -= l_times_d[j] * l[i][j];
         }
-        let pivot = a[i][i] - norm_squared(&l[i]);
-        if !(pivot > 0.0 && pivot.is_finite()) {
+        if !(pivot > 0.0 && pivot < f64::INFINITY) {
             return Err(BadPivot { index: i, pivot });
         }
-        l[i][i] = pivot.sqrt();
-        let row: [f64; N] = std::array::from_fn(|j| {
-            let sum: f64 = (j..i).map(|k| l[i][k] * l_inverse[k][j]).sum();
-            if j < i { -sum / l[i][i] } else { 0.0 }
-        });
+        reciprocals[i] = pivot.recip();
+        let before = |j: usize| -(j..i).map(|k| l[i][k] * l_inverse[k][j]).sum::<f64>();
+        let row = std::array::from_fn(|j| if j < i { before(j) } else { f64::from(u8::from(j == i)) });
         l_inverse[i] = row;
-        l_inverse[i][i] = 1.0 / l[i][i];
     }
-    let mut inverse = zero();
-    add_transposed_product(&mut inverse, &l_inverse, &l_inverse);
+    let mut inverse: Block<N, N> = zero();
+    for i in 0..N {
+        for j in 0..=i {
+            let sum = (i..N).map(|k| l_inverse[k][i] * reciprocals[k] * l_inverse[k][j]).sum();
+            (inverse[i][j], inverse[j][i]) = (sum, sum);
+        }
+    }
     Ok(inverse)
 }
 

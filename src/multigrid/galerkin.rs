@@ -18,7 +18,7 @@ mod six;
 mod unpacked;
 
 use super::block::{Block, double, scaled, transposed, zero};
-use super::parallel::{Starts as _, for_each_row_of};
+use super::parallel::{Starts as _, Values, for_each_row_of};
 use super::prolongator::Prolongator;
 use super::sparse::{BlockMatrix, Pattern, Rows};
 use crate::error::Result;
@@ -119,10 +119,9 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
             let first = both.start(rows.start);
             let section = &mut section[..both.start(rows.end) - first];
             for_each_row_of(
-                &both,
                 rows.clone(),
                 GRAIN,
-                section,
+                Values(&both, section),
                 #[inline(always)]
                 |row, sums| {
                     sums.fill(zero());
@@ -148,10 +147,9 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
             );
             let values = &mut values[pattern.positions(coarse)];
             for_each_row_of(
-                &**pattern,
                 coarse.clone(),
                 GRAIN,
-                values,
+                Values(&**pattern, values),
                 #[inline(always)]
                 |row, sums| {
                     for (node, of_node) in prolongator.column_within(row, rows.clone()) {

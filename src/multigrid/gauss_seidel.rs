@@ -24,13 +24,14 @@ mod sixes;
 #[cfg(target_arch = "x86_64")]
 mod symmetric;
 
-use super::block::{BadPivot, Block, inverse, scaled, single, subtract_apply, sum, zero};
-use super::parallel::{for_chunks, for_each_row, for_each_sparse_row};
+use super::block::{BadPivot, Block, inverse, is_definite, scaled, shifted, single, subtract_apply, sum, zero};
+use super::parallel::{GRAIN, OneEach, Values, for_chunks, for_each_row, for_each_row_of};
 use super::sparse::{BlockMatrix, Pattern, Rows, ahead};
 use crate::error::Result;
-use border::Damping;
+use border::Border;
 pub(super) use kernel::General;
 use kernel::Kernel;
+use std::cmp::Ordering;
 use std::sync::Arc;
 #[cfg(target_arch = "x86_64")]
 pub(super) use {sixes::Sixes, symmetric::Symmetric};
@@ -121,71 +122,36 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
     /// The first diagonal block that is not positive definite.
     pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), BadBlock> {
         let Self { kernel, domain, lower, blocks, outside, inverses, .. } = self;
-        let domain_of = |row: usize| row / *domain;
+        let BlockMatrix { pattern, values } = outside;
         let refused = kernel.keep(&zero());
         let inverse_or_refused =
             |block: &Block<N, N>| inverse_of(block).map_or(refused, |inverse| kernel.keep(&single(1.0, &inverse)));
-        for_each_sparse_row(
-            lower,
-            blocks,
-            inverses,
+        for_each_row_of(
+            0..lower.rows(),
+            GRAIN,
+            (Values(&*lower, blocks), (Values(&**pattern, values), OneEach(inverses))),
             #[inline(always)]
-            |row, lower, inverse| {
-                let mut lower = lower.iter_mut();
-                let mut diagonal = zero();
-                a.visit(
-                    row,
-                    #[inline(always)]
-                    |column, block| {
-                        if column == row {
-                            diagonal = *block;
-                        } else if column < row
-                            && domain_of(column) == domain_of(row)
-                            && let Some(place) = lower.next()
-                        {
-                            *place = kernel.keep(&single(factor, block));
-                        }
-                    },
-                );
-                *inverse = inverse_or_refused(&scaled(factor, &diagonal));
-            },
-        );
-        let BlockMatrix { pattern, values } = outside;
-        for_each_sparse_row(
-            pattern,
-            values,
-            inverses,
-            #[inline(always)]
-            |row, outside, inverse| {
-                if outside.is_empty() {
-                    return;
-                }
-                let own = pattern.columns(row).partition_point(|&column| (column as usize) < row);
-                let mut places = outside.iter_mut().enumerate().filter(|(place, _)| *place != own);
-                let (mut diagonal, mut damping) = (zero(), Damping::of(row, factor));
-                a.visit(
-                    row,
-                    #[inline(always)]
-                    |column, block| {
-                        if column == row {
-                            diagonal = scaled(factor, block);
-                        } else if domain_of(column) != domain_of(row)
-                            && let Some((_, place)) = places.next()
-                        {
-                            *place = single(factor, block);
-                            damping.couple(a, column, &scaled(factor, block));
-                        }
-                    },
-                );
-                let half = damping.half(&diagonal);
-                outside[own] = single(-1.0, &half);
-                if *inverse != refused {
-                    *inverse = inverse_or_refused(&sum(&diagonal, &half));
-                }
+            |row, (lower, (outside, inverse))| {
+                let mut places = lower.iter_mut();
+                let keep = |block: &Block<N, N>| {
+                    if let Some(place) = places.next() {
+                        *place = kernel.keep(&single(factor, block));
+                    }
+                };
+                *inverse = if outside.is_empty() {
+                    inverse_or_refused(&take_row(a, row, factor, keep))
+                } else {
+                    let border = Border { row, start: row - row % *domain, length: *domain, factor };
+                    let (diagonal, half) = border.take(a, pattern.columns(row), outside, keep);
+                    if has_inverse(&diagonal) { inverse_or_refused(&sum(&diagonal, &half)) } else { refused }
+                };
             },
         );
         let Some(row) = inverses.iter().position(|inverse| *inverse == refused) else { return Ok(()) };
-        inverse_of(&scaled(factor, &diagonal_block(a, row))).map(drop).map_err(|bad| BadBlock { row, bad })
+        // What rounding makes of a pivot may depend on the order of operations.
+        let nothing = BadPivot { index: N - 1, pivot: 0.0 };
+        let bad = inverse_of(&scaled(factor, &diagonal_block(a, row))).err().unwrap_or(nothing);
+        Err(BadBlock { row, bad })
     }
 
     /// `D̃⁻¹` of a row of `factor·A`.
@@ -324,6 +290,27 @@ fn domain(rows: usize) -> usize {
     rows.div_ceil((rows / LEAST_ROWS).clamp(1, MOST_DOMAINS)).max(1)
 }
 
+/// The diagonal block of a row of `factor·A`; the blocks of A before it are given to `before`.
+#[inline(always)]
+fn take_row<const N: usize>(
+    a: &impl Rows<N>,
+    row: usize,
+    factor: f64,
+    mut before: impl FnMut(&Block<N, N>),
+) -> Block<N, N> {
+    let mut diagonal = zero();
+    a.visit(
+        row,
+        #[inline(always)]
+        |column, block| match column.cmp(&row) {
+            Ordering::Less => before(block),
+            Ordering::Equal => diagonal = scaled(factor, block),
+            Ordering::Greater => (),
+        },
+    );
+    diagonal
+}
+
 /// The diagonal block of a row.
 #[inline(always)]
 fn diagonal_block<const N: usize>(a: &impl Rows<N>, row: usize) -> Block<N, N> {
@@ -342,11 +329,13 @@ fn diagonal_block<const N: usize>(a: &impl Rows<N>, row: usize) -> Block<N, N> {
 
 /// The inverse of a diagonal block.
 fn inverse_of<const N: usize>(block: &Block<N, N>) -> std::result::Result<Block<N, N>, BadPivot> {
-    let mut block = *block;
-    for (k, row) in block.iter_mut().enumerate() {
-        row[k] += LEAST_DIAGONAL;
-    }
-    inverse(&block)
+    inverse(&shifted(block, LEAST_DIAGONAL))
+}
+
+/// Whether a diagonal block has one.
+#[inline(always)]
+fn has_inverse<const N: usize>(block: &Block<N, N>) -> bool {
+    is_definite(&shifted(block, LEAST_DIAGONAL))
 }
 
 #[cfg(test)]

@@ -87,16 +87,6 @@ pub(super) fn for_chunks<T: Send, U: Send, R: Clone + Send>(
     }
 }
 
-/// Calls `f(row, values of the row, value)` for every row of a sparse matrix and every entry of a vector beside it.
-pub(super) fn for_each_sparse_row<T: Send, U: Send>(
-    pattern: &Pattern,
-    values: &mut [T],
-    beside: &mut [U],
-    f: impl Fn(usize, &mut [T], &mut U) + Sync,
-) {
-    for_each_beside(pattern, 0..pattern.rows(), GRAIN, values, beside, f);
-}
-
 /// Where the values of a row begin, in all values; those of the row after the last begin at their end.
 pub(super) trait Starts: Sync {
     fn start(&self, row: usize) -> usize;
@@ -117,76 +107,108 @@ impl Starts for [&Pattern; 2] {
     }
 }
 
-/// Calls `f(row, values of the row)` for some rows of a sparse matrix; `values` are those of these rows. Fewer than `grain` rows
-/// are not worth a second thread.
-pub(super) fn for_each_row_of<T: Send>(
-    pattern: &impl Starts,
-    rows: Range<usize>,
-    grain: usize,
-    values: &mut [T],
-    f: impl Fn(usize, &mut [T]) + Sync,
-) {
-    let mut beside = vec![(); rows.len()];
-    for_each_beside(
-        pattern,
-        rows,
-        grain,
-        values,
-        &mut beside,
-        #[inline(always)]
-        |row, values, ()| f(row, values),
-    );
+/// What successive rows have, to be shared out among threads.
+pub(super) trait OfRows: Sized + Send {
+    /// What one row has.
+    type Row;
+
+    /// What the first rows have, from `start` to `middle`, and what the others have.
+    fn split(self, start: usize, middle: usize) -> (Self, Self);
+
+    /// What the first of these rows has, whose number this is; the others stay. None after the last.
+    fn take(&mut self, row: usize) -> Option<Self::Row>;
 }
 
-fn for_each_beside<T: Send, U: Send>(
-    pattern: &impl Starts,
+/// One value for every row.
+#[derive(Debug)]
+pub(super) struct OneEach<'v, T>(pub &'v mut [T]);
+
+impl<'v, T: Send> OfRows for OneEach<'v, T> {
+    type Row = &'v mut T;
+
+    fn split(self, start: usize, middle: usize) -> (Self, Self) {
+        let (first, others) = self.0.split_at_mut(middle - start);
+        (Self(first), Self(others))
+    }
+
+    #[inline(always)]
+    fn take(&mut self, _: usize) -> Option<Self::Row> {
+        self.0.split_off_first_mut()
+    }
+}
+
+/// As many values for every row as a pattern says.
+#[derive(Debug)]
+pub(super) struct Values<'v, P, T>(pub &'v P, pub &'v mut [T]);
+
+impl<'v, P: Starts, T: Send> OfRows for Values<'v, P, T> {
+    type Row = &'v mut [T];
+
+    fn split(self, start: usize, middle: usize) -> (Self, Self) {
+        let Self(pattern, values) = self;
+        let (first, others) = values.split_at_mut(pattern.start(middle) - pattern.start(start));
+        (Self(pattern, first), Self(pattern, others))
+    }
+
+    #[inline(always)]
+    fn take(&mut self, row: usize) -> Option<Self::Row> {
+        let count = self.0.start(row + 1) - self.0.start(row);
+        self.1.split_off_mut(..count)
+    }
+}
+
+/// Two of these side by side.
+impl<A: OfRows, B: OfRows> OfRows for (A, B) {
+    type Row = (A::Row, B::Row);
+
+    fn split(self, start: usize, middle: usize) -> (Self, Self) {
+        let ((a, other_a), (b, other_b)) = (self.0.split(start, middle), self.1.split(start, middle));
+        ((a, b), (other_a, other_b))
+    }
+
+    #[inline(always)]
+    fn take(&mut self, row: usize) -> Option<Self::Row> {
+        Some((self.0.take(row)?, self.1.take(row)?))
+    }
+}
+
+/// Calls `f(row, what it has)` for some rows. Fewer than `grain` rows are not worth a second thread.
+pub(super) fn for_each_row_of<R: OfRows>(
     rows: Range<usize>,
     grain: usize,
-    values: &mut [T],
-    beside: &mut [U],
-    f: impl Fn(usize, &mut [T], &mut U) + Sync,
+    of_rows: R,
+    f: impl Fn(usize, R::Row) + Sync,
 ) {
     let parts = parts(rows.len(), grain);
-    split(pattern, rows, parts, values, beside, &|rows: Range<usize>, values: &mut [T], beside: &mut [U]| {
+    split(rows, parts, of_rows, &|rows: Range<usize>, mut of_rows: R| {
         widely(
             #[inline(always)]
             || {
-                let mut rest = &mut values[..];
-                for (row, beside) in rows.clone().zip(beside.iter_mut()) {
-                    let (mine, others) = rest.split_at_mut(pattern.start(row + 1) - pattern.start(row));
-                    f(row, mine, beside);
-                    rest = others;
+                for row in rows.clone() {
+                    let Some(of_row) = of_rows.take(row) else { return };
+                    f(row, of_row);
                 }
             },
         );
     });
 }
 
-/// Calls `work(rows, their values, what is beside them)` for so many parts of some rows.
-fn split<T: Send, U: Send>(
-    pattern: &impl Starts,
-    rows: Range<usize>,
-    parts: usize,
-    values: &mut [T],
-    beside: &mut [U],
-    work: &(impl Fn(Range<usize>, &mut [T], &mut [U]) + Sync),
-) {
+/// Calls `work(rows, what they have)` for so many parts of some rows.
+fn split<R: OfRows>(rows: Range<usize>, parts: usize, of_rows: R, work: &(impl Fn(Range<usize>, R) + Sync)) {
     if parts <= 1 {
-        return work(rows, values, beside);
+        return work(rows, of_rows);
     }
-    let some = share(rows.len(), parts / 2, parts);
-    let middle = rows.start + some;
-    let (low, high) = values.split_at_mut(pattern.start(middle) - pattern.start(rows.start));
-    let (low_beside, high_beside) = beside.split_at_mut(some);
+    let middle = rows.start + share(rows.len(), parts / 2, parts);
+    let (first, others) = of_rows.split(rows.start, middle);
     rayon::join(
-        || split(pattern, rows.start..middle, parts / 2, low, low_beside, work),
-        || split(pattern, middle..rows.end, parts - parts / 2, high, high_beside, work),
+        || split(rows.start..middle, parts / 2, first, work),
+        || split(middle..rows.end, parts - parts / 2, others, work),
     );
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{GRAIN, PIECE, for_chunks, for_each_row, for_each_row_of, for_each_sparse_row, largest, split};
+    use super::{GRAIN, OneEach, PIECE, Values, for_chunks, for_each_row, for_each_row_of, largest, split};
     use crate::multigrid::sparse::Pattern;
     use crate::parallel::parts;
     use std::sync::Mutex;
@@ -220,7 +242,8 @@ mod tests {
             let pattern = Pattern::build(rows, |row, columns| columns.extend(0..row as u32 % 3)).unwrap();
             let mut values = vec![0; pattern.blocks()];
             let mut beside = vec![0; rows];
-            for_each_sparse_row(&pattern, &mut values, &mut beside, |row, values, beside| {
+            let both = (Values(&pattern, &mut values), OneEach(&mut beside));
+            for_each_row_of(0..rows, GRAIN, both, |row, (values, beside)| {
                 assert_eq!(values.len(), row % 3);
                 values.iter_mut().for_each(|value| *value += row + 1);
                 *beside += row + 1;
@@ -230,7 +253,7 @@ mod tests {
 
             let some = rows / 3..rows;
             let mut values = vec![0; pattern.positions(&some).len()];
-            for_each_row_of(&pattern, some.clone(), 7, &mut values, |row, values| {
+            for_each_row_of(some.clone(), 7, Values(&pattern, &mut values), |row, values| {
                 values.iter_mut().for_each(|value| *value += row + 1);
             });
             let mut all = vec![0; pattern.positions(&(0..some.start)).len()];
@@ -271,7 +294,8 @@ mod tests {
             pool.install(|| {
                 let parts = parts(pattern.rows(), GRAIN);
                 let (mut values, mut beside) = (vec![(); pattern.blocks()], vec![(); pattern.rows()]);
-                split(&pattern, 0..pattern.rows(), parts, &mut values, &mut beside, &|rows, values, beside| {
+                let both = (Values(&pattern, &mut values), OneEach(&mut beside));
+                split(0..pattern.rows(), parts, both, &|rows, (Values(_, values), OneEach(beside))| {
                     assert_eq!((values.len(), beside.len()), (pattern.positions(&rows).len(), rows.len()));
                     entries.lock().unwrap().push((rows.start, values.len()));
                 });

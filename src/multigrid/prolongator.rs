@@ -21,7 +21,7 @@ use super::eight::Eight;
 use super::graph::Graph;
 use super::modes::{AggregateModes, Frames};
 use super::packed::{Packed, ask_for};
-use super::parallel::{for_each_row, for_each_sparse_row};
+use super::parallel::{GRAIN, Values, for_each_row, for_each_row_of};
 use super::smoother::Smoother;
 use super::sparse::{Pattern, Rows, Sparse, Transpose, ahead};
 use crate::error::Result;
@@ -121,12 +121,12 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             },
         );
         let Sparse { pattern, values } = matrix;
-        for_each_sparse_row(
-            pattern,
-            values,
-            &mut vec![(); pattern.rows()],
+        for_each_row_of(
+            0..pattern.rows(),
+            GRAIN,
+            Values(&**pattern, values),
             #[inline(always)]
-            |row, p, ()| {
+            |row, p| {
                 let mut damped = smoother.inverse(row);
                 damped.as_flattened_mut().iter_mut().for_each(|entry| *entry *= -OMEGA);
                 let stand_in = filter.stand_in(row);

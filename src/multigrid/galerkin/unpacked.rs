@@ -2,7 +2,7 @@
 
 use super::super::block::{Block, zero};
 use super::super::packed::Packed;
-use super::super::parallel::for_each_row_of;
+use super::super::parallel::{Values, for_each_row_of};
 use super::super::sparse::{Pattern, Sparse};
 use super::GRAIN;
 use std::ops::Range;
@@ -43,10 +43,9 @@ impl<const N: usize, const M: usize> Unpacked<N, M> {
         self.rows = rows.clone();
         let blocks = &mut self.blocks[..p.pattern.positions(rows).len()];
         for_each_row_of(
-            &*p.pattern,
             rows.clone(),
             GRAIN,
-            blocks,
+            Values(&*p.pattern, blocks),
             #[inline(always)]
             |row, blocks| blocks.iter_mut().zip(p.row(row)).for_each(|(block, (_, packed))| *block = packed.unpacked()),
         );

@@ -9,7 +9,9 @@
 //! ```
 //!
 //! A block of springs that pull is the negative of a positive semidefinite one: `S_ij = S_ji = −E_ij` does, and resists what the springs
-//! resist and nothing else. Any other block is bounded by the diagonal blocks `D_i = L_i L_iᵀ` of its rows,
+//! resist and nothing else. That of a pressed spring, `−E_ij = k d dᵀ − m (I − d dᵀ)`, resists motions along itself and drives those across:
+//! `S_ij = S_ji = −E_ij + 2m I` does, as `S_ij ± E_ij ≥ 0` (own derivation). Any other block is bounded by the diagonal blocks
+//! `D_i = L_i L_iᵀ` of its rows,
 //!
 //! ```text
 //! S_ij = c D_i,  S_ji = c D_j,   c = ‖L_i⁻¹ E_ij L_j⁻ᵀ‖₂,   c⁴ ≤ Σ σ⁴ = tr H²,   H = D_j⁻¹ E_ijᵀ D_i⁻¹ E_ij,
@@ -22,33 +24,77 @@
 //! axes, motions across it, a thousand times softer, are then hardly smoothed at the borders. A falling cloth of 250² took 34
 //! iterations, where it takes 18.
 
-use super::super::block::{Block, add_product, add_transposed_product, is_definite, scaled, sum, zero};
+use super::super::block::{
+    Block, add_product, add_transposed_product, is_definite, norm_squared, scaled, shifted, single, sum, zero,
+};
 use super::super::sparse::Rows;
 use super::{diagonal_block, inverse_of};
 
-/// What rounding may make of a zero eigenvalue, over the sum of all. It adds nothing to what springs resist across, some millionth of what they do along.
+/// What rounding may make of a zero eigenvalue, over the norm of its block. It adds nothing to what springs resist across, some millionth of what they do along.
 const ROUNDING: f64 = 1e-12;
 
-/// S of one row of `factor·A`, as it is summed up.
-pub(super) struct Damping<const N: usize> {
+/// A row of `factor·A` that has blocks outside its domain, of so many rows from `start` on.
+pub(super) struct Border {
+    pub row: usize,
+    pub start: usize,
+    pub length: usize,
+    pub factor: f64,
+}
+
+impl Border {
+    /// Takes over E of the row, and −½ S where `columns` has the row itself; blocks of A before the diagonal one that are within the domain are given to
+    /// `before`. Returns D and ½ S.
+    #[inline(always)]
+    pub fn take<const N: usize>(
+        &self,
+        a: &impl Rows<N>,
+        columns: &[u32],
+        outside: &mut [Block<N, N, f32>],
+        mut before: impl FnMut(&Block<N, N>),
+    ) -> (Block<N, N>, Block<N, N>) {
+        let &Self { row, start, length, factor } = self;
+        let own = columns.partition_point(|&column| (column as usize) < row);
+        let mut places = outside.iter_mut().enumerate().filter(|(place, _)| *place != own);
+        let (mut diagonal, mut damping) = (zero(), Damping { row, factor, resisted: zero(), bounded: 0.0 });
+        a.visit(
+            row,
+            #[inline(always)]
+            |column, block| {
+                if column == row {
+                    diagonal = scaled(factor, block);
+                } else if !(start..start + length).contains(&column) {
+                    if let Some((_, place)) = places.next() {
+                        *place = single(factor, block);
+                        damping.couple(a, column, &scaled(factor, block));
+                    }
+                } else if column < row {
+                    before(block);
+                }
+            },
+        );
+        let half = damping.half(&diagonal);
+        if let Some(place) = outside.get_mut(own) {
+            *place = single(-1.0, &half);
+        }
+        (diagonal, half)
+    }
+}
+
+/// S of a row, as it is summed up.
+struct Damping<const N: usize> {
     row: usize,
     factor: f64,
-    /// Of blocks that are the negative of a positive semidefinite one.
+    /// Of blocks of springs.
     resisted: Block<N, N>,
     /// Of others, in D.
     bounded: f64,
 }
 
 impl<const N: usize> Damping<N> {
-    /// Of a row without any block outside.
-    pub fn of(row: usize, factor: f64) -> Self {
-        Self { row, factor, resisted: zero(), bounded: 0.0 }
-    }
-
     /// Takes note of a block outside.
     #[inline(always)]
-    pub fn couple(&mut self, a: &impl Rows<N>, column: usize, outside: &Block<N, N>) {
-        match resisted(outside) {
+    fn couple(&mut self, a: &impl Rows<N>, column: usize, outside: &Block<N, N>) {
+        match of_springs(outside) {
             Some(resisted) => self.resisted = sum(&self.resisted, &resisted),
             None => self.bounded += self.bound(a, column, outside),
         }
@@ -69,27 +115,32 @@ impl<const N: usize> Damping<N> {
     }
 
     /// ½ S, with the D of the row.
-    pub fn half(&self, diagonal: &Block<N, N>) -> Block<N, N> {
+    fn half(&self, diagonal: &Block<N, N>) -> Block<N, N> {
         sum(&scaled(0.5, &self.resisted), &scaled(0.5 * self.bounded, diagonal))
     }
 }
 
-/// `−E_ij`, if it is symmetric and positive semidefinite, up to rounding and with that on its diagonal.
+/// S of a block of springs: `−E_ij` where these pull, `−E_ij + 2m I` where it is one that is pressed; up to rounding, and with that on its diagonal.
 #[inline(always)]
-fn resisted<const N: usize>(outside: &Block<N, N>) -> Option<Block<N, N>> {
-    let trace = -(0..N).map(|k| outside[k][k]).sum::<f64>();
-    let is_symmetric = |r: usize| (0..r).all(|c| (outside[r][c] - outside[c][r]).abs() <= ROUNDING * trace);
+fn of_springs<const N: usize>(outside: &Block<N, N>) -> Option<Block<N, N>> {
+    let norm_squared = norm_squared(outside.as_flattened());
+    let rounding = ROUNDING * norm_squared.sqrt();
+    let is_symmetric = |r: usize| (0..r).all(|c| (outside[r][c] - outside[c][r]).abs() <= rounding);
     if !(0..N).all(is_symmetric) {
         return None;
     }
-    let mut block = scaled(-1.0, outside);
-    let add_rounding = |block: &mut Block<N, N>| (0..N).for_each(|k| block[k][k] += ROUNDING * trace);
-    add_rounding(&mut block);
-    // Eigenvalues from −ROUNDING on: with twice as much, none is smaller than what it was in magnitude.
-    is_definite(&block).then(|| {
-        add_rounding(&mut block);
-        block
-    })
+    // Eigenvalues from −shift on: with twice as much, none is smaller than what it was in magnitude.
+    let resists =
+        |block: &Block<N, N>, shift: f64| is_definite(&shifted(block, shift)).then(|| shifted(block, 2.0 * shift));
+    let block = scaled(-1.0, outside);
+    resists(&block, rounding).or_else(|| resists(&block, pressed(&block, norm_squared) + rounding))
+}
+
+/// m of `k d dᵀ − m (I − d dᵀ)`: with `tr = k − (N−1) m` and `‖·‖² − tr²/N = (k + m)² (N−1)/N`.
+fn pressed<const N: usize>(block: &Block<N, N>, norm_squared: f64) -> f64 {
+    let (n, trace) = (N as f64, (0..N).map(|k| block[k][k]).sum::<f64>());
+    let spread = ((norm_squared - trace * trace / n) * n / (n - 1.0).max(1.0)).max(0.0).sqrt();
+    (spread - trace) / n
 }
 
 #[cfg(test)]
@@ -102,20 +153,38 @@ mod tests {
         std::array::from_fn(|r| std::array::from_fn(|c| (t - k) * d[r] * d[c] - if r == c { t } else { 0.0 }))
     }
 
-    /// A spring that resists along itself alone has two eigenvalues that are zero or what rounding makes of them. One that is pressed,
-    /// one that pushes, no spring, and a block that is not symmetric are none of these.
+    /// A spring that resists along itself alone has two eigenvalues that are zero or what rounding makes of them.
     #[test]
     fn springs_that_pull_are_resisted_as_they_are() {
         for (k, t) in [(5.0, 0.0), (5.0, 1e-6), (2.0, 2.0)] {
-            let (found, expected) = (resisted(&spring(k, t)).unwrap(), scaled(-1.0, &spring(k, t)));
-            let difference = sum(&found, &scaled(-1.0, &expected));
-            let largest = difference.as_flattened().iter().fold(0.0, |largest, entry| f64::max(largest, entry.abs()));
-            assert!(largest > 0.0 && largest < 3.0 * ROUNDING * (k + 2.0 * t), "{largest}");
+            let (found, expected) = (of_springs(&spring(k, t)).unwrap(), scaled(-1.0, &spring(k, t)));
+            let largest = norm_squared(sum(&found, &scaled(-1.0, &expected)).as_flattened()).sqrt();
+            assert!(largest > 0.0 && largest < 4.0 * ROUNDING * (k + 2.0 * t), "{largest}");
         }
+    }
+
+    /// A pressed spring that drives motions across it by m counts for `(k + 2m) d dᵀ + m (I − d dᵀ)`, in space as in a plane and on a line.
+    #[test]
+    fn springs_that_are_pressed_count_across_as_they_drive() {
+        for (k, m) in [(5.0, 1e-6), (5.0, 1.0), (1.0, 3.0), (0.0, 2.0)] {
+            let (found, expected) = (of_springs(&spring(k, -m)).unwrap(), scaled(-1.0, &spring(k + 2.0 * m, m)));
+            let difference = norm_squared(sum(&found, &scaled(-1.0, &expected)).as_flattened()).sqrt();
+            assert!(difference < 1e-11 * (k + m), "{k} {m}: {difference}");
+        }
+        let plane = of_springs(&[[-5.0, 0.0], [0.0, 2.0]]).unwrap();
+        let [line] = of_springs(&[[3.0]]).unwrap().map(|[entry]| entry);
+        assert!((plane[0][0] - 9.0).abs() + (plane[1][1] - 2.0).abs() + plane[0][1].abs() < 1e-10, "{plane:?}");
+        assert!((line - 3.0).abs() < 1e-11, "{line}");
+    }
+
+    /// One that pushes, no spring, several that are pressed in different directions, and a block that is not symmetric are bounded in another way.
+    #[test]
+    fn other_blocks_are_no_springs() {
         let mut skew = spring(5.0, 1.0);
         skew[0][1] += 1e-6;
-        for block in [spring(5.0, -1e-6), spring(-5.0, 1.0), spring(-5.0, -1.0), zero(), skew] {
-            assert_eq!(resisted(&block), None);
+        let several = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, -3.0]];
+        for block in [spring(-5.0, 1.0), spring(-5.0, -1.0), zero(), several, skew] {
+            assert_eq!(of_springs(&block), None);
         }
     }
 }
