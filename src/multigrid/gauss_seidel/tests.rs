@@ -39,7 +39,7 @@ fn springs() -> BlockMatrix<2, 2> {
     let spring = |row: usize, column: usize| {
         let (i, j) = (row.min(column) as f64, row.max(column) as f64);
         let d = nalgebra::Vector2::new((i + 0.3 * j).cos(), (i + 0.3 * j).sin());
-        let t = if (row + column) % 3 == 0 { -2e-3 * (1.0 + i) } else { 1e-3 * (1.0 + i) };
+        let t = if (row + column).is_multiple_of(3) { -2e-3 * (1.0 + i) } else { 1e-3 * (1.0 + i) };
         (10.0 + j - t) * d * d.transpose() + t * Matrix2::identity()
     };
     for row in 0..ROWS {
