@@ -254,19 +254,18 @@ fn kernels_of_one_size_do_what_that_of_all_does() {
     assert!(Symmetric::of(2).is_none() && Symmetric::of(6).is_none() && Sixes::of(3).is_none());
 }
 
-/// In row 4 the block is [[1, 2], [2, 1]], whose second pivot is 1 − 2². At the border of a domain, where more is added to the diagonal, it is refused too.
+/// In row 4 the block is [[1, 2], [2, 1]], whose second pivot is 1 − 2². At the border of a domain, where springs add to the diagonal, it is refused too.
 #[test]
 fn the_first_block_that_is_not_definite_is_named() {
-    let mut matrix = matrix();
-    let diagonal = |row: usize| {
-        let of_row = matrix.pattern.row(row);
-        of_row.start + matrix.pattern.columns(row).iter().position(|&column| column == row as u32).unwrap()
-    };
-    let places = [4, 5].map(diagonal);
-    for place in places {
-        matrix.values[place] = [[1.0, 2.0], [2.0, 1.0]];
-    }
-    for domain in [ROWS, 3] {
+    for (mut matrix, domain) in [(matrix(), ROWS), (matrix(), 3), (springs(), 3)] {
+        let diagonal = |row: usize| {
+            let of_row = matrix.pattern.row(row);
+            of_row.start + matrix.pattern.columns(row).iter().position(|&column| column == row as u32).unwrap()
+        };
+        let places = [4, 5].map(diagonal);
+        for place in places {
+            matrix.values[place] = [[1.0, 2.0], [2.0, 1.0]];
+        }
         let mut smoother = GaussSeidel::<2>::with_domains(General, &matrix.pattern, domain).unwrap();
         let bad = BadPivot { index: 1, pivot: -3.0 };
         assert_eq!(smoother.update(&matrix, 1.0), Err(BadBlock { row: 4, bad }));
