@@ -24,7 +24,7 @@ mod sixes;
 #[cfg(target_arch = "x86_64")]
 mod symmetric;
 
-use super::block::{BadPivot, Block, inverse, is_definite, scaled, shifted, single, subtract_apply, sum, zero};
+use super::block::{BadPivot, Block, inverse, scaled, shifted, single, subtract_apply, sum, zero};
 use super::parallel::{GRAIN, OneEach, Values, for_chunks, for_each_row, for_each_row_of};
 use super::sparse::{BlockMatrix, Pattern, Rows, ahead};
 use crate::error::Result;
@@ -143,15 +143,12 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
                 } else {
                     let border = Border { row, start: row - row % *domain, length: *domain, factor };
                     let (diagonal, half) = border.take(a, pattern.columns(row), outside, keep);
-                    if has_inverse(&diagonal) { inverse_or_refused(&sum(&diagonal, &half)) } else { refused }
+                    if inverse_of(&diagonal).is_ok() { inverse_or_refused(&sum(&diagonal, &half)) } else { refused }
                 };
             },
         );
         let Some(row) = inverses.iter().position(|inverse| *inverse == refused) else { return Ok(()) };
-        // What rounding makes of a pivot may depend on the order of operations.
-        let nothing = BadPivot { index: N - 1, pivot: 0.0 };
-        let bad = inverse_of(&scaled(factor, &diagonal_block(a, row))).err().unwrap_or(nothing);
-        Err(BadBlock { row, bad })
+        inverse_of(&scaled(factor, &diagonal_block(a, row))).map(drop).map_err(|bad| BadBlock { row, bad })
     }
 
     /// `D̃⁻¹` of a row of `factor·A`.
@@ -330,12 +327,6 @@ fn diagonal_block<const N: usize>(a: &impl Rows<N>, row: usize) -> Block<N, N> {
 /// The inverse of a diagonal block.
 fn inverse_of<const N: usize>(block: &Block<N, N>) -> std::result::Result<Block<N, N>, BadPivot> {
     inverse(&shifted(block, LEAST_DIAGONAL))
-}
-
-/// Whether a diagonal block has one.
-#[inline(always)]
-fn has_inverse<const N: usize>(block: &Block<N, N>) -> bool {
-    is_definite(&shifted(block, LEAST_DIAGONAL))
 }
 
 #[cfg(test)]
