@@ -3,6 +3,7 @@
 use super::audience::Audience;
 use super::course::{Course, LAST_PART};
 use super::metered::{Meter, Metered};
+use super::own::Own;
 use super::samples::{Between, Grid};
 use super::{Configuration, Pace};
 use crate::error::Result;
@@ -87,6 +88,8 @@ pub(super) struct Tried<R> {
     pub local_errors: f64,
     /// The amplitude of what the energy that appeared or vanished would be in vibrations of one radian a step, relative to the extent.
     pub strayed: f64,
+    /// What the run says of its error.
+    pub own: Own,
 }
 
 /// How far the ends of a spring get past each other in a step at least, in its lengths, in a run in which they pass each other on a line: half of
@@ -107,7 +110,8 @@ pub(super) fn attempt<A: Audience>(
     let Task { system, start, duration, grid, .. } = *task;
     let mut state = start.clone();
     // A run that blows up shows in the comparison with another.
-    let options_of_monitor = MonitorOptions { stops_unstable: false, ..MonitorOptions::LEDGER };
+    let paths = *method == Method::Bdf2;
+    let options_of_monitor = MonitorOptions { stops_unstable: false, paths, ..MonitorOptions::LEDGER };
     let mut monitor = Monitor::new(system, &state, options_of_monitor)?;
     let meter = Meter::new(task.costs, limit, task.go_on);
     let mut watch = Watch {
@@ -199,7 +203,8 @@ pub(super) fn attempt<A: Audience>(
         records,
     });
     let is_too_expensive = meter.has_refused() && !interrupted;
-    Ok(Tried { attempt, status, cost, is_too_expensive, local_errors: meter.local_errors(), strayed })
+    let (local_errors, own) = (meter.local_errors(), Own::of(&figures, *method));
+    Ok(Tried { attempt, status, cost, is_too_expensive, local_errors, strayed, own })
 }
 
 /// Records and compares.

@@ -16,6 +16,7 @@ mod floppiness;
 mod horizon;
 mod metered;
 mod norm;
+mod own;
 mod preset;
 mod price;
 mod rates;
@@ -25,6 +26,7 @@ mod resolution;
 mod samples;
 mod search;
 mod settled;
+mod stability;
 mod stiff;
 #[cfg(test)]
 mod tests;

@@ -4,6 +4,7 @@ use super::attempt::{Attempt, Purpose, SolverReport, Task, Tried, attempt};
 use super::audience::{Audience, SearchProgress};
 use super::course::{Course, Difference};
 use super::horizon::Horizon;
+use super::own::Own;
 use super::{Configuration, Pace, Requirement, extent};
 use crate::error::Result;
 use crate::integrate::{Statistics, Status};
@@ -18,7 +19,8 @@ const MOST_REVERSED: usize = 4;
 /// Whether an answer can be relied on.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// Two runs that could disagree agree, and their steps resolve what moves: the error is below what was asked for.
+    /// Two runs that could disagree agree, or what a run's own steps neglect is far below what was asked for; and steps resolve what moves: the error is
+    /// below that.
     Confirmed,
     /// It could not be confirmed, for the reason given.
     Unconfirmed(String),
@@ -99,6 +101,8 @@ pub(super) struct Run {
     pub strayed: f64,
     /// Whether forces have jumped on the way: those of springs that pass the length zero.
     pub jumps: bool,
+    /// What it says of its error.
+    pub own: Own,
 }
 
 impl<'s, A: Audience> Search<'s, A> {
@@ -152,7 +156,7 @@ impl<'s, A: Audience> Search<'s, A> {
         }
         let tried =
             attempt(self.task, configuration, pace, purpose, [limit, self.longest], self.audience, &mut progress)?;
-        let Tried { attempt, status, cost, is_too_expensive, local_errors, strayed } = tried;
+        let Tried { attempt, status, cost, is_too_expensive, local_errors, strayed, own } = tried;
         self.runs += 1;
         self.spent += cost;
         let Some(mut attempt) = attempt else {
@@ -164,7 +168,7 @@ impl<'s, A: Audience> Search<'s, A> {
         };
         let course = std::mem::take(&mut attempt.course);
         let local_errors = local_errors / extent(course.end(), &self.task.start.positions);
-        let run = Run { cost, steps: attempt.steps, local_errors, strayed, jumps: attempt.reversed > 0 };
+        let run = Run { cost, steps: attempt.steps, local_errors, strayed, jumps: attempt.reversed > 0, own };
         self.local_errors = local_errors;
         self.latest = Some(attempt);
         Ok(Went::Well(course, run))

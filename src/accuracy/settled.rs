@@ -4,25 +4,22 @@
 //! Long steps that damp what they do not resolve agree on a motion without it. So they are not even tried before that is known
 //! to be right: what [they do not resolve](super::resolution) has a small amplitude, that of kinks of prescribed paths included, and pushes little,
 //! and no compressed spring makes the state unstable within a step, which long implicit steps would calm as they calm everything. Where one does,
-//! steps of half the length are thought of, as long as they pay. Then runs of the second-order backward differentiation formula follow. By its order the
-//! difference d of two with steps h and h/r leaves `d/(r² − 1)` of the finer one. Four times that is believed, and what is left out beside; the next has
-//! steps so much shorter that it will do by the same law, as long as that costs less than half of an explicit answer.
+//! steps of half the length are thought of, as long as they pay. Then runs of the second-order backward differentiation formula follow. The first is enough
+//! where what its steps [neglect](super::own) is far below the accuracy. By its order the difference d of two with steps h and h/r leaves `d/(r² − 1)` of the
+//! finer one. Three times that is believed, and what is left out beside; the next has steps so much shorter that it will do by the same law, as long as that
+//! costs less than half of an explicit answer.
 
 use super::attempt::Task;
 use super::audience::Audience;
 use super::course::Course;
 use super::price::Price;
 use super::resolution::{Unresolved, unresolved};
-use super::search::{Search, Verdict, Went};
+use super::search::{Run, Search, Verdict, Went};
+use super::stability::is_stable;
 use super::stiff::linear_options;
 use super::{Configuration, Pace};
 use crate::error::Result;
-use crate::force::Extensions;
 use crate::integrate::{ImplicitOptions, Method};
-use crate::linear::{CholeskySolver, LinearSolver, Prepare, SolverOptions};
-use crate::operator::{Combination, SystemOperator};
-use crate::spring::Stiffness;
-use crate::work::Work;
 use nalgebra::Vector3;
 
 /// Steps of the first two runs, where no spring asks for more.
@@ -37,14 +34,14 @@ const MORE_DIGITS: f64 = 0.12;
 const RUN_PART: f64 = 0.5;
 
 /// What the law makes of a difference is multiplied with this.
-const SAFETY: f64 = 4.0;
+const SAFETY: f64 = 3.0;
 
 /// The part of the accuracy that an estimate may use, and the part that the next run aims at.
 const USABLE: f64 = 0.9;
 const AIM: f64 = 0.5;
 
 /// Steps become shorter by at most this from run to run: of much shorter ones a difference says little.
-const SHORTER: f64 = 2.0;
+const SHORTER: f64 = 3.0;
 
 /// What cannot be resolved may have this part of the accuracy, and what it pushes may drift by that one. (A motion may amplify both: in 1500 random scenes
 /// one answer that leaves something out is wrong, by 1.5. With twice the amplitude two are, by as much, and with twice the drift two, by up to 8.)
@@ -53,9 +50,6 @@ const DRIFTING: f64 = 0.7;
 
 /// Of each kink of a path it is looked for what it sets off, which costs several solves.
 const MOST_KINKS: usize = 4;
-
-/// Free coordinates of a matrix that may be factored to see whether it is definite.
-const LARGEST: usize = 30_000;
 
 /// An answer, or `None` where other methods are to find one.
 pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> Result<Option<Verdict>> {
@@ -74,7 +68,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
         if explicit <= worth * (first + second) * step {
             return Ok(None);
         }
-        if is_definite(search, duration / second, &linear)? {
+        if is_stable(search, duration / second, &linear, explicit)? {
             break;
         }
         [first, second] = [2.0 * first, 2.0 * second];
@@ -91,12 +85,17 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
     let mut coarse: Option<(Course, f64)> = None;
     let mut steps = first;
     loop {
-        let (fine, cost) = match search.run(configuration, Pace::Step(duration / steps), RUN_PART * explicit)? {
-            Went::Well(course, run) => (course, run.cost),
-            Went::Stopped => return Ok(Some(Verdict::Interrupted)),
-            Went::Wrong | Went::TooFar => return Ok(None),
-        };
+        let (fine, Run { cost, own, .. }) =
+            match search.run(configuration, Pace::Step(duration / steps), RUN_PART * explicit)? {
+                Went::Well(course, run) => (course, run),
+                Went::Stopped => return Ok(Some(Verdict::Interrupted)),
+                Went::Wrong | Went::TooFar => return Ok(None),
+            };
         let mut next = second;
+        if coarse.is_none() && own.error + left.amplitude <= USABLE * accuracy {
+            search.estimate(own.error + left.amplitude);
+            return Ok(Some(Verdict::Confirmed));
+        }
         if let Some((coarse, before)) = coarse.take() {
             let by_law = search.difference(&fine, &coarse).largest() / ((steps / before).powi(2) - 1.0);
             let estimate = SAFETY * by_law + left.amplitude;
@@ -130,23 +129,4 @@ fn jumps(task: &Task) -> Vec<Vec<Vector3<f64>>> {
         jump
     };
     task.kinks().map(jump).collect()
-}
-
-/// Whether the full matrix of a step of h seconds is positive definite at the start, as far as can be told.
-fn is_definite<A: Audience>(search: &mut Search<'_, A>, h: f64, linear: &SolverOptions) -> Result<bool> {
-    let (system, start) = (search.task.system, search.task.start);
-    let extensions = Extensions::at(system, &start.positions)?;
-    if system.dofs().len() > LARGEST {
-        return Ok(false);
-    }
-    if extensions.springs(system).all(|((.., spring), at)| !spring.is_compressed(at)) {
-        return Ok(true);
-    }
-    let operator = SystemOperator::new(system, &extensions, Stiffness::Full, Combination::step(h));
-    let mut work = Work::default();
-    let mut solver = CholeskySolver::new(system, linear.par, &mut work)?;
-    let is_definite = solver.prepare(&operator, &mut work).is_ok();
-    let factor = solver.factor().map(|factor| factor.size);
-    search.spend(search.task.costs.cost(&work, factor));
-    Ok(is_definite)
 }

@@ -187,6 +187,11 @@ impl CostModel {
         nanoseconds(ANALYSIS, [1.0, size.entries as f64, dissected]) / self.force
     }
 
+    /// The least that an ordering with symbolic analysis can cost: as if nothing were filled in, nor dissected.
+    pub fn least_analysis(&self) -> f64 {
+        nanoseconds(ANALYSIS, [1.0, self.entries, 0.0]) / self.force
+    }
+
     /// A solve with a factor, its residual included.
     pub fn direct_solve(&self, size: FactorSize) -> f64 {
         self.solving(size.entries as f64)
