@@ -127,6 +127,12 @@ impl<'s, A: Audience> Search<'s, A> {
         self.spent += cost;
     }
 
+    /// What everything has cost so far.
+    #[cfg(test)]
+    pub fn spent(&self) -> f64 {
+        self.spent
+    }
+
     /// Whether a run of this cost may be begun.
     pub fn affords(&self, cost: f64) -> bool {
         self.spent + cost <= MOST_COST

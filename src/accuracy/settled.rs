@@ -15,7 +15,7 @@ use super::course::Course;
 use super::price::Price;
 use super::resolution::{Unresolved, unresolved};
 use super::search::{Run, Search, Verdict, Went};
-use super::stability::is_stable;
+use super::stability::{LARGEST, is_stable};
 use super::stiff::linear_options;
 use super::{Configuration, Pace};
 use crate::error::Result;
@@ -58,7 +58,7 @@ pub(super) fn answer<A: Audience>(search: &mut Search<'_, A>, price: Price) -> R
     let explicit = price.answer(accuracy);
     let step = 2.0 + costs.assembly() + costs.least_factorization() + costs.least_direct_solve();
     let worth = WORTH * (0.1 / accuracy).powf(MORE_DIGITS);
-    if search.task.kinks().nth(MOST_KINKS).is_some() {
+    if search.task.kinks().nth(MOST_KINKS).is_some() || system.dofs().len() > LARGEST {
         return Ok(None);
     }
     search.left = explicit;

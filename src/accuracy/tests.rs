@@ -213,8 +213,8 @@ fn runs_of_verlet() {
         ("swinging to two digits", swinging.with(digits(1e-2))),
         ("swinging to three digits", swinging.with(digits(1e-3))),
         // The first pair's estimate is 0.89 and 0.91 of these.
-        ("swinging to what is just shown", swinging.with(digits(0.0728))),
-        ("swinging to what is just not shown", swinging.with(digits(0.0709))),
+        ("swinging to what is just shown", swinging.with(digits(0.0497))),
+        ("swinging to what is just not shown", swinging.with(digits(0.0486))),
         ("swinging cheaply", swinging.with(priced(30.0, 3e3, 30.0))),
         ("stiff", Case::new(hanging(3, 2e4, 0.0, 0.01), 0.5, 1e-2)),
         ("folding", Case::new(hanging(3, 200.0, 0.0, 0.9), 6.0, 1e-3)),
