@@ -1,11 +1,12 @@
 //! The state at the end of a motion to a required accuracy, at a few times the cost of the cheapest run that has it.
 //!
 //! What is spent beside the answer is little: a bound tells how long explicit steps may be, and with that what they cost;
-//! where they are dear a run of an implicit method is tried up to that price; then runs come in pairs, the second finer,
-//! and the difference of two tells the error of the second. When that is small enough the second *is* the answer: it was
-//! recorded as it went, and nothing is repeated.
+//! where they are dear a run of an implicit method is tried up to that price. A run whose steps [neglect](super::own) far less than the accuracy is the answer by
+//! itself; otherwise runs come in pairs, the second finer, and the difference of two tells the error of the second. When that is small enough the second *is* the
+//! answer: it was recorded as it went, and nothing is repeated.
 //!
-//! An estimate counts only when it was made by two runs that could have disagreed, and steps that resolve what moves. What cannot be
+//! An estimate counts only when it was made by two runs that could have disagreed, or leaves a margin for what one run cannot know, and when steps resolve what
+//! moves. What cannot be
 //! confirmed so is handed out as [unconfirmed](Verdict::Unconfirmed), with the least estimate that there is. So is a motion on a line
 //! in which many springs pass the length zero: their forces jump there, from pushing one way to pushing the other, and whether ends that
 //! come close slowly pass each other or turn round is decided by less than any run resolves. Runs may all agree on one of the two.

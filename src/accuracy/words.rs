@@ -15,7 +15,8 @@ impl<R> Answer<R> {
             Some(error) => format!("ends with an error of about {error:.1e}, {accuracy:.0e} being asked for"),
             None => "was not compared with another run".into(),
         };
-        format!("{method} with {pace} {error}: {cost:.0} force evaluations, {total_cost:.0} in all {runs} runs")
+        let in_all = if *runs == 1 { "in all".into() } else { format!("in all {runs} runs") };
+        format!("{method} with {pace} {error}: {cost:.0} force evaluations, {total_cost:.0} {in_all}")
     }
 
     /// What keeps it from being relied on when `accuracy` was asked for.
@@ -77,6 +78,8 @@ mod tests {
             alone.reason(1e-3),
             "verlet with rtol = 2.0e-5 was not compared with another run: 81 force evaluations, 180 in all 2 runs"
         );
+        let one = Answer { runs: 1, total_cost: 85.4, ..answer(Some(2.34e-4), Verdict::Confirmed) };
+        assert!(one.reason(1e-3).ends_with(": 81 force evaluations, 85 in all"), "{}", one.reason(1e-3));
     }
 
     #[test]

@@ -17,8 +17,8 @@ pub struct MethodArguments {
     #[arg(value_parser = choice(&MethodChoice::ALL, MethodChoice::name, describe_choice))]
     method: Option<MethodChoice>,
 
-    /// The relative position error at the end stays below R: runs are made until two that could disagree agree, and the last one is
-    /// the answer; what cannot be confirmed ends `unconfirmed`, with status 1. A method, stiffness or solver that is given is
+    /// The relative position error at the end stays below R: runs are made until one neglects far less than that, or two that could
+    /// disagree agree, and the last one is the answer; what cannot be confirmed ends `unconfirmed`, with status 1. A method, stiffness or solver that is given is
     /// kept. --dt is the interval of records, which --frames counts
     #[arg(long, value_name = "R", value_parser = fraction, conflicts_with_all = ["rtol", "steps"])]
     accuracy: Option<f64>,

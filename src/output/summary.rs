@@ -159,7 +159,7 @@ pub enum ErrorKind {
     /// From figures of the run itself: right to about a factor of ten, where the motion magnifies no differences or the method
     /// [carries its errors on](crate::Method::carries_errors).
     Indicator,
-    /// Independent runs agree.
+    /// Independent runs agree, or what a run's own steps neglect is far below the accuracy.
     Confirmed,
 }
 
