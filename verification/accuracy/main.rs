@@ -21,6 +21,7 @@ mod timing;
 use clap::Parser;
 use commands::Commands;
 use motion::{Motion, Row};
+use rayon::prelude::*;
 use sprung::accuracy::reduce;
 use sprung::linear::CostModel;
 use sprung::scene::Scene;
@@ -110,16 +111,23 @@ fn main() -> Result<(), Box<dyn Error>> {
             of_ready.push(row);
         }
     }
-    let mut drawn: Vec<(String, Row)> = Vec::new();
-    let seeds = if arguments.named.is_some() { 0..0 } else { arguments.first..arguments.first + arguments.count };
-    for seed in seeds {
+    let count = if arguments.named.is_some() { 0 } else { arguments.count };
+    let seeds: Vec<u64> = (arguments.first..arguments.first + count).collect();
+    let of_seed = |seed: u64| -> Result<Vec<(String, Row)>, String> {
         let scene = random::scene(seed).scene;
         let are_timed = arguments.commands.is_some_and(|count| seed < arguments.first + count);
-        for row in rows(&scene, &store, commands.as_ref().filter(|_| are_timed), arguments.runs)? {
-            eprintln!("{}", line(&scene.name, &row));
-            drawn.push((scene.name.clone(), row));
-        }
-    }
+        let commands = commands.as_ref().filter(|_| are_timed);
+        let rows =
+            rows(&scene, &store, commands, arguments.runs).map_err(|error| format!("{}: {error}", scene.name))?;
+        rows.iter().for_each(|row| eprintln!("{}", line(&scene.name, row)));
+        Ok(rows.into_iter().map(|row| (scene.name.clone(), row)).collect())
+    };
+    // Scenes one beside the other, each on one thread, whose time is what is counted; but whole commands, and what is told run by run, one after the other.
+    let threads = if commands.is_some() || arguments.runs { 1 } else { 0 };
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+    let drawn = threads
+        .install(|| seeds.par_iter().with_max_len(1).map(|&seed| of_seed(seed)).collect::<Result<Vec<_>, _>>())?;
+    let mut drawn: Vec<(String, Row)> = drawn.into_iter().flatten().collect();
     drawn.sort_by(|(_, a), (_, b)| (b.total / b.least).total_cmp(&(a.total / a.least)));
     let dearest: String = drawn.iter().take(20).map(|(scene, row)| line(scene, row) + "\n").collect();
     let of_random: Vec<Row> = drawn.into_iter().map(|(_, row)| row).collect();
