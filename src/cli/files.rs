@@ -120,7 +120,7 @@ pub fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
     if let Some(ErrorReport { estimate, kind }) = summary.error {
         let knows_more = Method::ALL.iter().any(|method| method.name() == summary.method && method.carries_errors());
         let how = match kind {
-            ErrorKind::Confirmed => "confirmed by another run",
+            ErrorKind::Confirmed => "confirmed",
             ErrorKind::Indicator if knows_more => "an indicator: right to about ten times",
             ErrorKind::Indicator => "an indicator: right to about ten times, where the motion magnifies no differences",
         };
