@@ -225,6 +225,8 @@ fn runs_of_verlet() {
         ("on a line", Case::new(through(1), 2.0, 1e-3).with(priced(30.0, 3e3, 30.0))),
         ("near the anchor", Case::new(planet([1.0, 0.0], [0.0, 0.05], 0.02), 2.0, 1e-3).with(priced(30.0, 3e3, 30.0))),
         ("swinging in many steps", swinging.with(digits(0.1)).with(priced(1e3, 3.0, 30.0))),
+        // Neglects little, but may buckle.
+        ("pressed in many steps", Case::new(planet([0.5, 0.0], [0.0; 2], 1.0), 20.0, 0.1).with(priced(1e4, 1e5, 30.0))),
         ("blown up", Case::new(hanging(3, 2e3, 0.0, 0.3), 2.0, 1e-2).with(priced(30.0, 3e3, 100.0))),
         ("broken down", Case::new(hanging(3, 2e9, 0.0, 0.3), 2.0, 1e-2).with(priced(30.0, 3e3, 100.0))),
         ("ended", swinging.with(|case| case.looks = 60)),
