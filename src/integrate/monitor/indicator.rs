@@ -225,8 +225,7 @@ impl Figures {
     /// finite.
     pub fn estimate(&self, method: Method) -> Option<f64> {
         let Self { change, start, bend, third, slip, defect, embedded, carried, .. } = *self;
-        // ωh of velocities, in the mean over the run.
-        let pace = if change > 0.0 { bend / (2.0 * change) } else { 0.0 };
+        let pace = self.pace();
         let braking = 0.25 * self.way * self.braked(method);
         let estimate = match method {
             Method::ForwardEuler | Method::BackwardEuler => change,
@@ -239,6 +238,11 @@ impl Figures {
             Method::ImplicitMidpoint | Method::Verlet => bend / 24.0 / pace.max(1.0).powi(4),
         };
         estimate.is_finite().then_some(estimate.max(self.missed(method)))
+    }
+
+    /// ωh of velocities, in the mean over the run.
+    pub(crate) fn pace(&self) -> f64 {
+        if self.change > 0.0 { self.bend / (2.0 * self.change) } else { 0.0 }
     }
 
     /// What bends of prescribed paths within steps are worth.
