@@ -16,6 +16,9 @@ use std::time::Duration;
 /// Bytes that must be there when a computation begins: enough for the system to be asked.
 const BEGINNING: u64 = 2 << 20;
 
+/// The stack of a thread, in bytes.
+const STACK: u64 = 2 << 20;
+
 /// The scene that a command works on.
 #[derive(Debug, clap::Args)]
 pub struct SceneFile {
@@ -198,13 +201,24 @@ impl Threads {
 
     fn pool(&self) -> Result<rayon::ThreadPool, Stop> {
         let threads = self.threads.map_or(0, usize::from);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).spawn_handler(begin).build();
         let pool = pool.map_err(|error| Error::Usage(format!("--threads: {error}")))?;
-        // An allocator gives every thread memory of its own, some 10⁸ addresses, when it first asks. All do so now: what is asked for later would
-        // not be there any more where addresses are limited.
-        pool.broadcast(|_| drop(std::hint::black_box(Box::new(0u64))));
-        // Where that has taken nearly all, what is too small to be asked for would not be there either.
+        // Where threads have taken nearly all, what is too small to be asked for would not be there either.
         sprung::memory::ensure(BEGINNING, "what a computation begins with")?;
         Ok(pool)
     }
+}
+
+/// Begins a thread of the pool, and returns when it has what it begins with. An allocator gives every thread memory of its own, some 10⁸ addresses and for
+/// a moment twice that, when it first asks: all do so now, as what is asked for later would not be there any more where addresses are limited, and
+/// one after the other, as a thread that begins in another's moment would find nothing and end the process.
+fn begin(thread: rayon::ThreadBuilder) -> io::Result<()> {
+    sprung::memory::ensure(STACK + BEGINNING, "what a thread begins with").map_err(io::Error::other)?;
+    let (sender, receiver) = mpsc::channel();
+    std::thread::Builder::new().stack_size(STACK as usize).spawn(move || {
+        drop(std::hint::black_box(Box::new(0u64)));
+        let _ = sender.send(());
+        thread.run();
+    })?;
+    receiver.recv().map_err(io::Error::other)
 }
