@@ -85,7 +85,7 @@ fn the_choice_follows_the_scene() {
     let state = walk(&mut auto, &state, 5, 0.02);
     assert_eq!(name(&auto), "llt");
     let factored = auto.statistics().work.factorizations;
-    assert!(factored >= 4, "{factored}");
+    assert!(factored >= 1, "{factored}");
     let iterations = auto.statistics().work.cg_iterations;
     let state = walk(&mut auto, &state, 17 - factored as usize, 1e-4);
     let work = auto.statistics().work;

@@ -14,7 +14,7 @@
 //! **What is believed.** Where two runs differ by d, the finer one is believed to err by 0.7 d: that is its error where fast vibrations have
 //! lost their phases in both. It is believed to err by less where d is what had to be expected:
 //!
-//! - at most five times the sum L₁ of the errors that the coarser run's N₁ steps have [estimated of
+//! - at most twenty times the sum L₁ of the errors that the coarser run's N₁ steps have [estimated of
 //!   themselves](crate::integrate::Dop853): then those estimates miss nothing that this motion magnifies. Errors grow on the way by
 //!   `g = d/L₁`, and the finer run errs by about `g L₂`, or by the law of eighth order `d (N₁/N₂)⁸`; three times the larger is believed, with a g of
 //!   0.1 at least. (Of the study's runs with L below 10⁻⁵ half err by at most L, and nine of ten by twice that.)
@@ -51,8 +51,7 @@ const CAUTION: f64 = 1.5;
 /// Vibrations of so many radians a step, and more, die out.
 const RADIANS: f64 = 3.0;
 
-/// A first difference is what the local errors say up to this factor, and what then follows for the finer run is multiplied with the other.
-const AGREE: f64 = 5.0;
+/// What local errors say of the finer run is multiplied with this.
 const SAFETY: f64 = 3.0;
 
 /// The least growth that is believed: local errors are estimated too large where they are tiny.
@@ -129,7 +128,7 @@ impl Ran {
         let growth = apart / coarse.local_errors;
         let expected = if coarse.shown.is_some_and(|before| apart <= FOLLOWS * before.law) {
             (FOLLOWS * law).max(CHANCE * apart)
-        } else if growth <= AGREE {
+        } else if growth <= MAGNIFIED {
             SAFETY * law.max(growth.max(LEAST_GROWTH) * self.local_errors)
         } else {
             f64::INFINITY
@@ -239,7 +238,7 @@ mod tests {
         assert!(is_close(shown.error(), 3.0 * 2.0 * 1e-5), "{shown:?}");
         // Much larger ones were not, and of smaller ones local errors are left.
         for (apart, error) in
-            [(6e-3, 0.7 * 6e-3), (5e-3, 3.0 * 5.0 * 1e-5), (1e-4, 3e-6), (2e-5, 3e-6), (2e-6, 0.7 * 2e-6)]
+            [(21e-3, 0.7 * 21e-3), (20e-3, 3.0 * 20.0 * 1e-5), (1e-4, 3e-6), (2e-5, 3e-6), (2e-6, 0.7 * 2e-6)]
         {
             assert!(is_close(fine.shows(&coarse, apart).error(), error), "{apart}");
         }
