@@ -221,8 +221,9 @@ fn closed_pipes_are_no_errors_and_missing_streams_no_panics() {
 fn threads_that_cannot_be_had_are_an_error() {
     let sandbox = Sandbox::new();
     scene(&sandbox, "cloth", "5");
-    let arguments = "run cloth.toml --dt 0.01 --steps 1 --threads 1024";
-    limited(&sandbox, "ulimit -v 500000", arguments).ends_with(2).complains(&["error: --threads: "]);
+    let arguments = "run cloth.toml --dt 0.01 --steps 1 --threads 1024 --out o";
+    limited(&sandbox, "ulimit -v 500000", arguments).ends_with(2).complains(&["error: --threads: ", "there is room for "]);
+    assert!(!sandbox.path("o").exists());
 }
 
 #[test]
