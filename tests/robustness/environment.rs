@@ -222,7 +222,9 @@ fn threads_that_cannot_be_had_are_an_error() {
     let sandbox = Sandbox::new();
     scene(&sandbox, "cloth", "5");
     let arguments = "run cloth.toml --dt 0.01 --steps 1 --threads 1024 --out o";
-    limited(&sandbox, "ulimit -v 500000", arguments).ends_with(2).complains(&["error: --threads: ", "there is room for "]);
+    limited(&sandbox, "ulimit -v 500000", arguments)
+        .ends_with(2)
+        .complains(&["error: --threads: ", "there is room for "]);
     assert!(!sandbox.path("o").exists());
 }
 
