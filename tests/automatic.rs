@@ -82,12 +82,22 @@ fn the_choice_follows_the_scene() {
     let mut auto = stepper(&scene, SolverChoice::Auto, Stiffness::Tension);
     let state = walk(&mut auto, &scene.1, 5, 1e-4);
     assert_eq!((name(&auto), auto.statistics().work.factorizations), ("cg", 0));
+    let mut direct = stepper(&scene, SolverChoice::Llt, Stiffness::Tension);
+    walk(&mut direct, &state, 5, 0.02);
+    let before = auto.statistics().work;
     let state = walk(&mut auto, &state, 5, 0.02);
     assert_eq!(name(&auto), "llt");
-    let factored = auto.statistics().work.factorizations;
-    assert!(factored >= 1, "{factored}");
+    let factorizations = auto.statistics().work.factorizations;
+    assert!(factorizations >= 4, "{factorizations}");
+    // Beside one analysis each: what may be lost before the particles are ordered, before the pattern is analysed, and before factorizations are chosen.
+    let (costs, size) = (CostModel::of(&scene.0), direct.linear_solver().unwrap().factor().unwrap().size);
+    let [after, before, least] =
+        [auto.statistics().work, before, direct.statistics().work].map(|work| costs.cost(&work, Some(size)));
+    let factored = costs.factorization(size) + costs.direct_solve(size);
+    let most = least + costs.glance() + costs.analysis(size) + 3.0 * factored;
+    assert!(after - before <= most, "{after} - {before}, {least}, {most}");
     let iterations = auto.statistics().work.cg_iterations;
-    let state = walk(&mut auto, &state, 17 - factored as usize, 1e-4);
+    let state = walk(&mut auto, &state, 17 - factorizations as usize, 1e-4);
     let work = auto.statistics().work;
     assert_eq!((name(&auto), work.cg_iterations, work.factorizations), ("llt", iterations, 17));
     walk(&mut auto, &state, 10, 1e-4);

@@ -32,9 +32,9 @@ const FINEST: f64 = 1e-14;
 /// What one that contracts is multiplied with.
 const PROVEN: f64 = 2.0 / 3.0;
 
-/// What the difference of a first pair is multiplied with where forces jump on the way. Elsewhere it counts in full: errors in proportion to the
-/// tolerances would leave a tenth of it, but where a motion magnifies them the finer run may err by as much as the other. (A ready chain of ten links
-/// did, and half of the difference confirmed one digit that it did not have.)
+/// What the difference of a first pair is multiplied with where forces jump on the way. Elsewhere it counts in full, unless runs are [near](NEAR): errors
+/// in proportion to the tolerances would leave a tenth of it, but where a motion magnifies them the finer run may err by as much as the other. (A ready
+/// chain of ten links did, and half of the difference confirmed one digit that it did not have.)
 const JUMPED: f64 = 3.0;
 
 /// Deviations below this, in extents, grow in proportion. (With a tenth of the extent two of 10690 answers more are wrong, by 1.4 and 1.6.)

@@ -14,9 +14,9 @@
 //! A matrix that is refused as indefinite would have taken a part of a factorization only.
 //!
 //! Where the mean matrix has cost more than what became known, the next look is taken at once. Whatever a scene is like, this wastes at
-//! most the cost of an analysis and two factorizations (the argument of renting or buying skis); of a lattice, whose analysis takes as long as a
-//! dozen solves with multigrid, the first ordering says that it cannot pay. Every return to conjugate gradients may waste two factorizations more; they become
-//! as rare as trials.
+//! most the cost of a first ordering, an analysis and three factorizations, one for each of them (the argument of renting or buying skis); of a lattice, whose
+//! analysis takes as long as a dozen solves with multigrid, the first ordering says that it cannot pay. Every return to conjugate gradients may waste two
+//! factorizations more; they become as rare as trials.
 //!
 //! Effort is [counted](CostModel), not timed: the same run makes the same choice, and gives the same bits, as often as it is repeated
 //! and for any number of threads. (Another kind of processor rounds differently where its vector registers are wider, which may cost an

@@ -39,7 +39,7 @@ const ALIKE: f64 = 1.5;
 const MULTIGRID_AT_BEST: [f64; 2] = [1.0, 0.5];
 
 /// What the first set-up of multigrid costs with the analysis of the pattern, in set-ups.
-const ANALYSED: f64 = 2.0;
+const ANALYSED: f64 = 3.0;
 
 /// The weight of what was known before a matrix.
 const MEMORY: f64 = 0.7;

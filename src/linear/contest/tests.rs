@@ -233,7 +233,7 @@ fn trials_begin_where_they_have_cost_as_much_not_to_be_made() {
             400,
             0.0,
             Kind::Multigrid,
-            2.0 * costs.multigrid_setup() + costs.preparation(Kind::Multigrid),
+            3.0 * costs.multigrid_setup() + costs.preparation(Kind::Multigrid),
         ),
         (Kind::Multigrid, 40, 1.5, Kind::BlockJacobi, costs.preparation(Kind::BlockJacobi)),
     ] {
