@@ -11,8 +11,6 @@ use std::process::Command;
 pub enum Tool {
     /// Plant every fault and see which check catches it: verification/faults.json, faults.md; a quarter of an hour
     Faults(Words),
-    /// Make every mutant of a room and see what becomes of it: verification/mutants.md; from minutes to hours a room
-    Mutants(Words),
     /// A thousand random scenes against an independent reference: verification/study.md; ten minutes
     Study(Words),
     /// Linear systems solved as exactly as the motion needs, on the scenes of the study: verification/exactness.md; ten minutes
@@ -25,18 +23,12 @@ pub enum Tool {
     Charts(Words),
     /// Methods beside integrators of other libraries: benches/peers/README.md, verification/charts; minutes
     Peers(Words),
-    /// What the cost model is held to: verification/costs.json; minutes
-    Costs(Words),
     /// `--solver auto` beside the solvers it chooses from: verification/auto.md; an hour
     Auto(Words),
     /// What accompanying a run costs; a minute
     MonitorCost(Words),
     /// Random bytes, killed runs, odd matrices; see CONTRIBUTING
     Stress(Words),
-    /// The counts of work that tests hold steps to: tests/work_locks.txt; seconds once built
-    Locks(Words),
-    /// Figures that tests hold reports to: tests/records/lists; seconds once built
-    Records(Words),
     /// Known answers from the Python programs in verification/answers/derive; minutes
     Answers(Words),
     /// Tables and pictures of speed: docs/performance; half an hour
@@ -55,49 +47,38 @@ pub struct Words {
 }
 
 impl Tool {
-    /// Program, words, and a variable of the environment to set.
-    fn command(&self) -> (&'static str, Vec<&'static str>, Option<&'static str>) {
-        let example = |name| ("cargo", vec!["run", "--release", "--example", name, "--"], None);
+    /// Program and words.
+    fn command(&self) -> (&'static str, Vec<&'static str>) {
+        let example = |name| ("cargo", vec!["run", "--release", "--example", name, "--"]);
         match self {
             // A debug build: planting is text, and what is planted builds itself.
-            Self::Faults(_) => ("cargo", vec!["run", "--example", "faults", "--"], None),
-            // Starts compilers and tests, and waits for them.
-            Self::Mutants(_) => ("cargo", vec!["run", "--profile", "faults", "--example", "mutants", "--"], None),
+            Self::Faults(_) => ("cargo", vec!["run", "--example", "faults", "--"]),
             Self::Study(_) => example("study"),
             Self::Exactness(_) => example("exactness"),
             Self::Accuracy(_) => example("accuracy"),
             Self::Motion(_) => example("motion"),
             Self::Charts(_) => example("charts"),
-            Self::Costs(_) => example("costs"),
             Self::Auto(_) => example("auto"),
             Self::MonitorCost(_) => example("monitor_cost"),
             Self::Stress(_) => example("stress"),
             Self::Picture(_) => example("lost_definiteness"),
-            Self::Peers(_) => {
-                ("cargo", vec!["run", "--release", "--manifest-path", "benches/peers/Cargo.toml", "--"], None)
-            }
-            Self::Locks(_) => ("cargo", vec!["test", "--release", "--test", "work_locks", "--"], Some("SPRUNG_RENEW")),
-            Self::Records(_) => ("cargo", vec!["test", "--release", "--test", "records", "--"], Some("SPRUNG_RENEW")),
-            Self::Answers(_) => ("python3", vec!["verification/answers/derive/all.py"], None),
-            Self::Performance(_) => ("python3", vec!["benches/compare/run.py"], None),
+            Self::Peers(_) => ("cargo", vec!["run", "--release", "--manifest-path", "benches/peers/Cargo.toml", "--"]),
+            Self::Answers(_) => ("python3", vec!["verification/answers/derive/all.py"]),
+            Self::Performance(_) => ("python3", vec!["benches/compare/run.py"]),
         }
     }
 
     fn words(&self) -> &[String] {
         let (Self::Faults(given)
-        | Self::Mutants(given)
         | Self::Study(given)
         | Self::Exactness(given)
         | Self::Accuracy(given)
         | Self::Motion(given)
         | Self::Charts(given)
         | Self::Peers(given)
-        | Self::Costs(given)
         | Self::Auto(given)
         | Self::MonitorCost(given)
         | Self::Stress(given)
-        | Self::Locks(given)
-        | Self::Records(given)
         | Self::Answers(given)
         | Self::Performance(given)
         | Self::Picture(given)) = self;
@@ -107,12 +88,9 @@ impl Tool {
 
 /// Runs a program to its end.
 pub fn run(root: &Path, tool: &Tool) -> Result<()> {
-    let (program, arguments, variable) = tool.command();
+    let (program, arguments) = tool.command();
     let mut command = Command::new(program);
     command.current_dir(root).args(arguments).args(tool.words());
-    if let Some(variable) = variable {
-        command.env(variable, "1");
-    }
     let status = command.status().with_context(|| format!("{program} could not be started"))?;
     ensure!(status.success(), "{program} ended with {status}");
     Ok(())
@@ -135,13 +113,10 @@ mod tests {
             let matches = tools.clone().try_get_matches_from(["xtask", &name, "--help", "a"]).unwrap();
             let tool = Tool::from_arg_matches(&matches).unwrap();
             assert_eq!(tool.words(), ["--help", "a"]);
-            let (_, words, _) = tool.command();
+            let (_, words) = tool.command();
             let known = match words.as_slice() {
                 [script] => root.join(script).exists(),
                 [.., "--manifest-path", manifest, "--"] => root.join(manifest).exists(),
-                [.., "--test", name, "--"] => ["tests/{name}.rs", "tests/{name}/main.rs"]
-                    .iter()
-                    .any(|path| root.join(path.replace("{name}", name)).exists()),
                 [.., "--example", name, "--"] => {
                     manifest.contains(&format!("name = \"{name}\""))
                         || root.join(format!("examples/{name}.rs")).exists()
