@@ -4,11 +4,11 @@
 //! [`Wishes`] are what a user says. With the system, its state and a step they become a [`Plan`], in which nothing is open, and a
 //! plan makes the [`Stepper`] that [runs](Stepper::run).
 
-use crate::accuracy::{Configuration, Requirement, preset};
+use crate::accuracy::{AccuracyOptions, Configuration, SpectralRadius, default_method};
 use crate::error::{Error, Result};
 use crate::integrate::{
     AdaptiveStepper, Adaptivity, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, Sampling, Schedule,
-    StiffnessPolicy, TimeStepper, run_adaptive_monitored, run_monitored,
+    StiffnessPolicy, TimeStepper, run_adaptive_monitored, run_monitored, threshold,
 };
 use crate::interrupt::Interrupt;
 use crate::linear::{PreconditionerKind, SolverChoice, SolverOptions, Tolerance};
@@ -22,7 +22,7 @@ use std::ops::ControlFlow;
 pub enum MethodChoice {
     /// This one.
     Named(Method),
-    /// [`preset`] chooses.
+    /// The stiffness of the scene decides, see [`default_method`].
     Auto,
 }
 
@@ -104,9 +104,6 @@ pub fn parallelism(system: &System) -> Par {
 }
 
 impl Wishes {
-    /// The method of adaptive steps where none is asked for: the header of `integrate/adaptive.rs` has the measurement.
-    const ADAPTIVE: Method = Method::Rodas4;
-
     /// The tolerance of adaptive steps where no step is given.
     const RTOL: f64 = 1e-2;
 
@@ -115,8 +112,7 @@ impl Wishes {
         match self.method {
             Some(MethodChoice::Named(method)) => Some(method),
             Some(MethodChoice::Auto) => None,
-            None if self.accuracy.is_some() => None,
-            None if self.rtol.is_some() => Some(Self::ADAPTIVE),
+            None if self.accuracy.is_some() || self.rtol.is_some() => None,
             None => Some(Method::LinearBackwardEuler),
         }
     }
@@ -128,11 +124,6 @@ impl Wishes {
             Some(MethodChoice::Named(method)) if !method.estimates_errors() => self.rtol,
             _ => Some(self.rtol.unwrap_or(Self::RTOL)),
         }
-    }
-
-    /// Whether what cannot move is to be looked for and left out.
-    pub fn reduces(&self) -> bool {
-        self.accuracy.is_some() || self.method == Some(MethodChoice::Auto)
     }
 
     /// How exactly conjugate gradients solve: as the motion needs, but to a tolerance given, and where the solver was asked for by name, so that
@@ -157,32 +148,28 @@ impl Wishes {
         }
     }
 
-    /// How to run with steps of dt seconds, or with adaptive ones of a tolerance. Call inside the pool of threads that is to
+    /// How to run for `duration` seconds with steps of dt seconds, or with adaptive ones of a tolerance. Call inside the pool of threads that is to
     /// compute.
     ///
     /// # Errors
     /// Coincident ends of a spring in `state`; a matrix that is too large.
-    pub fn plan(&self, system: &System, state: &State, dt: f64, rtol: Option<f64>) -> Result<Plan> {
+    pub fn plan(&self, system: &System, state: &State, [dt, duration]: [f64; 2], rtol: Option<f64>) -> Result<Plan> {
         let linear = self.linear(system);
-        let asked = if self.method.is_none() && rtol.is_some() { Some(Self::ADAPTIVE) } else { self.method() };
+        let asked = if self.method.is_none() && rtol.is_some() { None } else { self.method() };
         let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
-        let (mut configuration, reason) = match (asked, rtol) {
-            (Some(method), _) => (Configuration { method, options }, None),
-            (None, Some(_)) => {
-                (Configuration { method: Self::ADAPTIVE, options }, Some("the method with an error estimate"))
-            }
-            (None, None) => {
-                let (configuration, reason) = preset(system, state, dt, linear)?;
-                (configuration, Some(reason))
-            }
+        let (method, reason) = match (asked, rtol) {
+            (Some(method), _) => (method, None),
+            (None, Some(_)) => default_method(system, state, duration).map(|(method, why)| (method, Some(why)))?,
+            (None, None) => of_fixed_step(system, state, dt).map(|(method, why)| (method, Some(why)))?,
         };
+        let mut configuration = Configuration { method, options };
         configuration.options.stiffness = self.stiffness.unwrap_or(configuration.options.stiffness);
         Ok(Plan { configuration, rtol, reason })
     }
 
-    /// What an accuracy asks for, if one is asked for.
-    pub fn requirement(&self, system: &System, duration: f64, interval: f64) -> Option<Requirement> {
-        Some(Requirement {
+    /// The accuracy that is required, if one is.
+    pub fn accuracy_options(&self, system: &System, duration: f64, interval: f64) -> Option<AccuracyOptions> {
+        Some(AccuracyOptions {
             accuracy: self.accuracy?,
             duration,
             interval,
@@ -194,6 +181,20 @@ impl Wishes {
     }
 }
 
+/// The method for steps of dt seconds: the explicit one of second order where they resolve the fastest vibration, else the implicit one.
+fn of_fixed_step(system: &System, state: &State, dt: f64) -> Result<(Method, String)> {
+    let limit = SpectralRadius::at(system, state)?.verlet_limit();
+    // Steps near the limit are stable and hardly accurate.
+    Ok(if dt <= 0.5 * limit {
+        (
+            Method::Verlet,
+            format!("the step resolves the fastest vibration: explicit steps are stable up to {limit:.3e} s"),
+        )
+    } else {
+        (Method::Bdf2, format!("explicit steps are stable up to {limit:.3e} s"))
+    })
+}
+
 /// How a run is to be done.
 #[derive(Debug, Clone)]
 pub struct Plan {
@@ -202,7 +203,7 @@ pub struct Plan {
     /// For adaptive steps.
     pub rtol: Option<f64>,
     /// Why, where the program chose.
-    pub reason: Option<&'static str>,
+    pub reason: Option<String>,
 }
 
 impl Plan {
@@ -225,10 +226,9 @@ impl Plan {
         Ok(Stepper::Adaptive { stepper, rtol })
     }
 
-    /// What a monitor is to do.
-    pub fn monitor(&self, stops_unstable: bool) -> MonitorOptions {
-        let Configuration { method, options } = &self.configuration;
-        MonitorOptions { stops_unstable, ..MonitorOptions::of(*method, options.stiffness) }
+    /// What a monitor is to do; without an error estimate it balances energies alone.
+    pub fn monitor(&self, stops_unstable: bool, estimates_error: bool) -> MonitorOptions {
+        MonitorOptions { threshold: estimates_error.then(|| threshold(self.rtol)), stops_unstable }
     }
 
     /// The option of the matrices that a failed solve was given, and the dt of the first one of a step.

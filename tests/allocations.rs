@@ -109,7 +109,7 @@ fn what_is_asked_for_covers_what_is_taken() {
     for scene in [builtin::cloth(60).unwrap(), builtin::lattice(12).unwrap(), builtin::chain(3000).unwrap()] {
         let (system, state) = scene.build().unwrap();
         let taken = |new: &dyn Fn()| allocation_counter::measure(new).bytes_max;
-        let options = MonitorOptions { forces: true, ..MonitorOptions::default() };
+        let options = MonitorOptions::default();
         for (what, [spring, particle], bytes) in [
             ("monitor", [100, 400], taken(&|| drop(Monitor::new(&system, &state, options).unwrap()))),
             ("verlet", [40, 150], taken(&|| drop(Verlet::new(&system, &state).unwrap()))),

@@ -1,6 +1,6 @@
 //! The chart: what it measures, that failures stay on it, and that its files are whole.
 
-use sprung::accuracy::{Configuration, Pace, relative_position_error, trial};
+use sprung::accuracy::{Configuration, StepControl, relative_position_error, trial};
 use sprung::chart::stability::{Tile, TileVerdict, Varied};
 use sprung::chart::{Reference, SweepOptions, WorkPrecision, configurations};
 use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy};
@@ -103,7 +103,8 @@ fn work_counts_are_locked() {
     let (system, start) = oscillator();
     let counts = |method, stiffness| {
         let configuration = Configuration { method, options: ImplicitOptions { stiffness, ..Default::default() } };
-        let work = trial(&system, &start, &configuration, Pace::Step(0.01), 1.0, &|| true).unwrap().statistics.work;
+        let work =
+            trial(&system, &start, &configuration, StepControl::Step(0.01), 1.0, &|| true).unwrap().statistics.work;
         (work.force_evaluations, work.factorizations, work.solves)
     };
     assert_eq!(counts(Method::LinearBackwardEuler, StiffnessPolicy::OnDemand), (100, 100, 100));

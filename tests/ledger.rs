@@ -228,7 +228,7 @@ fn accurate_motions_of_random_networks_balance() {
         // ω is below 2 sqrt(k/(l0 m)) times the root of the springs at a particle: about 600 rad/s.
         for (method, dt) in [(Method::ImplicitMidpoint, 1e-4), (Method::Bdf2, 2e-5), (Method::W2, 5e-5)] {
             let (monitor, end) = monitored(&system, &start, method, dt, 0.05);
-            let (balance, figures) = (monitor.balance(), monitor.figures(&end));
+            let (balance, figures) = (monitor.balance(), monitor.indicators(&end));
             let share = balance.imbalance.abs() / (figures.exchanged + balance.dissipated);
             assert!(figures.exchanged > 1e-3 && balance.dissipated > 0.0, "{seed} {figures:?}");
             assert!(share < 5e-3, "{seed} {}: {share} {balance:?}", method.name());

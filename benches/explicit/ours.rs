@@ -11,9 +11,7 @@ use bytemuck::cast_slice;
 use cpu_time::ThreadTime;
 use nalgebra::Vector3;
 use sprung::force::set_total_force;
-use sprung::integrate::{
-    ImplicitOptions, Monitor, MonitorOptions, Schedule, StiffnessPolicy, TimeStepper, run_monitored,
-};
+use sprung::integrate::{ImplicitOptions, Monitor, MonitorOptions, Schedule, TimeStepper, run_monitored};
 use sprung::{Method, State, System, nalgebra};
 use std::error::Error;
 use std::hint::black_box;
@@ -74,7 +72,7 @@ impl<'s> Runner<'s> {
         Ok(Self {
             system,
             stepper: method.stepper(system, start, &ImplicitOptions::default())?,
-            monitor: Monitor::new(system, start, MonitorOptions::of(method, StiffnessPolicy::OnDemand))?,
+            monitor: Monitor::new(system, start, MonitorOptions::ENERGY)?,
             state: start.clone(),
         })
     }

@@ -222,8 +222,7 @@ impl<'r> Running<'r> {
     ) -> Ended<'r> {
         let Self { run, header, part, schedule, folder, .. } = self;
         let system = &part.system;
-        let needed = MonitorOptions::of(run.method.method(), run.method.policy());
-        let options = MonitorOptions { stops_unstable: !run.allow_unstable, ..needed };
+        let options = MonitorOptions { stops_unstable: !run.allow_unstable, ..MonitorOptions::default() };
         let every = run.checkpoint.map(NonZeroU64::get).or(found.as_ref().map(|found| found.every));
         let clock = Instant::now();
         let (mut reached, mut earlier, mut spent) = (0, Statistics::default(), 0.0);
@@ -290,11 +289,11 @@ impl<'r> Running<'r> {
         let method = run.method.method();
         let system = &part.system;
         let dofs = ranks::total(system.dofs().first_row(part.halo.own) as u64);
-        let figures = monitor.figures(state);
+        let indicators = monitor.indicators(state);
         let status = outcome.status();
         let tells = matches!(status, Status::Completed | Status::Interrupted);
-        let error = figures.estimate(method).filter(|_| tells);
-        let warnings = if tells { figures.warnings(method, None) } else { Vec::new() };
+        let error = indicators.estimate.filter(|_| tells);
+        let warnings = if tells { indicators.warnings(None) } else { Vec::new() };
         let effort = CostModel::of(system).cost(&statistics.work, None);
         Summary {
             scene: header.name.clone(),
@@ -318,7 +317,6 @@ impl<'r> Running<'r> {
             warnings: warnings.iter().map(ToString::to_string).collect(),
             effort: Effort { run: effort, total: effort },
             choice: None,
-            reductions: Vec::new(),
             failure: FailureReport::of(outcome, state.time),
         }
     }

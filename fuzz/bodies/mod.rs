@@ -140,8 +140,7 @@ pub fn runs(data: &[u8]) {
     let run = |pool: &rayon::ThreadPool| {
         pool.install(|| {
             let mut state = start.clone();
-            let how_monitored = MonitorOptions::of(method, options.stiffness);
-            let mut monitor = Monitor::new(&system, &state, how_monitored).ok()?;
+            let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).ok()?;
             let mut seen = 0;
             let watch = |_: u64, state: &State, _: &Monitor| {
                 assert!(state.is_finite(), "{} {options:?} {dt:e}", method.name());
@@ -166,10 +165,10 @@ pub fn runs(data: &[u8]) {
                 }
             };
             assert!(state.is_finite(), "{} {options:?} {dt:e} {rtol:?}: {outcome:?} {state:?}", method.name());
-            let figures = monitor.figures(&state);
-            let estimate = figures.estimate(method);
-            assert!(estimate.is_none_or(|estimate| estimate >= 0.0), "{estimate:?}: {figures:?}");
-            let warnings = figures.warnings(method, rtol).len();
+            let indicators = monitor.indicators(&state);
+            let estimate = indicators.estimate;
+            assert!(estimate.is_none_or(|estimate| estimate >= 0.0), "{indicators:?}");
+            let warnings = indicators.warnings(rtol).len();
             Some((bits(&state), outcome.steps, estimate.map(f64::to_bits), warnings))
         })
     };

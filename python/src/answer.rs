@@ -3,7 +3,7 @@
 use crate::compute::Flag;
 use crate::recorded::Recorded;
 use crate::task::{Done, Pacing, Subject};
-use sprung::accuracy::{Audience, Requirement, answer};
+use sprung::accuracy::{AccuracyOptions, Observer, run_to_accuracy};
 use sprung::force::Energy;
 use sprung::integrate::{Monitor, Schedule};
 use sprung::output::{EnergyChange, Summary};
@@ -18,13 +18,13 @@ struct Kept {
 }
 
 /// Records runs.
-struct Onlooker<'a> {
+struct Recorder<'a> {
     system: &'a System,
     start: &'a State,
     pacing: &'a Pacing,
 }
 
-impl Audience for Onlooker<'_> {
+impl Observer for Recorder<'_> {
     type Records = Kept;
 
     fn begin(&mut self, monitor: &Monitor) -> Result<Kept> {
@@ -46,22 +46,22 @@ impl Audience for Onlooker<'_> {
 /// Searches for an answer, and moves the state to its end; `None` where no run comes to the end.
 pub fn search(
     subject: &Subject<'_>,
-    requirement: &Requirement,
+    options: &AccuracyOptions,
     pacing: &Pacing,
     flag: &Flag,
     state: &mut State,
 ) -> Result<Option<Done>> {
     let clock = Instant::now();
     let start = state.clone();
-    let mut onlooker = Onlooker { system: subject.system, start: &start, pacing };
+    let mut recorder = Recorder { system: subject.system, start: &start, pacing };
     let go_on = || !flag.is_raised();
     // Who interrupts a search is not handed what it had so far, so the state stays where it was.
-    let found = answer(subject.system, &start, requirement, &mut onlooker, &go_on)?.filter(|_| go_on());
+    let found = run_to_accuracy(subject.system, &start, options, &mut recorder, &go_on)?.filter(|_| go_on());
     let Some(found) = found else { return Ok(None) };
-    let Subject { name, system, reductions } = subject;
+    let Subject { name, system } = subject;
     let (energy, seconds) = (found.records.energy, clock.elapsed().as_secs_f64());
     let name = (*name).to_owned();
-    let summary = Summary::of_answer(name, system, &found, requirement, energy, seconds, reductions.clone());
+    let summary = Summary::of_answer(name, system, &found, options, energy, seconds);
     *state = found.state;
     let mut recorded = found.records.recorded;
     recorded.end(state);

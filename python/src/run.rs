@@ -10,8 +10,7 @@ use crate::task::{Done, Pacing, Subject, fraction};
 use pyo3::exceptions::{PyRuntimeError, PyStopIteration};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sprung::accuracy::reduce;
-use sprung::integrate::{Method, Monitor, Schedule, Status};
+use sprung::integrate::{Monitor, Schedule, Status};
 use sprung::output::{ChoiceReport, ErrorKind, ErrorReport, Ran};
 use sprung::plan::{Plan, Wishes};
 use sprung::{State, System};
@@ -88,12 +87,10 @@ fn of_stepper(
     moving: &mut Moving,
     observe: impl FnMut(u64, &State) -> ControlFlow<()>,
 ) -> sprung::Result<Option<Done>> {
-    let reduced = wishes.reduces().then(|| reduce(&stepper.system, &moving.state));
-    let reductions = reduced.iter().flat_map(|reduced| &reduced.reductions).map(ToString::to_string).collect();
-    let system = reduced.as_ref().map_or(&*stepper.system, |reduced| &reduced.system);
-    let subject = Subject { name: &stepper.name, system, reductions };
-    if let Some(requirement) = wishes.requirement(system, pacing.duration, pacing.interval) {
-        return search(&subject, &requirement, pacing, &stepper.flag, &mut moving.state);
+    let system = &*stepper.system;
+    let subject = Subject { name: &stepper.name, system };
+    if let Some(options) = wishes.accuracy_options(system, pacing.duration, pacing.interval) {
+        return search(&subject, &options, pacing, &stepper.flag, &mut moving.state);
     }
     simulate(&subject, wishes, pacing, &mut moving.state, observe).map(Some)
 }
@@ -105,11 +102,11 @@ fn simulate(
     state: &mut State,
     mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
 ) -> sprung::Result<Done> {
-    let Subject { name, system, reductions } = subject;
+    let Subject { name, system } = subject;
     let schedule = Schedule::duration(pacing.interval, pacing.duration);
     let clock = Instant::now();
-    let plan = wishes.plan(system, state, schedule.dt(), pacing.rtol)?;
-    let mut monitor = Monitor::new(system, state, plan.monitor(pacing.stops_unstable))?;
+    let plan = wishes.plan(system, state, [schedule.dt(), pacing.duration], pacing.rtol)?;
+    let mut monitor = Monitor::new(system, state, plan.monitor(pacing.stops_unstable, true))?;
     let mut stepper = plan.stepper(system, state)?;
     let mut recorded = Recorded::new(system, schedule.len(), pacing.every)?;
     recorded.push(0, state, &monitor);
@@ -142,7 +139,6 @@ fn simulate(
         error,
         warnings,
         choice: choice(pacing, &plan),
-        reductions: reductions.clone(),
     };
     Ok(Done { summary: ran.summary(), recorded })
 }
@@ -151,26 +147,16 @@ fn simulate(
 fn choice(pacing: &Pacing, plan: &Plan) -> Option<ChoiceReport> {
     let rtol = pacing.rtol;
     let steps = rtol.filter(|_| pacing.is_chosen).map(|rtol| format!("no dt is given: adaptive steps, rtol {rtol:e}"));
-    let reasons: Vec<String> = steps.into_iter().chain(plan.reason.map(Into::into)).collect();
+    let reasons: Vec<String> = steps.into_iter().chain(plan.reason.clone()).collect();
     (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) })
 }
 
 /// How wrong a run is about, and what makes it doubtful. One that broke down says nothing of the motion.
 fn doubts(plan: &Plan, status: Status, monitor: &Monitor, state: &State) -> (Option<ErrorReport>, Vec<String>) {
-    let method = plan.configuration.method;
     if !matches!(status, Status::Completed | Status::Interrupted) {
         return (None, Vec::new());
     }
-    let figures = monitor.figures(state);
-    let mut warnings: Vec<String> = figures.warnings(method, plan.rtol).iter().map(ToString::to_string).collect();
-    if let Some(first) = warnings.first_mut() {
-        let advice = match (plan.rtol, method) {
-            (Some(_), _) => "try a smaller rtol",
-            (None, Method::Bdf2) => "leave out dt, or make it shorter",
-            (None, _) => "leave out dt, or try method=\"bdf2\"",
-        };
-        *first = format!("{first}: {advice}");
-    }
-    let report = |estimate| ErrorReport { estimate, kind: ErrorKind::Indicator };
-    (figures.estimate(method).map(report), warnings)
+    let indicators = monitor.indicators(state);
+    let warnings = indicators.warnings(plan.rtol).iter().map(ToString::to_string).collect();
+    (indicators.estimate.map(|estimate| ErrorReport { estimate, kind: ErrorKind::Indicator }), warnings)
 }

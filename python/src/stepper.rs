@@ -94,7 +94,7 @@ impl Stepper {
             let kept = match kept {
                 Some(kept) => kept,
                 None => {
-                    let plan = self.wishes.plan(&self.system, state, dt, None)?;
+                    let plan = self.wishes.plan(&self.system, state, [dt, dt], None)?;
                     let (method, options) = (plan.configuration.method, plan.configuration.options);
                     let made = Kept::try_new(self.system.clone(), |system| method.stepper(system, state, &options))?;
                     kept.insert(made)

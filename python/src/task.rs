@@ -14,8 +14,6 @@ use std::num::NonZeroU64;
 pub struct Subject<'s> {
     pub name: &'s str,
     pub system: &'s System,
-    /// What was left out of it, in words.
-    pub reductions: Vec<String>,
 }
 
 /// How long a run is, and how its steps and records are made.

@@ -1,46 +1,21 @@
-//! How accurate a run is, what it costs, and an answer of a required accuracy for little more than the cheapest run that has it.
+//! Runs to a required accuracy, and the method that suits a scene.
 //!
-//! Derivations are in the guide (`cargo xtask guide`), under theory: `accuracy`.
+//! **Confirmed** means that two runs which do not share their errors agree, and that a measured sensitivity bears them out:
+//!
+//! 1. a run with the [propagated error](crate::integrate::PropagatedError) of its own steps, and
+//! 2. a run of the same method with steps at least twice as fine, which ends as far from the first as that error says.
+//!
+//! The second run is the answer. With the method's order p and steps f times as fine, its error is the difference over `f^p − 1`, or the propagated
+//! error over `f^p` where that is more. Where the motion magnifies errors the propagated error is large, whatever two runs agree on.
 
-mod alone;
-mod answer;
-mod attempt;
-mod audience;
-mod believed;
-mod course;
-mod dop853;
-mod equal;
-mod explicit;
-mod filter;
-mod floppiness;
-mod horizon;
-mod metered;
 mod norm;
-mod own;
-mod preset;
-mod price;
-mod rates;
-mod reduction;
-mod requirement;
-mod resolution;
-mod samples;
+mod observer;
 mod search;
-mod settled;
-mod stability;
-mod stiff;
-#[cfg(test)]
-mod tests;
+mod spectral_radius;
 mod trial;
-mod verlet;
-mod words;
 
-pub use answer::answer;
-pub use attempt::SolverReport;
-pub use audience::{Audience, SearchProgress};
-pub use horizon::Horizon;
 pub use norm::{extent, relative_position_error};
-pub use preset::preset;
-pub use reduction::{Reduced, Reduction, reduce};
-pub use requirement::Requirement;
-pub use search::{Answer, Verdict};
-pub use trial::{Configuration, Pace, Trial, trial};
+pub use observer::{Observer, SearchProgress};
+pub use search::{AccuracyOptions, Answer, SolverReport, Verdict, run_to_accuracy};
+pub use spectral_radius::{SpectralRadius, default_method};
+pub use trial::{Configuration, StepControl, Trial, trial};

@@ -1,26 +1,41 @@
-//! What a search has tried, spent and found so far.
+//! The search for an answer: a run, then one at least twice as fine, until both agree as the order and the propagated error say.
 
-use super::attempt::{Attempt, Purpose, SolverReport, Task, Tried, attempt};
-use super::audience::{Audience, SearchProgress};
-use super::course::{Course, Difference};
-use super::horizon::Horizon;
-use super::own::Own;
-use super::{Configuration, Pace, Requirement, extent};
+use super::observer::{Observer, SearchProgress};
+use super::{Configuration, SpectralRadius, StepControl, default_method, extent, relative_position_error};
 use crate::error::Result;
-use crate::integrate::{Statistics, Status};
-use crate::system::State;
+use crate::integrate::{
+    Adaptivity, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, Sampling, Schedule,
+    Statistics, Status, StiffnessPolicy, TimeStepper, hermite, percent, run_adaptive_monitored, run_monitored,
+};
+use crate::linear::{CostModel, FactorReport, LinearSolver, SolverChoice, SolverOptions, Tolerance};
+use crate::system::{State, System};
+use faer::Par;
+use nalgebra::{Matrix3, Vector3};
+use std::ops::ControlFlow;
 
-/// A search stops without an answer when it would cost more than this many force evaluations.
-const MOST_COST: f64 = 3e7;
+/// The accuracy that is required of an answer, and what the search may choose.
+#[derive(Debug, Clone, Copy)]
+pub struct AccuracyOptions {
+    /// R, the largest [relative position error](super::relative_position_error) at the end.
+    pub accuracy: f64,
+    /// Length of the motion, in s.
+    pub duration: f64,
+    /// The interval at which the answer is recorded, in s.
+    pub interval: f64,
+    /// Parallelism of the factorizations.
+    pub par: Par,
+    /// The only method, where one is given.
+    pub method: Option<Method>,
+    /// The only stiffness policy, where one is given.
+    pub stiffness: Option<StiffnessPolicy>,
+    /// The only linear solver, where one is given.
+    pub solver: Option<SolverChoice>,
+}
 
-/// An answer in which more springs pass the length zero is not confirmed.
-const MOST_REVERSED: usize = 4;
-
-/// Whether an answer can be relied on.
+/// Whether an answer has the accuracy that was required.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// Two runs that could disagree agree, or what a run's own steps neglect is far below what was asked for; and steps resolve what moves: the error is
-    /// below that.
+    /// Two runs and the propagated error agree that it has.
     Confirmed,
     /// It could not be confirmed, for the reason given.
     Unconfirmed(String),
@@ -28,13 +43,26 @@ pub enum Verdict {
     Interrupted,
 }
 
-/// The last run of a search, and what is known of it.
+/// The linear solver of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SolverReport {
+    /// Its name; `none` for a method without matrices.
+    pub name: &'static str,
+    /// The preconditioner's name; `none` where there is none.
+    pub preconditioner: &'static str,
+    /// The reason for this solver, in words, where the program chose it.
+    pub choice: Option<String>,
+    /// The factor, where there was one.
+    pub factor: Option<FactorReport>,
+}
+
+/// The last run of a search, and its error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer<R> {
     /// Method, stiffness and solver.
     pub configuration: Configuration,
     /// Step or tolerance.
-    pub pace: Pace,
+    pub control: StepControl,
     /// The state at the end.
     pub state: State,
     /// Steps done.
@@ -43,227 +71,483 @@ pub struct Answer<R> {
     pub statistics: Statistics,
     /// The linear solver.
     pub solver: SolverReport,
-    /// Estimated relative position error; `None` where there is nothing to compare with.
+    /// Estimated relative position error; `None` where nothing is known of it.
     pub estimated_error: Option<f64>,
-    /// Whether it can be relied on.
+    /// Whether it has the accuracy required.
     pub verdict: Verdict,
-    /// How far positions can be predicted, where that ends before the run does.
-    pub horizon: Option<Horizon>,
-    /// [Cost](crate::linear::CostModel) of the run.
+    /// The time, in s, until which positions are predictable to the accuracy, where that is before the end.
+    pub predictable_until: Option<f64>,
+    /// The largest displacement from the start in the extent of the scene; of a scene that nothing holds, rigid motion apart.
+    pub motion: f64,
+    /// [Cost](crate::linear::CostModel) of the run, in force evaluations.
     pub cost: f64,
-    /// What everything has cost.
+    /// Cost of all runs.
     pub total_cost: f64,
-    /// Runs done, this one included.
+    /// Number of runs, this one included.
     pub runs: u32,
     /// What was recorded of the run.
     pub records: R,
 }
 
-pub(super) struct Search<'s, A: Audience> {
-    pub task: &'s Task<'s>,
-    pub requirement: &'s Requirement,
-    audience: &'s mut A,
+impl<R> Answer<R> {
+    /// The run and its error in one line.
+    pub fn reason(&self, accuracy: f64) -> String {
+        let Self { configuration, control, cost, total_cost, runs, .. } = self;
+        let error = match self.estimated_error {
+            Some(error) => format!("an error of about {}, {} required", percent(error), percent(accuracy)),
+            None => "an unknown error".into(),
+        };
+        let run = describe(configuration, *control);
+        format!("{run} ends with {error}: {cost:.0} force evaluations, {total_cost:.0} in all {runs} runs")
+    }
+
+    /// What keeps it from being relied on, or from saying much, in words.
+    pub fn warnings(&self, accuracy: f64) -> Vec<String> {
+        let required = percent(accuracy);
+        let known = self.estimated_error.map_or_else(
+            || "nothing is known of its error".into(),
+            |error| format!("the best answer is wrong by about {}", percent(error)),
+        );
+        let verdict = match (&self.verdict, self.predictable_until) {
+            (Verdict::Confirmed, _) => None,
+            (Verdict::Interrupted, _) => Some(format!("interrupted: {known}")),
+            (Verdict::Unconfirmed(why), Some(until)) => Some(format!(
+                "an accuracy of {required} could not be confirmed, {why}: positions are predictable to {required} until about {until:.3} s"
+            )),
+            (Verdict::Unconfirmed(why), None) => {
+                Some(format!("an accuracy of {required} could not be confirmed, {why}: {known}"))
+            }
+        };
+        let small = (self.motion > 0.0 && self.motion < RESOLVED * accuracy).then(|| {
+            format!(
+                "the motion itself is {} of the extent: an accuracy of {required} says little of it",
+                percent(self.motion)
+            )
+        });
+        verdict.into_iter().chain(small).collect()
+    }
+}
+
+/// A motion of less than so many times the accuracy is hardly resolved by the answer.
+const RESOLVED: f64 = 10.0;
+
+/// The second run's steps are at least so many times as fine.
+const FINER: f64 = 2.0;
+
+/// Propagated errors are within so many times of the truth in nine of ten runs: a difference beyond that is not explained by them.
+const AGREEMENT: f64 = 3.0;
+
+/// The relative error from which its linear equation says little.
+const LINEAR: f64 = 0.1;
+
+/// The search goes on for so many times the cost of the run that showed that the propagated error reaches the accuracy.
+const WORTH: f64 = 10.0;
+
+/// Runs that break down before the search ends without an answer.
+const MOST_FAILURES: u32 = 6;
+
+/// A method with its step or tolerance.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    configuration: Configuration,
+    control: StepControl,
+}
+
+impl Candidate {
+    /// With steps so many times as fine, as far as the order of the method tells.
+    fn finer(self, factor: f64) -> Self {
+        let order = self.configuration.method.order() as i32;
+        let control = match self.control {
+            StepControl::Step(dt) => StepControl::Step(dt / factor),
+            StepControl::Adaptive { rtol, first_step } => {
+                StepControl::Adaptive { rtol: (rtol / factor.powi(order)).max(LEAST_TOLERANCE), first_step }
+            }
+        };
+        Self { control, ..self }
+    }
+
+    /// The improvement that is counted on from the coarser run to the finer one: half of the digits that the order promises.
+    fn improvement(&self) -> f64 {
+        FINER.powf(0.5 * f64::from(self.configuration.method.order()))
+    }
+
+    fn is_at_the_limit(&self) -> bool {
+        matches!(self.control, StepControl::Adaptive { rtol, .. } if rtol <= LEAST_TOLERANCE)
+    }
+}
+
+/// Below this tolerance the estimates of steps are rounding.
+const LEAST_TOLERANCE: f64 = 1e-11;
+
+/// Runs until the answer is confirmed, or until it is known that it cannot be for ten times the cost. `None` where no run comes to its end. `go_on` is asked
+/// all the time; when it says no, the best answer so far is handed out as interrupted.
+///
+/// # Errors
+/// Coincident ends of a spring in `start`; a matrix that is too large; an error of the observer.
+///
+/// # Examples
+/// ```
+/// use sprung::accuracy::{AccuracyOptions, Verdict, run_to_accuracy};
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, start) = builder.build()?;
+/// let options = AccuracyOptions {
+///     accuracy: 1e-3,
+///     duration: 2.0,
+///     interval: 0.1,
+///     par: sprung::faer::Par::Seq,
+///     method: None,
+///     stiffness: None,
+///     solver: None,
+/// };
+/// let answer = run_to_accuracy(&system, &start, &options, &mut (), &|| true)?.ok_or("no answer")?;
+/// assert_eq!(answer.verdict, Verdict::Confirmed);
+/// // A particle of 1 kg on 10 N/m, 1 m from rest.
+/// let exact = 2.0 - (2.0 * 10.0_f64.sqrt()).cos();
+/// assert!((answer.state.positions[1].x - exact).abs() < 1e-3 * exact);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn run_to_accuracy<O: Observer>(
+    system: &System,
+    start: &State,
+    options: &AccuracyOptions,
+    observer: &mut O,
+    go_on: &dyn Fn() -> bool,
+) -> Result<Option<Answer<O::Records>>> {
+    let accuracy = options.accuracy;
+    let mut search =
+        Search { system, start, options, observer, go_on, costs: CostModel::of(system), spent: 0.0, runs: 0 };
+    let mut candidate = search.first_candidate()?;
+    let (mut failures, mut worth) = (0, f64::INFINITY);
+    let mut best: Option<Completed<O::Records>> = None;
+    let mut until = None;
+    loop {
+        let coarse = match search.run(candidate, true)? {
+            Attempt::Completed(run) => *run,
+            Attempt::Interrupted => return Ok(best.map(|run| search.answer(run, Verdict::Interrupted, until))),
+            Attempt::Failed if failures < MOST_FAILURES => {
+                failures += 1;
+                candidate = candidate.finer(FINER * FINER);
+                continue;
+            }
+            Attempt::Failed => {
+                let why = "finer runs break down".into();
+                return Ok(best.map(|run| search.answer(run, Verdict::Unconfirmed(why), until)));
+            }
+        };
+        let estimate = coarse.error.unwrap_or(f64::INFINITY);
+        let allowed = accuracy.max(LINEAR.min(accuracy * candidate.improvement()));
+        until = coarse.predictable_until;
+        if estimate <= allowed {
+            let mut fine = match search.run(candidate.finer(FINER), false)? {
+                Attempt::Completed(run) => *run,
+                Attempt::Interrupted => return Ok(Some(search.answer(coarse, Verdict::Interrupted, until))),
+                Attempt::Failed => {
+                    candidate = candidate.finer(FINER * FINER);
+                    best = Some(coarse);
+                    continue;
+                }
+            };
+            let apart = relative_position_error(&fine.state.positions, &coarse.state.positions, &start.positions);
+            // Not known to a part of that.
+            let error = apart.max(estimate) / candidate.improvement();
+            let agrees = apart <= AGREEMENT * estimate || apart <= accuracy / AGREEMENT;
+            fine.error = Some(error);
+            if agrees && error <= accuracy {
+                return Ok(Some(search.answer(fine, Verdict::Confirmed, None)));
+            }
+            fine.error = Some(apart.max(error));
+            best = Some(fine);
+            worth = worth.min(WORTH * search.spent);
+            candidate = candidate.finer(FINER * FINER);
+        } else {
+            worth = worth.min(WORTH * coarse.cost);
+            candidate = search.refined(candidate, &coarse, estimate / allowed);
+            best = Some(coarse);
+        }
+        let cost = best.as_ref().map_or(0.0, |run| run.cost * run.candidate.cost_ratio(&candidate));
+        if cost > worth || best.as_ref().is_some_and(|run| run.candidate.is_at_the_limit()) {
+            let why = "as the motion magnifies the errors of its steps".into();
+            return Ok(best.map(|run| search.answer(run, Verdict::Unconfirmed(why), until)));
+        }
+    }
+}
+
+impl Candidate {
+    /// The cost of a run of another candidate over that of this one, as their orders tell; of another method it is taken for the same.
+    fn cost_ratio(&self, other: &Self) -> f64 {
+        match (self.control, other.control) {
+            (StepControl::Step(dt), StepControl::Step(finer)) => dt / finer,
+            (StepControl::Adaptive { rtol, .. }, StepControl::Adaptive { rtol: finer, .. }) => {
+                (rtol / finer).powf(1.0 / f64::from(self.configuration.method.order()))
+            }
+            _ => 1.0,
+        }
+    }
+}
+
+/// What became of a run.
+enum Attempt<R> {
+    Completed(Box<Completed<R>>),
+    Failed,
+    Interrupted,
+}
+
+/// A run that came to its end.
+struct Completed<R> {
+    candidate: Candidate,
+    state: State,
+    steps: u64,
+    statistics: Statistics,
+    solver: SolverReport,
+    cost: f64,
+    /// The propagated error relative to the extent, where it was asked for.
+    error: Option<f64>,
+    predictable_until: Option<f64>,
+    motion: f64,
+    records: R,
+}
+
+struct Search<'s, O> {
+    system: &'s System,
+    start: &'s State,
+    options: &'s AccuracyOptions,
+    observer: &'s mut O,
+    go_on: &'s dyn Fn() -> bool,
+    costs: CostModel,
     spent: f64,
     runs: u32,
-    /// What is left to do after the run at hand, at most, as far as can be seen.
-    pub left: f64,
-    /// The longest step of all runs of one step length, in s.
-    longest: f64,
-    /// What the steps of the last completed run have estimated of their errors, relative to the extent.
-    local_errors: f64,
-    /// The last completed run.
-    latest: Option<Attempt<A::Records>>,
-    /// The run with the least estimate of its error, and that.
-    best: Option<(Attempt<A::Records>, f64)>,
-    pub horizon: Option<Horizon>,
 }
 
-/// How a run went that was to be compared with others.
-pub(super) enum Went {
-    /// To its end.
-    Well(Course, Run),
-    /// Wrong: steps too long, a matrix that cannot be solved with.
-    Wrong,
-    /// Beyond its limit.
-    TooFar,
-    /// Not to its end, on request.
-    Stopped,
-}
+/// The accuracy from which Verlet's method is tried first: with the longest stable steps it has two digits or three where slow motions matter.
+const FEW_DIGITS: f64 = 1e-3;
 
-/// Figures of a completed run.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Run {
-    pub cost: f64,
-    pub steps: u64,
-    /// What steps have estimated of their errors, added up, relative to the extent at the end; for methods that estimate them.
-    pub local_errors: f64,
-    /// The amplitude of what the energy that appeared or vanished would be in vibrations of one radian a step, relative to the extent.
-    pub strayed: f64,
-    /// Whether forces have jumped on the way: those of springs that pass the length zero.
-    pub jumps: bool,
-    /// What it says of its error.
-    pub own: Own,
-}
+/// The first step of Verlet's method in its limit of stability at the start, which springs that stretch lower.
+const STABLE: f64 = 0.7;
 
-impl<'s, A: Audience> Search<'s, A> {
-    pub fn new(task: &'s Task<'s>, requirement: &'s Requirement, audience: &'s mut A) -> Self {
-        Self {
-            task,
-            requirement,
-            audience,
-            spent: 0.0,
-            runs: 0,
-            left: 0.0,
-            longest: 0.0,
-            local_errors: 0.0,
-            latest: None,
-            best: None,
-            horizon: None,
-        }
+/// Steps of a first run by a method of fixed steps that stability does not bound.
+const FIRST_STEPS: f64 = 200.0;
+
+/// The refinement of Verlet's steps from which a method of high order is cheaper.
+const MUCH_FINER: f64 = 4.0;
+
+impl<O: Observer> Search<'_, O> {
+    fn configuration(&self, method: Method) -> Configuration {
+        let AccuracyOptions { accuracy, par, stiffness, solver, .. } = *self.options;
+        let defaults = SolverOptions::default();
+        // Far more exactly than the accuracy needs.
+        let tolerance = Tolerance::Fixed((1e-3 * accuracy).clamp(1e-12, 1e-4));
+        let linear = SolverOptions { solver: solver.unwrap_or(defaults.solver), par, tolerance, ..defaults };
+        let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
+        let stiffness = stiffness.unwrap_or(options.stiffness);
+        Configuration { method, options: ImplicitOptions { stiffness, ..options } }
     }
 
-    /// Enters what something beside runs has cost.
-    pub fn spend(&mut self, cost: f64) {
-        self.spent += cost;
+    fn adaptive(&self, method: Method) -> Candidate {
+        let rtol = self.options.accuracy.min(1e-2);
+        let control = StepControl::Adaptive { rtol, first_step: None };
+        Candidate { configuration: self.configuration(method), control }
     }
 
-    /// What everything has cost so far.
-    #[cfg(test)]
-    pub fn spent(&self) -> f64 {
-        self.spent
-    }
-
-    /// Whether a run of this cost may be begun.
-    pub fn affords(&self, cost: f64) -> bool {
-        self.spent + cost <= MOST_COST
-    }
-
-    /// Whether nobody has asked to stop.
-    pub fn goes_on(&self) -> bool {
-        (self.task.go_on)()
-    }
-
-    /// Makes a run that may be the answer.
-    pub fn run(&mut self, configuration: Configuration, pace: Pace, limit: f64) -> Result<Went> {
-        self.run_for(Purpose::Answer, configuration, pace, limit)
-    }
-
-    /// Makes a run.
-    pub fn run_for(&mut self, purpose: Purpose, configuration: Configuration, pace: Pace, limit: f64) -> Result<Went> {
-        let doing = describe(&configuration, pace);
-        let (before, left) = (self.spent, self.left);
-        let mut progress = |audience: &mut A, part: f64, cost: f64| {
-            let rest = if part > 0.0 { cost * (1.0 / part - 1.0) } else { 0.0 };
-            audience.progress(&SearchProgress { doing: &doing, part, spent: before + cost, left: left + rest });
+    /// The method and the step or tolerance of the first run, by their price.
+    fn first_candidate(&self) -> Result<Candidate> {
+        let Self { system, start, options, .. } = self;
+        let AccuracyOptions { accuracy, duration, .. } = **options;
+        let method = match options.method {
+            Some(method) => method,
+            None => match default_method(system, start, duration)?.0 {
+                Method::Dop853 if accuracy >= FEW_DIGITS => Method::Verlet,
+                method => method,
+            },
         };
-        let limit = limit.min(MOST_COST - self.spent);
-        if let Pace::Step(dt) = pace {
-            self.longest = self.longest.max(dt);
+        if method.estimates_errors() {
+            return Ok(self.adaptive(method));
         }
-        let tried =
-            attempt(self.task, configuration, pace, purpose, [limit, self.longest], self.audience, &mut progress)?;
-        let Tried { attempt, status, cost, is_too_expensive, local_errors, strayed, own } = tried;
-        self.runs += 1;
-        self.spent += cost;
-        let Some(mut attempt) = attempt else {
-            return Ok(match status {
-                Status::Interrupted => Went::Stopped,
-                _ if is_too_expensive => Went::TooFar,
-                _ => Went::Wrong,
-            });
-        };
-        let course = std::mem::take(&mut attempt.course);
-        let local_errors = local_errors / extent(course.end(), &self.task.start.positions);
-        let run = Run { cost, steps: attempt.steps, local_errors, strayed, jumps: attempt.reversed > 0, own };
-        self.local_errors = local_errors;
-        self.latest = Some(attempt);
-        Ok(Went::Well(course, run))
-    }
-
-    /// Says what is known of the error of the run made last. Where runs came out the same, as those whose steps are all cut by kinks, it is what
-    /// their steps have estimated themselves. One that has what was asked for goes before all earlier ones, also those that are said to err by
-    /// less: they were not believed.
-    pub fn estimate(&mut self, error: f64) {
-        let error = if error == 0.0 { self.local_errors.min(self.requirement.accuracy) } else { error };
-        let suffices = error <= self.requirement.accuracy;
-        if (suffices || self.best.as_ref().is_none_or(|(_, least)| error <= *least))
-            && let Some(latest) = self.latest.take()
-        {
-            self.best = Some((latest, error));
-        }
-    }
-
-    /// The answer; `None` where no run came to its end.
-    pub fn answer(self, verdict: Verdict) -> Option<Answer<A::Records>> {
-        let Self { spent, runs, latest, best, horizon, .. } = self;
-        let best = best.map(|(attempt, error)| (attempt, Some(error)));
-        let (attempt, estimated_error) = best.or(latest.map(|attempt| (attempt, None)))?;
-        let Attempt { configuration, pace, state, steps, statistics, cost, solver, reversed, records, .. } = attempt;
-        let verdict = if reversed > MOST_REVERSED && verdict == Verdict::Confirmed {
-            Verdict::Unconfirmed(format!("{reversed} springs pass the length zero, where their forces jump"))
+        let dt = if method.is_implicit() {
+            duration / FIRST_STEPS
         } else {
-            verdict
+            STABLE * SpectralRadius::at(system, start)?.verlet_limit()
         };
-        Some(Answer {
-            configuration,
-            pace,
-            state,
-            steps,
-            statistics,
-            solver,
-            estimated_error: estimated_error.filter(|error| error.is_finite()),
-            verdict,
-            horizon,
-            cost,
-            total_cost: spent,
-            runs,
-            records,
+        let control = StepControl::Step(dt.min(duration / FIRST_STEPS.min(8.0)));
+        Ok(Candidate { configuration: self.configuration(method), control })
+    }
+
+    /// The candidate after one whose propagated error was so many times what is allowed.
+    fn refined(&self, candidate: Candidate, run: &Completed<O::Records>, excess: f64) -> Candidate {
+        let order = f64::from(candidate.configuration.method.order());
+        let is_saturated = run.error.is_none_or(|error| error > LINEAR);
+        let needed = if is_saturated { FINER * FINER } else { (2.0 * excess).powf(1.0 / order) };
+        let is_free = self.options.method.is_none() && candidate.configuration.method == Method::Verlet;
+        if is_free && needed >= MUCH_FINER { self.adaptive(Method::Dop853) } else { candidate.finer(needed.max(FINER)) }
+    }
+
+    /// Makes a run, with the propagated error of its steps where that is asked for.
+    fn run(&mut self, candidate: Candidate, propagates: bool) -> Result<Attempt<O::Records>> {
+        let Self { system, start, options, go_on, .. } = *self;
+        let Candidate { configuration: Configuration { method, options: implicit }, control } = candidate;
+        let AccuracyOptions { accuracy, duration, interval, .. } = *options;
+        let doing = describe(&candidate.configuration, control);
+        let mut state = start.clone();
+        let threshold = propagates.then_some(accuracy);
+        let mut monitor = Monitor::new(system, &state, MonitorOptions { threshold, stops_unstable: true })?;
+        let mut records = self.observer.begin(&monitor)?;
+        let (mut failed, mut motion) = (None, 0.0_f64);
+        let is_free = system.prescribed().iter().next().is_none();
+        let (observer, spent) = (&mut *self.observer, self.spent);
+        let mut see = |number: u64, sample: &State, monitor: &Monitor| {
+            let deformed = if is_free { rigid_motion_apart(&start.positions, &sample.positions) } else { Vec::new() };
+            let moved = if is_free { &deformed } else { &sample.positions };
+            let displacement =
+                moved.iter().zip(&start.positions).map(|(x, start)| (x - start).norm_squared()).sum::<f64>();
+            motion = motion.max(displacement.sqrt());
+            failed = observer.record(&mut records, number, sample, monitor).err();
+            observer.progress(&SearchProgress { run: &doing, part: (sample.time - start.time) / duration, spent });
+            if failed.is_some() || !go_on() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let (outcome, stepper): (Outcome, Box<dyn TimeStepper>) = match control {
+            StepControl::Step(dt) => {
+                let mut stepper = method.stepper(system, start, &implicit)?;
+                let mut sampler = Sampler::new(start, interval, duration);
+                let schedule = Schedule::duration(dt, duration);
+                let outcome = run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, |_, state, monitor| {
+                    if !go_on() {
+                        return ControlFlow::Break(());
+                    }
+                    sampler.observe(system, state, |number, sample| see(number, sample, monitor))
+                });
+                (outcome, stepper)
+            }
+            StepControl::Adaptive { rtol, first_step } => {
+                let mut stepper = method.adaptive_stepper(system, start, &implicit)?.ok_or_else(|| {
+                    crate::Error::Unsupported(format!("{} has no error estimate for adaptive steps", method.name()))
+                })?;
+                let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Every(interval), part_of: None };
+                let outcome = run_adaptive_monitored(&mut *stepper, system, &mut state, &how, &mut monitor, &mut see);
+                (outcome, stepper)
+            }
+        };
+        failed.map_or(Ok(()), Err)?;
+        let solver = stepper.linear_solver();
+        let factor = solver.and_then(LinearSolver::factor);
+        let statistics = *stepper.statistics();
+        let cost = self.costs.cost(&statistics.work, factor.map(|factor| factor.size));
+        self.spent += cost;
+        self.runs += 1;
+        let ErrorIndicators { estimate, predictable_until, .. } = monitor.indicators(&state);
+        Ok(match outcome.status() {
+            Status::Completed => Attempt::Completed(Box::new(Completed {
+                candidate,
+                steps: outcome.steps,
+                statistics,
+                solver: SolverReport {
+                    name: solver.map_or("none", LinearSolver::name),
+                    preconditioner: solver.and_then(LinearSolver::preconditioner).unwrap_or("none"),
+                    choice: solver.and_then(LinearSolver::choice),
+                    factor,
+                },
+                cost,
+                error: estimate,
+                predictable_until,
+                motion: motion / extent(&state.positions, &start.positions),
+                state,
+                records,
+            })),
+            _ if !go_on() => Attempt::Interrupted,
+            _ => Attempt::Failed,
         })
     }
 
-    pub fn difference(&self, fine: &Course, coarse: &Course) -> Difference {
-        fine.compared_with(coarse, &self.task.start.positions)
-    }
-}
-
-/// A configuration and its pace in words.
-pub(super) fn describe(configuration: &Configuration, pace: Pace) -> String {
-    let name = configuration.method.name();
-    match pace {
-        Pace::Step(dt) => format!("{name} with dt = {dt:.3e} s"),
-        Pace::Adaptive { rtol, .. } => format!("{name} with rtol = {rtol:.1e}"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::price::of;
-    use super::super::samples::Grid;
-    use super::*;
-    use crate::integrate::Method;
-    use crate::linear::CostModel;
-    use crate::system::fixtures::oscillator;
-
-    /// Of three runs, by their estimates: what suffices is the answer when it comes last, and otherwise the least.
-    #[test]
-    fn the_run_that_is_believed_is_the_answer() {
-        let (system, start) = oscillator();
-        let (duration, interval) = (1.0, 0.5);
-        let grid = Grid::new(duration, interval, system.particles());
-        let task =
-            Task { system: &system, start: &start, duration, costs: CostModel::of(&system), grid, go_on: &|| true };
-        let (method, stiffness, solver, par) = (None, None, None, faer::Par::Seq);
-        let requirement = Requirement { accuracy: 1e-2, duration, interval, par, method, stiffness, solver };
-        for (estimates, expected) in
-            [([3e-2, 8e-3, 9e-3], 30), ([3e-2, 8e-3, 1.1e-2], 20), ([2e-2, 3e-2, 4e-2], 10), ([2e-2, 3e-2, 2e-2], 30)]
-        {
-            let mut audience = ();
-            let mut search = Search::new(&task, &requirement, &mut audience);
-            for (steps, estimate) in [10.0, 20.0, 30.0].into_iter().zip(estimates) {
-                search.run(of(Method::Verlet), Pace::Step(duration / steps), f64::INFINITY).unwrap();
-                search.estimate(estimate);
-            }
-            assert_eq!(search.answer(Verdict::Confirmed).unwrap().steps, expected, "{estimates:?}");
+    fn answer(
+        &self,
+        run: Completed<O::Records>,
+        verdict: Verdict,
+        predictable_until: Option<f64>,
+    ) -> Answer<O::Records> {
+        Answer {
+            configuration: run.candidate.configuration,
+            control: run.candidate.control,
+            state: run.state,
+            steps: run.steps,
+            statistics: run.statistics,
+            solver: run.solver,
+            estimated_error: run.error.filter(|error| error.is_finite()),
+            verdict,
+            predictable_until,
+            motion: run.motion,
+            cost: run.cost,
+            total_cost: self.spent,
+            runs: self.runs,
+            records: run.records,
         }
+    }
+}
+
+/// Samples of a run of fixed steps at multiples of an interval and at its end, by cubic Hermite polynomials between the steps.
+struct Sampler {
+    interval: f64,
+    start: f64,
+    end: f64,
+    count: u64,
+    before: State,
+    sample: State,
+}
+
+impl Sampler {
+    fn new(start: &State, interval: f64, duration: f64) -> Self {
+        let end = start.time + duration;
+        Self { interval, start: start.time, end, count: 0, before: start.clone(), sample: start.clone() }
+    }
+
+    fn observe(
+        &mut self,
+        system: &System,
+        state: &State,
+        mut see: impl FnMut(u64, &State) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        // A sample within rounding of the end is the end.
+        let slack = 1e-9 * self.interval;
+        loop {
+            let time = self.start + (self.count + 1) as f64 * self.interval;
+            if time > state.time || time > self.end - slack {
+                break;
+            }
+            self.count += 1;
+            hermite(&self.before, state, time, &mut self.sample);
+            self.sample.time = time;
+            self.sample.prescribe(system);
+            see(self.count, &self.sample)?;
+        }
+        self.before.copy_from(state);
+        if state.time >= self.end - slack { see(self.count + 1, state) } else { ControlFlow::Continue(()) }
+    }
+}
+
+/// Positions turned and moved as a whole to where they are nearest to others: the rigid motion by the singular value decomposition of their covariance
+/// (Kabsch, Acta Cryst. A32, 1976).
+fn rigid_motion_apart(reference: &[Vector3<f64>], positions: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let count = positions.len().max(1) as f64;
+    let [centre, to] = [positions, reference].map(|list| list.iter().sum::<Vector3<f64>>() / count);
+    let mut covariance = Matrix3::zeros();
+    for (x, reference) in positions.iter().zip(reference) {
+        covariance += (reference - to) * (x - centre).transpose();
+    }
+    let svd = covariance.svd(true, true);
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { return positions.to_vec() };
+    let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
+    let turn = u * mirror * v_t;
+    positions.iter().map(|x| to + turn * (x - centre)).collect()
+}
+
+/// A configuration and its step or tolerance in words.
+fn describe(configuration: &Configuration, control: StepControl) -> String {
+    let name = configuration.method.name();
+    match control {
+        StepControl::Step(dt) => format!("{name} with dt = {dt:.3e} s"),
+        StepControl::Adaptive { rtol, .. } => format!("{name} with rtol = {rtol:.1e}"),
     }
 }

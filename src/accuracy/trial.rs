@@ -32,10 +32,10 @@ impl Configuration {
     }
 }
 
-/// What decides about the length of steps.
+/// The control of step lengths.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Pace {
+pub enum StepControl {
     /// All steps but the last are of this length, in s.
     Step(f64),
     /// Steps adapt to an error estimate; for methods that have one.
@@ -47,7 +47,7 @@ pub enum Pace {
     },
 }
 
-/// What a run did and where it led.
+/// A run and its end.
 #[derive(Debug, Clone)]
 pub struct Trial {
     /// How it ended.
@@ -77,7 +77,7 @@ pub struct Trial {
 /// # Examples
 /// ```
 /// use sprung::Method;
-/// use sprung::accuracy::{Configuration, Pace, trial};
+/// use sprung::accuracy::{Configuration, StepControl, trial};
 /// use sprung::integrate::ImplicitOptions;
 ///
 /// # use sprung::{Spring, SystemBuilder};
@@ -88,7 +88,7 @@ pub struct Trial {
 /// # builder.hold(0);
 /// let (system, start) = builder.build()?;
 /// let configuration = Configuration { method: Method::Bdf2, options: ImplicitOptions::default() };
-/// let run = trial(&system, &start, &configuration, Pace::Step(0.01), 1.0, &|| true)?;
+/// let run = trial(&system, &start, &configuration, StepControl::Step(0.01), 1.0, &|| true)?;
 /// assert_eq!(run.status.name(), "completed");
 /// assert!((run.state.positions[1].x - (2.0 - 10.0_f64.sqrt().cos())).abs() < 0.01);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -97,7 +97,7 @@ pub fn trial(
     system: &System,
     start: &State,
     configuration: &Configuration,
-    pace: Pace,
+    control: StepControl,
     duration: f64,
     go_on: &dyn Fn() -> bool,
 ) -> Result<Trial> {
@@ -105,13 +105,13 @@ pub fn trial(
     let Configuration { method, options } = configuration;
     let mut state = start.clone();
     let observe = |_: u64, _: &State| if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
-    let (outcome, stepper): (_, Box<dyn TimeStepper>) = match pace {
-        Pace::Step(dt) => {
+    let (outcome, stepper): (_, Box<dyn TimeStepper>) = match control {
+        StepControl::Step(dt) => {
             let mut stepper = method.stepper(system, start, options)?;
             let outcome = run(stepper.as_mut(), &mut state, &Schedule::duration(dt, duration), observe);
             (outcome, stepper)
         }
-        Pace::Adaptive { rtol, first_step } => {
+        StepControl::Adaptive { rtol, first_step } => {
             let mut stepper = method.adaptive_stepper(system, start, options)?.ok_or_else(|| {
                 crate::Error::Unsupported(format!("{} has no error estimate for adaptive steps", method.name()))
             })?;

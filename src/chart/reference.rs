@@ -1,7 +1,7 @@
 //! The answer that runs are measured against, with an estimate of its own error.
 
 use super::{Deadline, dop853};
-use crate::accuracy::{Configuration, Pace, relative_position_error, trial};
+use crate::accuracy::{Configuration, StepControl, relative_position_error, trial};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, Status};
 use crate::interrupt::Interrupt;
@@ -155,7 +155,7 @@ impl Ladder {
 
     fn climb(&mut self, system: &System, start: &State, [dt, duration]: [f64; 2], deadline: Deadline) -> Result<()> {
         let in_time = || deadline.allows(Duration::ZERO);
-        let run = trial(system, start, &self.configuration, Pace::Step(dt), duration, &in_time)?;
+        let run = trial(system, start, &self.configuration, StepControl::Step(dt), duration, &in_time)?;
         self.open = goes_on(run.status, run.wall, |next| deadline.allows(next));
         let state = (run.status == Status::Completed).then_some(run.state);
         self.before = self.extrapolated.take();

@@ -2,7 +2,7 @@
 
 use super::reference::ABOVE_THE_FLOOR;
 use super::{Deadline, Progress, Quality, Reference};
-use crate::accuracy::{Configuration, Pace, Trial, trial};
+use crate::accuracy::{Configuration, StepControl, Trial, trial};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, Status, StiffnessPolicy};
 use crate::linear::{CostModel, SolverChoice, SolverOptions};
@@ -64,7 +64,7 @@ const LONG: Duration = Duration::from_millis(100);
 
 impl Bench<'_> {
     /// Runs and measures; `None` when the deadline came first.
-    pub fn measure(&self, configuration: &Configuration, pace: Pace, deadline: Deadline) -> Result<Option<Run>> {
+    pub fn measure(&self, configuration: &Configuration, pace: StepControl, deadline: Deadline) -> Result<Option<Run>> {
         let in_time = || deadline.allows(Duration::ZERO);
         let once = || trial(self.system, self.start, configuration, pace, self.duration, &in_time);
         let first = once()?;
@@ -83,13 +83,13 @@ impl Bench<'_> {
         Ok(Some(self.run(configuration, pace, first, repeats, wall)))
     }
 
-    fn run(&self, configuration: &Configuration, pace: Pace, trial: Trial, repeats: u32, wall: Duration) -> Run {
+    fn run(&self, configuration: &Configuration, pace: StepControl, trial: Trial, repeats: u32, wall: Duration) -> Run {
         let completed = trial.status == Status::Completed;
         let quality = completed.then(|| Quality::of(self.system, &trial.state, &self.reference.state, self.start));
         let work = trial.statistics.work;
         let (dt, rtol) = match pace {
-            Pace::Step(dt) => (dt, None),
-            Pace::Adaptive { rtol, .. } => (self.duration / trial.steps.max(1) as f64, Some(rtol)),
+            StepControl::Step(dt) => (dt, None),
+            StepControl::Adaptive { rtol, .. } => (self.duration / trial.steps.max(1) as f64, Some(rtol)),
         };
         let iterates = configuration.method.is_implicit() && work.factorizations == 0;
         Run {
@@ -146,7 +146,7 @@ const COARSEST_TOLERANCE: f64 = 0.1;
 /// A configuration on its way to smaller steps.
 struct Lane {
     configuration: Configuration,
-    pace: Pace,
+    pace: StepControl,
     last: Option<Duration>,
     open: bool,
 }
@@ -169,8 +169,8 @@ pub(super) fn sweep(
             && c.options.stiffness == StiffnessPolicy::OnDemand
             && c.options.linear.solver == SolverChoice::Llt
     };
-    let adaptive = Pace::Adaptive { rtol: COARSEST_TOLERANCE, first_step: Some(dt) };
-    let mut lanes: Vec<Lane> = all.iter().map(|&configuration| lane(configuration, Pace::Step(dt))).collect();
+    let adaptive = StepControl::Adaptive { rtol: COARSEST_TOLERANCE, first_step: Some(dt) };
+    let mut lanes: Vec<Lane> = all.iter().map(|&configuration| lane(configuration, StepControl::Step(dt))).collect();
     lanes.extend(all.iter().filter(on_demand).map(|&configuration| lane(configuration, adaptive)));
     let mut runs = Vec::new();
     while lanes.iter().any(|lane| lane.open) && deadline.allows(Duration::ZERO) {
@@ -190,9 +190,9 @@ pub(super) fn sweep(
             lane.open = !run.error.is_some_and(is_at_floor);
             runs.push(run);
             lane.pace = match lane.pace {
-                Pace::Step(dt) => Pace::Step(0.5 * dt),
-                Pace::Adaptive { rtol, first_step } => {
-                    Pace::Adaptive { rtol: 0.25 * rtol, first_step: first_step.map(|step| 0.5 * step) }
+                StepControl::Step(dt) => StepControl::Step(0.5 * dt),
+                StepControl::Adaptive { rtol, first_step } => {
+                    StepControl::Adaptive { rtol: 0.25 * rtol, first_step: first_step.map(|step| 0.5 * step) }
                 }
             };
         }
@@ -273,7 +273,7 @@ mod tests {
                                 && c.options.linear.solver == SolverChoice::Llt
                         };
                         let configuration = all.iter().find(is_same).unwrap();
-                        let pace = Pace::Adaptive { rtol, first_step };
+                        let pace = StepControl::Adaptive { rtol, first_step };
                         let alone = trial(bench.system, bench.start, configuration, pace, 1.0, &|| true).unwrap();
                         assert_eq!((alone.statistics.work, 1.0 / alone.steps as f64), (run.work, run.dt), "{run:?}");
                     }
@@ -290,7 +290,7 @@ mod tests {
         let scene = oscillator(3.0);
         let bench = bench(&scene, 3.0);
         let configuration = Configuration { method: Method::Dop853, options: ImplicitOptions::default() };
-        let pace = Pace::Adaptive { rtol: 1e-6, first_step: Some(0.1) };
+        let pace = StepControl::Adaptive { rtol: 1e-6, first_step: Some(0.1) };
         let run = bench.measure(&configuration, pace, far()).unwrap().unwrap();
         let alone = trial(bench.system, bench.start, &configuration, pace, 3.0, &|| true).unwrap();
         assert!(alone.steps > 1);

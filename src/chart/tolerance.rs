@@ -2,7 +2,7 @@
 
 use super::Deadline;
 use super::sweep::{Bench, Run};
-use crate::accuracy::{Configuration, Pace};
+use crate::accuracy::{Configuration, StepControl};
 use crate::error::Result;
 use crate::integrate::{ImplicitOptions, Method, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions, Tolerance};
@@ -19,7 +19,7 @@ pub(super) fn study(bench: &Bench<'_>, method: Method, dt: f64, deadline: Deadli
             ..SolverOptions::default()
         };
         let options = ImplicitOptions { stiffness: StiffnessPolicy::OnDemand, linear };
-        match bench.measure(&Configuration { method, options }, Pace::Step(dt), deadline)? {
+        match bench.measure(&Configuration { method, options }, StepControl::Step(dt), deadline)? {
             Some(run) => runs.push(run),
             None => break,
         }

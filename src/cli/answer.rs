@@ -1,20 +1,19 @@
-//! `sprung run --accuracy R`: a search for an answer, recorded as it goes.
+//! `sprung run --accuracy R`: a search for an answer, every run of which is recorded.
 
 use super::common::{LoadedScene, claim};
-use super::console::{Console, error};
+use super::console::{Console, warning};
 use super::files::{FILES, Files, text};
 use super::recorder::{Recorder, bar};
-use super::time::roughly;
 use super::{Stop, interrupt};
 use indicatif::ProgressBar;
-use sprung::accuracy::{Audience, Reduction, Requirement, SearchProgress, answer};
+use sprung::accuracy::{AccuracyOptions, Observer, SearchProgress, run_to_accuracy};
 use sprung::force::Energy;
 use sprung::integrate::{Monitor, Schedule};
 use sprung::output::{CHECKPOINT, EnergyChange, Summary, clear_frames, write_final_state};
 use sprung::{Error, Result, State, System};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use tempfile::TempDir;
 
 /// Thousandths, in which the progress bar counts.
@@ -30,7 +29,7 @@ pub struct Kept {
 }
 
 /// Records runs and shows how the search gets on.
-struct Onlooker<'a> {
+struct RunRecorder<'a> {
     files: &'a Files,
     folder: &'a Path,
     schedule: Schedule,
@@ -38,7 +37,7 @@ struct Onlooker<'a> {
     bar: ProgressBar,
 }
 
-impl Audience for Onlooker<'_> {
+impl Observer for RunRecorder<'_> {
     type Records = Kept;
 
     fn begin(&mut self, monitor: &Monitor) -> Result<Kept> {
@@ -59,13 +58,9 @@ impl Audience for Onlooker<'_> {
     }
 
     fn progress(&mut self, progress: &SearchProgress<'_>) {
-        let SearchProgress { doing, part, spent, left } = progress;
+        let SearchProgress { run, part, spent } = progress;
         self.bar.set_position((part * PARTS as f64) as u64);
-        // Work that was not done yet is as fast as the work that was.
-        let rest = Duration::try_from_secs_f64(self.bar.elapsed().as_secs_f64() * left / spent);
-        let rest = rest.map_or("unknown".into(), |rest| format!("at most about {}", roughly(rest)));
-        let all = spent + left;
-        self.bar.set_message(format!("{doing}, {rest} left; {spent:.0} of {all:.0} force evaluations done"));
+        self.bar.set_message(format!("{run}; {spent:.0} force evaluations in the runs before"));
     }
 }
 
@@ -97,38 +92,36 @@ fn move_files(from: &Path, to: &Path) -> Result<()> {
 }
 
 /// What is asked for, and where its results go.
-pub struct Question<'a> {
+pub struct AccuracyCommand<'a> {
     pub files: &'a Files,
-    pub requirement: Requirement,
+    pub options: AccuracyOptions,
     pub folder: PathBuf,
-    pub reductions: &'a [Reduction],
     pub interrupted: &'a AtomicBool,
 }
 
-impl Question<'_> {
+impl AccuracyCommand<'_> {
     /// Searches, writes and reports the answer.
     pub fn answer(&self, console: &Console, scene: &LoadedScene) -> Result<Summary, Stop> {
-        let Self { files, requirement, folder, interrupted, .. } = self;
+        let Self { files, options, folder, interrupted } = self;
         let LoadedScene { file, name, system, state: start, .. } = scene;
         interrupt::keep();
         let claimed = claim(folder, &FILES, false)?;
         claimed.remove(CHECKPOINT)?;
         let clock = Instant::now();
         let go_on = || !interrupted.load(Ordering::Relaxed);
-        let schedule = Schedule::duration(requirement.interval, requirement.duration);
+        let schedule = Schedule::duration(options.interval, options.duration);
         let bar = bar(console, PARTS, "{wide_bar} {msg}");
-        let mut onlooker = Onlooker { files, folder, schedule, scene, bar };
-        let found = answer(system, start, requirement, &mut onlooker, &go_on);
-        onlooker.bar.finish_and_clear();
+        let mut recorder = RunRecorder { files, folder, schedule, scene, bar };
+        let found = run_to_accuracy(system, start, options, &mut recorder, &go_on);
+        recorder.bar.finish_and_clear();
         let Some(found) = found.map_err(|error| error.in_file(file))? else {
             let why = if go_on() { "no run comes to the end of this motion" } else { "interrupted" };
-            let accuracy = requirement.accuracy;
+            let accuracy = options.accuracy;
             return Err(Stop::Computation(format!("{why}: there is no answer to an accuracy of {accuracy:e}")));
         };
         let wall_seconds = clock.elapsed().as_secs_f64();
-        let reductions = self.reductions.iter().map(ToString::to_string).collect();
         let energy = found.records.energy;
-        let summary = Summary::of_answer(name.clone(), system, &found, requirement, energy, wall_seconds, reductions);
+        let summary = Summary::of_answer(name.clone(), system, &found, options, energy, wall_seconds);
         let state = &found.state;
         let records = found.records;
         let final_state = folder.join("final.json");
@@ -140,7 +133,7 @@ impl Question<'_> {
         written.map_err(Stop::Broken)?;
         let names = files.show(folder).map_err(Stop::Broken)?;
         console.result(&summary, text(&summary, folder, &names))?;
-        summary.warnings.iter().for_each(error);
+        summary.warnings.iter().for_each(warning);
         Ok(summary)
     }
 }

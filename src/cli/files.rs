@@ -5,7 +5,7 @@ use super::time::in_words;
 use super::values::positive_count;
 use super::view::{self, PAGE};
 use sprung::Result;
-use sprung::integrate::{Balance, Method, Schedule, percent};
+use sprung::integrate::{Balance, Schedule, percent};
 use sprung::output::{
     BUNDLE, ErrorKind, ErrorReport, Frames, OutputFolder, Summary, TRAJECTORY, clear_frames, playback,
 };
@@ -105,7 +105,6 @@ pub fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
     if let Some(choice) = &summary.choice {
         lines.push(format!("  chosen    {}", choice.reason));
     }
-    lines.extend(summary.reductions.iter().map(|reduction| format!("  reduced   {reduction}")));
     if statistics.rejected_steps > 0 {
         lines.push(format!("  rejected  {} steps with too large an error", statistics.rejected_steps));
     }
@@ -118,11 +117,9 @@ pub fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
     }
     lines.push(format!("  energy    {:.6e} J at the start, {:.6e} J at the end", energy.initial, energy.last));
     if let Some(ErrorReport { estimate, kind }) = summary.error {
-        let knows_more = Method::ALL.iter().any(|method| method.name() == summary.method && method.carries_errors());
         let how = match kind {
             ErrorKind::Confirmed => "confirmed",
-            ErrorKind::Indicator if knows_more => "an indicator: right to about ten times",
-            ErrorKind::Indicator => "an indicator: right to about ten times, where the motion magnifies no differences",
+            ErrorKind::Indicator => "an estimate: right to about ten times",
         };
         lines.push(format!("  error     about {} of the extent ({how})", percent(estimate)));
     }

@@ -1,9 +1,9 @@
 //! `sprung run`: simulate a scene.
 
-use super::answer::Question;
+use super::answer::AccuracyCommand;
 use super::common::{LoadedScene, SceneFile, Threads, claim};
 use super::console::{Console, error, help, warning};
-use super::doubts::{advice, doubts};
+use super::doubts::doubts;
 use super::failure::Failed;
 use super::files::{FILES, Files, text};
 use super::method::{MethodArguments, repeat};
@@ -12,7 +12,7 @@ use super::recorder::Recorder;
 use super::values::{count, positive, positive_count};
 use super::view;
 use super::{Exit, Stop, interrupt};
-use sprung::accuracy::{Reduction, Requirement, reduce};
+use sprung::accuracy::AccuracyOptions;
 use sprung::integrate::{Schedule, Status};
 use sprung::output::{
     CHECKPOINT, Checkpoint, ChoiceReport, EnergyLog, FailureReport, OutputFolder, Ran, Summary, WAITING, clear_frames,
@@ -60,6 +60,10 @@ pub struct Run {
     #[arg(long)]
     allow_unstable: bool,
 
+    /// Do not propagate the errors of steps: faster, and nothing is known of the error at the end
+    #[arg(long)]
+    no_error_estimate: bool,
+
     /// Write a checkpoint every N steps, from which --resume goes on. Solvers forget what they have learnt at each of them
     #[arg(long, value_name = "N", value_parser = positive_count)]
     checkpoint: Option<NonZeroU64>,
@@ -94,34 +98,24 @@ struct Pacing {
 
 impl Run {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
-        let mut scene = self.scene.load()?;
-        let requirement = self.requirement(&scene)?;
-        if requirement.is_some() && self.checkpoint.is_some() {
+        let scene = self.scene.load()?;
+        let accuracy = self.accuracy_options(&scene)?;
+        if accuracy.is_some() && self.checkpoint.is_some() {
             console.note("--checkpoint has no effect with --accuracy");
         }
-        let pace = if requirement.is_none() { Some(self.pace(console, &scene)?) } else { None };
+        let pace = if accuracy.is_none() { Some(self.pace(console, &scene)?) } else { None };
         self.method.note_unused(console, pace.as_ref().and_then(|pace| pace.rtol));
         let interrupted = interrupt::flag();
-        let summary = self.threads.install(|| {
-            let mut reductions = Vec::new();
-            if self.method.wishes().reduces() {
-                let reduced = reduce(&scene.system, &scene.state);
-                scene.system = reduced.system;
-                reductions = reduced.reductions;
+        let summary = self.threads.install(|| match (accuracy, pace) {
+            (Some(options), _) => {
+                let folder = scene.folder(&self.out);
+                AccuracyCommand { files: &self.files, options, folder, interrupted }.answer(console, &scene)
             }
-            match (requirement, pace) {
-                (Some(requirement), _) => {
-                    let folder = scene.folder(&self.out);
-                    let (reductions, interrupted) = (&reductions[..], interrupted);
-                    Question { files: &self.files, requirement, folder, reductions, interrupted }
-                        .answer(console, &scene)
-                }
-                (None, Some(pace)) => {
-                    let prepared = self.prepare(&scene, pace)?;
-                    self.simulate(console, scene, prepared, &reductions, interrupted)
-                }
-                (None, None) => Err(Error::Usage("neither steps nor an accuracy are given".into()).into()),
+            (None, Some(pace)) => {
+                let prepared = self.prepare(&scene, pace)?;
+                self.simulate(console, scene, prepared, interrupted)
             }
+            (None, None) => Err(Error::Usage("neither steps nor an accuracy are given".into()).into()),
         })?;
         if summary.statistics.indefinite_solves > 0 {
             let solves = summary.statistics.indefinite_solves;
@@ -162,17 +156,17 @@ impl Run {
     fn prepare(&self, scene: &LoadedScene, pace: Pacing) -> Result<Prepared, Stop> {
         let LoadedScene { file, system, state, .. } = scene;
         let Pacing { schedule, rtol, is_chosen } = pace;
-        let plan =
-            self.method.wishes().plan(system, state, schedule.dt(), rtol).map_err(|error| error.in_file(file))?;
+        let lengths = [schedule.dt(), schedule.elapsed(schedule.len())];
+        let plan = self.method.wishes().plan(system, state, lengths, rtol).map_err(|error| error.in_file(file))?;
         let steps = rtol.filter(|_| is_chosen).map(|rtol| format!("no dt is given: adaptive steps, rtol {rtol:e}"));
-        let reasons: Vec<String> = steps.into_iter().chain(plan.reason.map(Into::into)).collect();
+        let reasons: Vec<String> = steps.into_iter().chain(plan.reason.clone()).collect();
         let choice =
             (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) });
         Ok(Prepared { schedule, plan, choice })
     }
 
-    /// What `--accuracy` asks for, if it is given. The answer is recorded at multiples of dt, where there is one.
-    fn requirement(&self, scene: &LoadedScene) -> Result<Option<Requirement>> {
+    /// The accuracy that is required, if one is. The answer is recorded at multiples of dt, where there is one.
+    fn accuracy_options(&self, scene: &LoadedScene) -> Result<Option<AccuracyOptions>> {
         if self.method.wishes().accuracy.is_none() {
             return Ok(None);
         }
@@ -182,7 +176,7 @@ impl Run {
         let duration = scene.motion_length(self.duration, "--accuracy")?;
         let interval = self.dt.or(scene.time.dt).unwrap_or(records_every(duration));
         scene.schedule(interval, duration)?;
-        Ok(self.method.wishes().requirement(&scene.system, duration, interval))
+        Ok(self.method.wishes().accuracy_options(&scene.system, duration, interval))
     }
 
     /// Runs, writes and reports the results.
@@ -191,7 +185,6 @@ impl Run {
         console: &Console,
         scene: LoadedScene,
         prepared: Prepared,
-        reductions: &[Reduction],
         interrupted: &AtomicBool,
     ) -> Result<Summary, Stop> {
         let folder = scene.folder(&self.out);
@@ -209,7 +202,7 @@ impl Run {
             start: &start,
             plan: &plan,
             schedule,
-            monitor: plan.monitor(!self.allow_unstable),
+            monitor: plan.monitor(!self.allow_unstable, !self.no_error_estimate),
             interrupted,
             checkpoints: every.map(|every| Checkpoints {
                 every,
@@ -244,8 +237,7 @@ impl Run {
         let ended = parts.run(from, begun, &mut state, &mut recorder).map_err(Stop::Broken)?;
         let Ended { stepper, monitor, outcome, statistics, wall_seconds } = ended;
         let status = outcome.status();
-        let figures = monitor.figures(&state);
-        let (doubt, warnings) = doubts(&plan, status, &figures);
+        let (doubt, warnings) = doubts(&plan, status, &monitor.indicators(&state));
         let ran = Ran {
             scene: name,
             system: &system,
@@ -260,7 +252,6 @@ impl Run {
             error: doubt,
             warnings,
             choice,
-            reductions: reductions.iter().map(ToString::to_string).collect(),
         };
         let summary = ran.summary();
         let written = recorder
@@ -283,8 +274,7 @@ impl Run {
         }
         if summary.status == Status::Unstable {
             let kept = format_args!("step {}, t = {} s", summary.steps, summary.time);
-            let advice = advice(&plan);
-            help(format_args!("the state kept is from before that ({kept}): {advice}; --allow-unstable goes on"));
+            help(format_args!("the state kept is from before that ({kept}); --allow-unstable goes on"));
         }
         if summary.status == Status::Indefinite {
             let step = schedule.step(summary.steps).unwrap_or(schedule.dt());
@@ -302,8 +292,8 @@ impl Run {
     fn how(&self, plan: &Plan, schedule: &Schedule) -> String {
         let Plan { configuration, rtol, .. } = plan;
         format!(
-            "{configuration:?} {rtol:?} {schedule:?} {:?} {} {}",
-            self.files.frames, self.files.view, self.allow_unstable
+            "{configuration:?} {rtol:?} {schedule:?} {:?} {} {} {}",
+            self.files.frames, self.files.view, self.allow_unstable, self.no_error_estimate
         )
     }
 }

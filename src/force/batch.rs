@@ -72,9 +72,8 @@ pub(crate) struct Batch {
     pub length: List,
     /// 1/l.
     pub inverse: List,
-    /// d·Δv and Δv² of all springs, where they are asked for.
+    /// d·Δv of all springs, where it is asked for.
     pub product: List,
-    pub speed: List,
 }
 
 impl Batch {
@@ -93,7 +92,6 @@ impl Batch {
             length: ones,
             inverse: ones,
             product: zeros,
-            speed: zeros,
         }
     }
 
@@ -118,7 +116,6 @@ impl Batch {
             if WATCHED {
                 let v = vi - at.velocities[j as usize];
                 self.product[slot] = d.dot(&v);
-                self.speed[slot] = v.norm_squared();
                 self.along[slot] = if is_damped { self.product[slot] } else { 0.0 };
             } else {
                 self.along[slot] = if is_damped { d.dot(&(vi - at.velocities[j as usize])) } else { 0.0 };

@@ -17,7 +17,7 @@ use total::has_only_active;
 pub use total::set_total_force;
 pub(crate) use total::{coincide, first_degenerate, set_other_forces};
 
-use crate::spring::{Extension, Spring};
+use crate::spring::{Extension, Spring, Stiffness};
 use crate::system::{Moment, System};
 use nalgebra::Vector3;
 
@@ -57,6 +57,20 @@ pub fn add_damping_force(
 ) {
     pairs::add(system, extensions, force, &|spring: &Spring, [i, j]: [usize; 2], at: &Extension| {
         (spring.damping > 0.0).then(|| spring.damping_force(at, &(velocities[i] - velocities[j])))
+    });
+}
+
+/// Adds K δx, the change of the elastic force when all particles move by `displacement`, in m: `−K^s (δx_i − δx_j)` on end i of every spring and the
+/// opposite on end j.
+pub fn add_elastic_differential(
+    system: &System,
+    extensions: &Extensions,
+    displacement: &[Vector3<f64>],
+    force: &mut [Vector3<f64>],
+) {
+    pairs::add(system, extensions, force, &|spring: &Spring, [i, j]: [usize; 2], at: &Extension| {
+        let d = displacement[i] - displacement[j];
+        Some(-spring.stiffness_block(at, Stiffness::Full).apply(&d))
     });
 }
 

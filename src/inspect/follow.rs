@@ -11,7 +11,7 @@ use super::turning::Turn;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Energy, Extensions};
-use crate::integrate::{Figures, Monitor, MonitorOptions};
+use crate::integrate::{ErrorIndicators, Monitor, MonitorOptions};
 use crate::linear::Ldlt;
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -106,7 +106,7 @@ impl<'s> Follower<'s> {
             },
             before: start.positions.clone(),
             extensions: Extensions::at(system, &start.positions)?,
-            monitor: Monitor::new(system, start, MonitorOptions { stops_unstable: false, ..MonitorOptions::LEDGER })?,
+            monitor: Monitor::new(system, start, MonitorOptions { stops_unstable: false, ..MonitorOptions::ENERGY })?,
             first: FirstLosses::default(),
         };
         follower.look_at(0, start)?;
@@ -128,7 +128,7 @@ impl<'s> Follower<'s> {
         }
         if self.first.energy.is_none() {
             // It ends no run that was not asked to: what it finds is looked at here.
-            let _ = self.monitor.enter(step, state, self.dt, None);
+            let _ = self.monitor.enter(step, state, self.dt);
             self.first.energy = self.gain(state).map(|gain| (passed, gain));
         }
         self.look_at(step, state)
@@ -136,7 +136,7 @@ impl<'s> Follower<'s> {
 
     /// What energy has been gained, where it is worth a word.
     fn gain(&self, state: &State) -> Option<Gain> {
-        let Figures { gained, exchanged, .. } = self.monitor.figures(state);
+        let ErrorIndicators { gained, exchanged, .. } = self.monitor.indicators(state);
         let rounding = rounding(self.monitor.energy(), self.monitor.initial());
         // A NaN is a gain too: it did not come from a passive scene.
         let kept = gained <= GAIN * exchanged || gained <= rounding;

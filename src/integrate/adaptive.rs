@@ -152,8 +152,8 @@ pub enum Sampling {
     Every(f64),
 }
 
-/// Shortest step, relative to the run.
-const SHORTEST: f64 = 1e-13;
+/// Shortest step, relative to the run: one of 10¹⁰ steps does not end.
+const SHORTEST: f64 = 1e-10;
 
 /// Advances `state` by `how.duration` with steps that keep the error estimate within tolerance. `observe` sees a running
 /// number and the state as often as `how.sampling` says, and may ask to stop.
@@ -184,30 +184,12 @@ pub fn run_adaptive_monitored(
     })
 }
 
-/// As [`run_adaptive_monitored`], with steps of `dt` seconds whatever their errors; those before a stop may be shorter, and between stops that are
-/// nearer than `longest` all are, in proportion. For what a method with an interpolant tells between its steps. A step that fails ends the run.
-pub(crate) fn run_equal_monitored(
-    stepper: &mut dyn AdaptiveStepper,
-    system: &System,
-    state: &mut State,
-    [dt, longest, duration]: [f64; 3],
-    sampling: Sampling,
-    monitor: &mut Monitor,
-    mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
-) -> Outcome {
-    let pacing = Pacing { duration, sampling, control: Control::equal(dt, longest), scales: None };
-    drive(stepper, system, state, pacing, Some(monitor), |count, state, monitor| {
-        monitor.map_or(ControlFlow::Continue(()), |monitor| observe(count, state, monitor))
-    })
-}
-
 /// How long a run's steps are, and when it is observed.
 struct Pacing {
     duration: f64,
     sampling: Sampling,
     control: Control,
-    /// What errors are measured with; without them no error is too large.
-    scales: Option<Scales>,
+    scales: Scales,
 }
 
 impl Pacing {
@@ -221,7 +203,7 @@ impl Pacing {
             step
         });
         let Adaptivity { duration, sampling, .. } = *how;
-        Self { duration, sampling, control: Control::new(first, duration), scales: Some(scales) }
+        Self { duration, sampling, control: Control::new(first, duration), scales }
     }
 }
 
@@ -240,33 +222,27 @@ fn drive(
     let mut steps = 0;
     let stiffness = stiffness(system);
     stepper.restart();
-    if let Some(monitor) = &monitor {
-        monitor.begin(stepper);
-    }
-    let mut begins = true;
     while state.time < end {
         let stop = system.prescribed().next_kink(state.time).map_or(end, |kink| kink.min(end));
-        if begins {
-            control.begin(stop - state.time);
-        }
         let (h, lands) = control.step_towards(stop - state.time);
-        let failure = match try_step(stepper, system, &stiffness, scales.as_ref(), state, h) {
+        let failure = match try_step(stepper, system, &stiffness, &scales, state, h) {
             Ok(Tried { error, doubt }) if error <= 1.0 => {
                 before.copy_from(state);
+                if let Some(monitor) = &mut monitor {
+                    monitor.begin_step(state);
+                }
                 stepper.accept(state);
                 steps += 1;
                 control.accepted(error, h, stepper);
-                if let Some(scales) = &mut scales {
-                    scales.see(state);
-                }
+                scales.see(state);
                 if lands {
                     state.time = stop;
                     state.prescribe(system);
                 }
                 let enter = |monitor: &mut &mut Monitor| {
                     monitor.doubt(doubt);
-                    monitor.carry(stepper.carried_errors());
-                    monitor.enter(steps, state, h, stepper.local_error())
+                    monitor.propagate(stepper, state, h);
+                    monitor.enter(steps, state, h)
                 };
                 if let Some(Err(failure)) = monitor.as_mut().map(enter) {
                     return Outcome::failed(steps, before.time, failure, steps, state, monitor);
@@ -280,7 +256,6 @@ fn drive(
                 if lands && !is_last {
                     stepper.restart();
                 }
-                begins = lands;
                 continue;
             }
             Ok(Tried { error, .. }) => {
@@ -316,13 +291,12 @@ fn try_step(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
     stiffness: &[f64],
-    scales: Option<&Scales>,
+    scales: &Scales,
     state: &State,
     h: f64,
 ) -> Result<Tried, StepFailure> {
     let estimate = stepper.try_step(state, h)?;
     let doubt = doubt(system, stiffness, &estimate, state);
-    let Some(scales) = scales else { return Ok(Tried { error: 0.0, doubt }) };
     let fine = scales.error(&estimate, state);
     let coarse = stepper.coarser_estimate().map(|estimate| scales.error(&estimate, state));
     let error = stepper.caution() * coarse.map_or(fine, |coarse| scales::joint(fine, coarse));

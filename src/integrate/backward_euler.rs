@@ -5,7 +5,8 @@
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::linear_backward_euler::advance;
 use super::newton::{Newton, NewtonOptions};
-use super::{Statistics, StepFailure, TimeStepper};
+use super::propagated_error::LeadingTerm;
+use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::linear::LinearSolver;
 use crate::system::{State, System};
@@ -76,6 +77,13 @@ impl TimeStepper for BackwardEuler<'_> {
         system.prescribed().displacement(state.time + dt, &state.positions, &mut self.0.displacement);
         self.0.solve(state, dt)?;
         advance(system, state, &self.0.displacement, dt)
+    }
+
+    fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
+        error.set_local(self.0.linear.system, step, LeadingTerm::BACKWARD_EULER);
+        self.0.resolve(step.length, error);
+        error.add_local();
+        true
     }
 
     fn statistics(&self) -> &Statistics {

@@ -45,7 +45,8 @@ use self::estimate::Estimate;
 use self::history::History;
 use self::iteration::Iteration;
 use super::implicit::{ImplicitOptions, LinearSystem};
-use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper};
+use super::propagated_error::LeadingTerm;
+use super::{AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::linear::LinearSolver;
 use crate::system::{State, System};
@@ -189,6 +190,21 @@ impl TimeStepper for Bdf2<'_> {
     fn restart(&mut self) {
         self.history.forget();
         self.estimate.forget();
+    }
+
+    fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
+        // e' = w (e + β (e − e₋) + δ), as the formula itself.
+        let (ratio, system) = (self.ratio, self.iteration.system());
+        let term = if ratio > 0.0 {
+            LeadingTerm::second_order((1.0 + ratio) / (1.0 + 2.0 * ratio) * (1.0 + 1.0 / ratio) / 6.0)
+        } else {
+            LeadingTerm::BACKWARD_EULER
+        };
+        error.set_local(system, step, term);
+        error.extrapolate(ratio * ratio / (1.0 + 2.0 * ratio));
+        error.add_local();
+        self.iteration.resolve(duration(step.length, ratio), error);
+        true
     }
 
     fn statistics(&self) -> &Statistics {

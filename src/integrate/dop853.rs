@@ -40,7 +40,7 @@ mod tables;
 use super::adaptive::{hermite, joint, norm_of_all};
 use super::explicit::ensure_room;
 use super::pieces::Piece;
-use super::{AdaptiveStepper, ErrorEstimate, Statistics, StepFailure, TimeStepper};
+use super::{AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::{Extensions, set_total_force};
 use crate::system::{State, System};
@@ -92,6 +92,8 @@ pub struct Dop853<'s> {
     estimates: [[Vec<Vector3<f64>>; 2]; 2],
     /// Of positions, in the step done last.
     local_error: f64,
+    /// The same method from displaced states, once an error is propagated.
+    twin: Option<Box<Self>>,
     statistics: Statistics,
 }
 
@@ -136,8 +138,12 @@ impl<'s> Dop853<'s> {
     pub fn new(system: &'s System, state: &State) -> Result<Self> {
         ensure_room(system, PARTICLE)?;
         Extensions::at(system, &state.positions)?;
+        Ok(Self::unchecked(system, state))
+    }
+
+    fn unchecked(system: &'s System, state: &State) -> Self {
         let zeros = || vec![Vector3::zeros(); system.particles()];
-        Ok(Self {
+        Self {
             system,
             stages: Stages((0..STAGES).map(|_| zeros()).collect()),
             base: state.clone(),
@@ -149,8 +155,9 @@ impl<'s> Dop853<'s> {
             knows_last: false,
             estimates: [[zeros(), zeros()], [zeros(), zeros()]],
             local_error: 0.0,
+            twin: None,
             statistics: Statistics::default(),
-        })
+        }
     }
 
     /// Computes the acceleration of a stage at `self.stage`.
@@ -291,8 +298,33 @@ impl TimeStepper for Dop853<'_> {
         self.knows_last = false;
     }
 
-    fn local_error(&self) -> Option<f64> {
-        Some(self.local_error)
+    /// Φ is the difference quotient of the step itself: twelve evaluations from a displaced state.
+    fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
+        let system = self.system;
+        let twin = self.twin.get_or_insert_with(|| Box::new(Self::unchecked(system, step.before)));
+        let epsilon = error.displace(system, step.before, step.length, &mut twin.base);
+        if epsilon > 0.0 {
+            twin.knows_first = false;
+            let done = twin.advance(step.length);
+            // A step that was cut at a kink is compared with one that was not, from the same state.
+            let is_cut = system.prescribed().next_kink(step.before.time).is_some_and(|kink| kink < step.after.time);
+            if is_cut && done.is_ok() {
+                let displaced = twin.next.clone();
+                twin.base.copy_from(step.before);
+                twin.knows_first = false;
+                if twin.advance(step.length).is_ok() {
+                    error.take_difference(system, &displaced, &twin.next, epsilon);
+                }
+            } else if done.is_ok() {
+                error.take_difference(system, &twin.next, step.after, epsilon);
+            }
+            self.statistics.work.force_evaluations += std::mem::take(&mut twin.statistics.work.force_evaluations);
+        }
+        let [x, v] = &self.estimates[0];
+        let size = norm_of_all(system, x);
+        error.set_local_to(system, if size > 0.0 { self.local_error / size } else { 0.0 }, [x, v]);
+        error.add_local();
+        true
     }
 
     fn statistics(&self) -> &Statistics {

@@ -1,6 +1,7 @@
 //! The two explicit Euler methods, for comparison: no matrix, and a step bounded by the stiffest spring.
 
-use super::{Statistics, StepFailure, TimeStepper};
+use super::propagated_error::LeadingTerm;
+use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::{Extensions, set_total_force};
 use crate::memory;
@@ -26,6 +27,8 @@ struct Explicit<'s> {
     system: &'s System,
     force: Vec<Vector3<f64>>,
     next: State,
+    /// Forces at a displaced state, once an error is propagated.
+    displaced: Vec<Vector3<f64>>,
     statistics: Statistics,
 }
 
@@ -34,13 +37,36 @@ impl<'s> Explicit<'s> {
         ensure_room(system, PARTICLE)?;
         Extensions::at(system, &state.positions)?;
         let force = vec![Vector3::zeros(); system.particles()];
-        Ok(Self { system, force, next: state.clone(), statistics: Statistics::default() })
+        Ok(Self { system, force, next: state.clone(), displaced: Vec::new(), statistics: Statistics::default() })
     }
 
     /// `f_el + f_d + g` at a state.
     fn set_force(&mut self, state: &State) -> Result<(), StepFailure> {
         self.statistics.work.force_evaluations += 1;
         Ok(set_total_force(self.system, &state.moment(), &mut self.force)?)
+    }
+
+    /// Propagates an error over a step whose force at the start is known: sets its accelerations to those that it has there, and takes the step with them.
+    fn propagate(
+        &mut self,
+        error: &mut PropagatedError,
+        step: &CompletedStep<'_>,
+        term: LeadingTerm,
+        advance: impl Fn(&mut PropagatedError, f64),
+    ) -> bool {
+        let Self { system, force, next, displaced, statistics } = self;
+        error.set_local(system, step, term);
+        let epsilon = error.displace(system, step.before, step.length, next);
+        if epsilon > 0.0 {
+            statistics.work.force_evaluations += 1;
+            displaced.resize(force.len(), Vector3::zeros());
+            if set_total_force(system, &next.moment(), displaced).is_ok() {
+                error.set_accelerations(system, displaced, force, epsilon);
+                advance(error, step.length);
+            }
+        }
+        error.add_local();
+        true
     }
 
     /// Every particle, after its force is known.
@@ -110,6 +136,15 @@ impl TimeStepper for ForwardEuler<'_> {
         self.0.accept(state, dt)
     }
 
+    fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
+        self.0.propagate(error, step, LeadingTerm::FORWARD_EULER, |e, h| {
+            for ((x, v), a) in e.positions.iter_mut().zip(&mut e.velocities).zip(&e.accelerations) {
+                *x += *v * h;
+                *v += a * h;
+            }
+        })
+    }
+
     fn statistics(&self) -> &Statistics {
         &self.0.statistics
     }
@@ -159,6 +194,15 @@ impl TimeStepper for SymplecticEuler<'_> {
             *next_x = x + *next_v * dt;
         }
         self.0.accept(state, dt)
+    }
+
+    fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
+        self.0.propagate(error, step, LeadingTerm::SYMPLECTIC_EULER, |e, h| {
+            for ((x, v), a) in e.positions.iter_mut().zip(&mut e.velocities).zip(&e.accelerations) {
+                *v += a * h;
+                *x += *v * h;
+            }
+        })
     }
 
     fn statistics(&self) -> &Statistics {

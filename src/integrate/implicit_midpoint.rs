@@ -13,7 +13,8 @@
 
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::newton::{Newton, NewtonOptions};
-use super::{Statistics, StepFailure, TimeStepper};
+use super::propagated_error::LeadingTerm;
+use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::linear::LinearSolver;
 use crate::system::{State, System};
@@ -101,6 +102,17 @@ impl TimeStepper for ImplicitMidpoint<'_> {
         }
         state.copy_from(next);
         Ok(())
+    }
+
+    fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
+        // (1 + z/2)/(1 − z/2) = 2w − 1, and δ stands in the implicit equations: e' = w (2e + δ) − e.
+        error.set_local(self.newton.linear.system, step, LeadingTerm::IMPLICIT_MIDPOINT);
+        error.keep();
+        error.scale(2.0);
+        error.add_local();
+        self.newton.resolve(0.5 * step.length, error);
+        error.add_kept(-1.0);
+        true
     }
 
     fn statistics(&self) -> &Statistics {

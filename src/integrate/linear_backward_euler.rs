@@ -13,9 +13,10 @@
 
 use super::exactness::mass_norm;
 use super::implicit::{ImplicitOptions, LinearSystem};
-use super::{Statistics, StepFailure, TimeStepper};
+use super::propagated_error::{LeadingTerm, on_axes};
+use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::{add_elastic_force, add_external_forces, add_weight};
+use crate::force::{add_elastic_force, add_external_forces, add_weight, set_total_force};
 use crate::linear::LinearSolver;
 use crate::operator::Combination;
 use crate::system::{State, System};
@@ -101,6 +102,34 @@ impl TimeStepper for LinearBackwardEuler<'_> {
         let solution = linear.solve_within(force, displacement, error)?;
         linear.statistics.record(solution.relative_residual);
         advance(system, state, displacement, dt)
+    }
+
+    fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
+        let Self { linear, force, displacement } = self;
+        let system = linear.system;
+        error.set_local(system, step, LeadingTerm::BACKWARD_EULER);
+        // What linearising left out: the residual of the step's nonlinear equations.
+        linear.statistics.work.force_evaluations += 1;
+        if set_total_force(system, &step.after.moment(), force).is_err() {
+            return true;
+        }
+        let change = |p: usize| step.after.velocities[p] - step.before.velocities[p];
+        let [mut left_out, mut balanced] = [0.0, 0.0];
+        for (p, (r, mass)) in force.iter_mut().zip(system.masses()).enumerate() {
+            let free = system.dofs().free_axes(p);
+            let inertia = change(p) * (mass / step.length);
+            *r = on_axes(*r - inertia, free);
+            if p < system.own_particles() {
+                left_out += r.norm_squared();
+                balanced += on_axes(inertia, free).norm_squared();
+            }
+        }
+        let [left_out, balanced] = system.total([left_out, balanced]).map(f64::sqrt);
+        error.leave_out(left_out, balanced);
+        let e = [&mut error.positions[..], &mut error.velocities[..]];
+        linear.resolve(step.length, e, force, displacement);
+        error.add_local();
+        true
     }
 
     fn statistics(&self) -> &Statistics {

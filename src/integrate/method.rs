@@ -145,11 +145,6 @@ impl Method {
         matches!(self, Self::Verlet | Self::Dop853 | Self::Rodas4)
     }
 
-    /// Whether steppers can [carry errors on](super::CarriedErrors), so that estimates know of what the motion magnifies.
-    pub const fn carries_errors(self) -> bool {
-        matches!(self, Self::Rodas4)
-    }
-
     /// Whether there is an [`adaptive_stepper`](Self::adaptive_stepper): whether steps estimate their own error.
     pub const fn estimates_errors(self) -> bool {
         self.facts().estimates_errors

@@ -5,7 +5,6 @@
 mod adaptive;
 mod backward_euler;
 mod bdf2;
-mod carried;
 mod dop853;
 mod exactness;
 mod explicit;
@@ -25,6 +24,7 @@ mod oscillator;
 #[cfg(test)]
 mod parts_tests;
 mod pieces;
+mod propagated_error;
 mod rodas4;
 mod run;
 mod schedule;
@@ -40,11 +40,10 @@ mod verlet;
 mod w_method;
 mod watch;
 
+pub(crate) use adaptive::hermite;
 pub use adaptive::{AdaptiveStepper, Adaptivity, ErrorEstimate, Sampling, run_adaptive, run_adaptive_monitored};
-pub(crate) use adaptive::{hermite, run_equal_monitored};
 pub use backward_euler::BackwardEuler;
 pub use bdf2::Bdf2;
-pub use carried::CarriedErrors;
 pub use dop853::Dop853;
 pub use explicit::{ForwardEuler, SymplecticEuler};
 pub use failure::{NotSolved, Status, StepFailure};
@@ -53,11 +52,12 @@ pub use implicit_midpoint::ImplicitMidpoint;
 pub use linear_backward_euler::LinearBackwardEuler;
 pub use matrices::StepMatrices;
 pub use method::{Equations, Method, MovesBy};
-pub use monitor::{Account, Balance, Figures, Monitor, MonitorOptions, Warning, percent};
+pub use monitor::{
+    Account, Balance, ErrorIndicators, INACCURATE, Monitor, MonitorOptions, Warning, percent, threshold,
+};
 pub use newton::NewtonOptions;
-pub(crate) use pieces::steps_between_kinks;
+pub use propagated_error::{CompletedStep, PropagatedError};
 pub use rodas4::Rodas4;
-pub(crate) use run::run_steps_monitored;
 pub use run::{Outcome, RunFailure, run, run_monitored};
 pub use schedule::Schedule;
 pub(crate) use schedule::is_end;
@@ -101,19 +101,10 @@ pub trait TimeStepper {
     /// steps: by hand, or by a kink of a prescribed path.
     fn restart(&mut self) {}
 
-    /// The norm of the local error of positions in the step done or accepted last, in m, by the method's own estimate; `None` where
-    /// it has none that costs nothing.
-    fn local_error(&self) -> Option<f64> {
-        None
-    }
-
-    /// From now on carries the errors of its steps on along the motion, and before them what is given: see [`CarriedErrors`]. A method that
-    /// does not know how goes on as before.
-    fn carry_errors(&mut self, _from: CarriedErrors) {}
-
-    /// The errors that it has carried on, at the end of the step done or accepted last; `None` where it does not.
-    fn carried_errors(&self) -> Option<&CarriedErrors> {
-        None
+    /// Propagates the error of a run over the step done or accepted last, and adds the step's own: `e' = Φ e + δ`, see [`PropagatedError`]. Returns
+    /// `false`, and leaves the error as it is, where the method does not know how.
+    fn propagate(&mut self, _error: &mut PropagatedError, _step: &CompletedStep<'_>) -> bool {
+        false
     }
 
     /// What has been done since the stepper was made.

@@ -39,7 +39,7 @@ use super::filter::{Filter, Matrix};
 use super::forcing::Forcing;
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::merit::{Balance, Point};
-use super::{NotSolved, StepFailure, StiffnessPolicy};
+use super::{NotSolved, PropagatedError, StepFailure, StiffnessPolicy};
 use crate::error::Result;
 use crate::force::{add_damping_differential, add_damping_force, add_elastic_force, add_external_forces, add_weight};
 use crate::linear::SolveFailure;
@@ -109,6 +109,13 @@ impl<'s> Newton<'s> {
             }
             solved => solved,
         }
+    }
+
+    /// Applies the resolvent of the matrix at hand to an error, see [`LinearSystem::resolve`].
+    pub fn resolve(&mut self, tau: f64, error: &mut PropagatedError) {
+        self.defect.fill(Vector3::zeros());
+        let e = [&mut error.positions[..], &mut error.velocities[..]];
+        self.linear.resolve(tau, e, &mut self.defect, &mut self.part);
     }
 
     /// As [`solve`](Self::solve) from where `displacement` is, and only until a whole step leaves less to correct than it corrected

@@ -1,8 +1,6 @@
 //! Steps of a fixed length, cut where prescribed paths have kinks: between kinks motions are smooth, and prescribed velocities
 //! constant.
 
-use super::Schedule;
-use super::schedule::Step;
 use crate::system::Prescribed;
 
 /// Kinks within this part of a step of one of its ends are at that end.
@@ -41,33 +39,6 @@ impl Piece {
     }
 }
 
-/// The length of steps of `dt` seconds on the `distance` between two kinks, in a run that is compared with others, of steps up to `longest`. Where even
-/// those are cut all are shorter, in proportion: else all runs would do the same there, and agree on it.
-pub(super) fn in_proportion(dt: f64, distance: f64, longest: f64) -> f64 {
-    dt * (distance / longest).min(1.0)
-}
-
-/// Steps of `dt` seconds [in proportion](in_proportion), from one time to another; the last before a kink or the end are shorter.
-pub(crate) fn steps_between_kinks(
-    prescribed: &Prescribed,
-    [start, end]: [f64; 2],
-    [dt, longest]: [f64; 2],
-) -> impl Iterator<Item = Step> {
-    let stops = std::iter::successors(Some(start), move |&from| {
-        (from < end).then(|| prescribed.next_kink(from).map_or(end, |kink| kink.min(end)))
-    });
-    let stops: Vec<f64> = stops.collect();
-    let legs: Vec<[f64; 2]> = stops.iter().zip(stops.iter().skip(1)).map(|(from, to)| [*from, *to]).collect();
-    legs.into_iter().flat_map(move |[from, to]| {
-        let schedule = Schedule::duration(in_proportion(dt, to - from, longest), to - from);
-        (0..schedule.len()).filter_map(move |number| {
-            let ends_at_kink = number + 1 == schedule.len() && to < end;
-            let end = if number + 1 == schedule.len() { to } else { from + schedule.elapsed(number + 1) };
-            Some(Step { dt: schedule.step(number)?, end, ends_at_kink })
-        })
-    })
-}
-
 /// A damped particle drawn by another that starts, turns and stops with jerks, a quarter of a second each.
 #[cfg(test)]
 pub(super) fn drawn_with_jerks() -> (crate::system::System, crate::system::State) {
@@ -87,7 +58,7 @@ pub(super) fn drawn_with_jerks() -> (crate::system::System, crate::system::State
 
 #[cfg(test)]
 mod tests {
-    use super::{Piece, Step, steps_between_kinks};
+    use super::Piece;
     use crate::system::{Axes, Constraint, Motion, System, SystemBuilder};
     use nalgebra::Vector3;
 
@@ -127,27 +98,5 @@ mod tests {
         assert_eq!(pieces(0.5 - step, step + 2e-10).len(), 2);
         // Here the end less what counts as nothing is rounded to the very kink.
         assert_eq!(pieces(0.5 - step, step + 9.0 * 2f64.powi(-53)).len(), 1);
-    }
-
-    /// Kinks at 0.5 s, 1 s and 1.25 s, on the way from 0.25 s to 3 s. Where steps may be 0.75 s long, the ways of 0.25, 0.5 and 0.25 s take one
-    /// of the longest steps each, and two of steps of 0.5 s, the second shorter; the last way takes steps as they are.
-    #[test]
-    fn steps_between_kinks_become_shorter_with_the_others() {
-        let system = with_kinks();
-        let steps = |dt: f64| -> Vec<Step> {
-            let steps: Vec<Step> = steps_between_kinks(system.prescribed(), [0.25, 3.0], [dt, 0.75]).collect();
-            let mut time = 0.25;
-            for step in &steps {
-                assert!((time + step.dt - step.end).abs() < 1e-15);
-                assert_eq!(step.ends_at_kink, [0.5, 1.0, 1.25].contains(&step.end));
-                time = step.end;
-            }
-            assert_eq!(time, 3.0);
-            steps
-        };
-        let lengths = |dt: f64| steps(dt).iter().map(|step| (1e6 * step.dt).round() / 1e6).collect::<Vec<_>>();
-        assert_eq!(lengths(0.75), [0.25, 0.5, 0.25, 0.75, 0.75, 0.25]);
-        let [near, far] = [[0.166667, 0.083333], [0.333333, 0.166667]];
-        assert_eq!(lengths(0.5), [&near[..], &far, &near, &[0.5, 0.5, 0.5, 0.25]].concat());
     }
 }

@@ -45,13 +45,12 @@ mod errors;
 use super::adaptive::norm_of_all;
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::pieces::Piece;
-use super::{CarriedErrors, Statistics, StepFailure, StiffnessPolicy, TimeStepper};
+use super::{CompletedStep, PropagatedError, Statistics, StepFailure, StiffnessPolicy, TimeStepper};
 use crate::error::{Error, Result};
 use crate::force::{add_damping_differential, add_damping_force, set_total_force};
 use crate::linear::{LinearSolver, SolveFailure};
 use crate::operator::Combination;
 use crate::system::{State, System};
-pub(super) use brake::BRAKE;
 use coefficients::{A, B, C, GAMMA, Row, STAGES, add_multiples};
 use nalgebra::Vector3;
 
@@ -94,8 +93,8 @@ pub struct Rodas4<'s> {
     corrected: Vec<Vector3<f64>>,
     /// Of positions, in the step done last, in m.
     local_error: f64,
-    /// The errors of all steps, at the end of the last one, where they are asked for.
-    carried: Option<CarriedErrors>,
+    /// The length of the last part of a step, in s, for which the matrix is.
+    part: f64,
     /// The last step's length, in s, and the error that its stages were solved for, see [`errors::of_stages`].
     last: Option<(f64, f64)>,
     /// The largest residual of the stages, in N.
@@ -152,7 +151,7 @@ impl<'s> Rodas4<'s> {
             b: zeros(),
             corrected: zeros(),
             local_error: 0.0,
-            carried: None,
+            part: 0.0,
             last: None,
             residual: 0.0,
         }
@@ -182,7 +181,7 @@ impl<'s> Rodas4<'s> {
 
     /// Computes `next`; returns what the matrix has of M.
     fn compute(&mut self, h: f64) -> Result<f64, StepFailure> {
-        self.residual = 0.0;
+        (self.residual, self.part) = (0.0, h);
         let system = self.linear.system;
         system.prescribed().set_velocities(self.base.time + 0.5 * h, &mut self.base.velocities);
         self.linear.set_extensions(&self.base.positions)?;
@@ -215,15 +214,6 @@ impl<'s> Rodas4<'s> {
             }
         }
         errors::of_positions(system, x, v, h)
-    }
-
-    /// Carries errors on over the step just computed, of h seconds, and adds its own, of which the size is known: that of u_6, scaled.
-    fn carry(&mut self, h: f64, size: f64) {
-        let Self { linear, carried, b, corrected, displacements, velocities, .. } = self;
-        let (Some(carried), Some(x), Some(v)) = (carried, displacements.last(), velocities.last()) else { return };
-        carried.carry(linear, GAMMA * h, [b, corrected]);
-        let all = norm_of_all(linear.system, x);
-        carried.add(if all > 0.0 { size / all } else { 0.0 }, x, v);
     }
 
     /// Sets `point` to `y + Σ row_j u_j`.
@@ -298,7 +288,6 @@ impl<'s> Rodas4<'s> {
             match self.advance(part) {
                 Ok(()) => {
                     let error = self.judge(part);
-                    self.carry(part, error);
                     self.local_error += error;
                     if is_last {
                         self.next.time = piece.end;
@@ -360,16 +349,23 @@ impl TimeStepper for Rodas4<'_> {
         Ok(())
     }
 
-    fn local_error(&self) -> Option<f64> {
-        Some(self.local_error)
-    }
-
-    fn carry_errors(&mut self, from: CarriedErrors) {
-        self.carried = Some(from);
-    }
-
-    fn carried_errors(&self) -> Option<&CarriedErrors> {
-        self.carried.as_ref()
+    /// With the matrix of τ = h/4, Φ is ((1 + z/4)/(1 − z/4))² = (2w − 1)²: two steps of the midpoint rule, which keep the amplitude of every
+    /// vibration. δ is the embedded estimate u_6, of the size that its header derives.
+    fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
+        let Self { linear, b, corrected, displacements, velocities, part, local_error, .. } = self;
+        let (Some(x), Some(v)) = (displacements.last(), velocities.last()) else { return false };
+        let parts = (step.length / *part).round().clamp(1.0, 1.0 / SHORTEST_PART);
+        for _ in 0..2 * parts as u32 {
+            error.keep();
+            b.fill(Vector3::zeros());
+            linear.resolve(GAMMA * *part, [&mut error.positions, &mut error.velocities], b, corrected);
+            error.scale(2.0);
+            error.add_kept(-1.0);
+        }
+        let size = norm_of_all(linear.system, x);
+        error.set_local_to(linear.system, if size > 0.0 { *local_error / size } else { 0.0 }, [x, v]);
+        error.add_local();
+        true
     }
 
     fn statistics(&self) -> &Statistics {

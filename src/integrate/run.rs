@@ -106,7 +106,7 @@ pub fn run(
 /// # builder.hold(0);
 /// let (system, mut state) = builder.build()?;
 /// let mut stepper = Method::Verlet.stepper(&system, &state, &ImplicitOptions::default())?;
-/// let mut monitor = Monitor::new(&system, &state, MonitorOptions::LEDGER)?;
+/// let mut monitor = Monitor::new(&system, &state, MonitorOptions::ENERGY)?;
 /// let schedule = Schedule::duration(1e-3, 1.0);
 /// let outcome = run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, |_, _, _| ControlFlow::Continue(()));
 /// assert_eq!(outcome.status().name(), "completed");
@@ -123,19 +123,6 @@ pub fn run_monitored(
 ) -> Outcome {
     let steps = scheduled(state, schedule);
     drive(stepper, state, schedule.first(), steps, Some(monitor), |steps, state, monitor| {
-        monitor.map_or(ControlFlow::Continue(()), |monitor| observe(steps, state, monitor))
-    })
-}
-
-/// As [`run_monitored`], with the steps given.
-pub(crate) fn run_steps_monitored(
-    stepper: &mut dyn TimeStepper,
-    state: &mut State,
-    steps: impl Iterator<Item = Step>,
-    monitor: &mut Monitor,
-    mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
-) -> Outcome {
-    drive(stepper, state, 0, steps, Some(monitor), |steps, state, monitor| {
         monitor.map_or(ControlFlow::Continue(()), |monitor| observe(steps, state, monitor))
     })
 }
@@ -159,11 +146,11 @@ fn drive(
     mut observe: impl FnMut(u64, &State, Option<&Monitor>) -> ControlFlow<()>,
 ) -> Outcome {
     let (mut steps, mut lengths) = (first, lengths.peekable());
-    if let Some(monitor) = &monitor {
-        monitor.begin(stepper);
-    }
     while let Some(Step { dt, end, ends_at_kink }) = lengths.next() {
         let (before, number) = (state.time, steps + 1);
+        if let Some(monitor) = &mut monitor {
+            monitor.begin_step(state);
+        }
         let mut done = match &mut monitor {
             Some(monitor) => stepper.step_seen(state, dt, monitor.springs()),
             None => stepper.step(state, dt),
@@ -175,8 +162,8 @@ fn drive(
             steps += 1;
             state.time = end;
             if let Some(monitor) = &mut monitor {
-                monitor.carry(stepper.carried_errors());
-                done = monitor.enter(steps, state, dt, stepper.local_error());
+                monitor.propagate(stepper, state, dt);
+                done = monitor.enter(steps, state, dt);
             }
         }
         if let Err(failure) = done {

@@ -291,8 +291,6 @@ fn methods_with_estimates_tell_their_orders_and_limits() {
         assert_eq!(stepper.is_bounded_by_stability(), method == Method::Dop853, "{name}");
         stepper.statistics_mut().rejected_steps = 7;
         assert_eq!(stepper.statistics().rejected_steps, 7, "{name}");
-        let has_estimate = matches!(method, Method::Rodas4 | Method::Dop853);
-        assert_eq!(stepper.local_error(), has_estimate.then_some(0.0), "{name}");
         // Whatever there is to look between the ends of a step, it begins where the step began.
         let mut state = start.clone();
         stepper.try_step(start, 0.1).unwrap();

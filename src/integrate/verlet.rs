@@ -16,7 +16,8 @@
 
 use super::explicit::ensure_room;
 use super::pieces::Piece;
-use super::{Statistics, StepFailure, TimeStepper, Watch};
+use super::propagated_error::LeadingTerm;
+use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper, Watch};
 use crate::error::{DegenerateSpring, Result};
 use crate::force::{Extensions, set_total_force};
 use crate::system::{Moment, State, System};
@@ -59,6 +60,8 @@ pub struct Verlet<'s> {
     force: Vec<Vector3<f64>>,
     /// v*; only where forces may depend on it.
     predicted: Vec<Vector3<f64>>,
+    /// A displaced state and the forces there, once an error is propagated.
+    displaced: Option<(State, Vec<Vector3<f64>>)>,
     statistics: Statistics,
 }
 
@@ -77,6 +80,7 @@ impl<'s> Verlet<'s> {
             knows_force: false,
             force: vec![Vector3::zeros(); system.particles()],
             predicted: vec![Vector3::zeros(); system.particles()],
+            displaced: None,
             statistics: Statistics::default(),
         })
     }
@@ -199,6 +203,43 @@ impl TimeStepper for Verlet<'_> {
 
     fn restart(&mut self) {
         self.knows_force = false;
+    }
+
+    /// The step linearised, `e½ = e_v + ½h e_a`, `e_x' = e_x + h e½`, `e_a' = M⁻¹ (K e_x' + G (e½ + ½h e_a))`, `e_v' = e½ + ½h e_a'`, the product being
+    /// a difference quotient.
+    fn propagate(&mut self, error: &mut PropagatedError, step: &CompletedStep<'_>) -> bool {
+        let Self { system, is_damped, next, force, predicted, displaced, statistics, .. } = self;
+        let h = step.length;
+        error.set_local(system, step, LeadingTerm::VERLET);
+        let each = error.positions.iter_mut().zip(&mut error.velocities);
+        for (((x, v), a), local) in each.zip(&error.accelerations).zip(&error.local_positions) {
+            let kick = a * (0.5 * h);
+            *v += kick;
+            *x += *v * h + local;
+            // e_v*, for the product.
+            *v += kick;
+        }
+        let end = displaced.get_or_insert_with(|| (next.clone(), force.clone()));
+        let (at, force_at) = end;
+        let epsilon = error.displace(system, next, h, at);
+        error.velocities.iter_mut().zip(&error.accelerations).for_each(|(v, a)| *v -= a * (0.5 * h));
+        if epsilon > 0.0 && self.knows_force {
+            if *is_damped {
+                // Forces are those of predicted velocities.
+                for ((at, end), predicted) in at.velocities.iter_mut().zip(&next.velocities).zip(&*predicted) {
+                    *at += predicted - end;
+                }
+            }
+            statistics.work.force_evaluations += 1;
+            if set_total_force(system, &at.moment(), force_at).is_ok() {
+                error.set_accelerations(system, force_at, force, epsilon);
+            }
+        }
+        let each = error.velocities.iter_mut().zip(&error.accelerations);
+        for ((v, a), local) in each.zip(&error.local_velocities) {
+            *v += a * (0.5 * h) + local;
+        }
+        true
     }
 
     fn statistics(&self) -> &Statistics {

@@ -1,25 +1,24 @@
 //! The summary of an answer of a required accuracy.
 
 use super::{ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, Summary};
-use crate::accuracy::{Answer, Pace, Requirement, Verdict};
+use crate::accuracy::{AccuracyOptions, Answer, StepControl, Verdict};
 use crate::integrate::Status;
 use crate::system::System;
 
 impl Summary {
-    /// Of an answer to a requirement. Energies are those that were recorded; the caller says how long the search took, in s, and what
+    /// Of an answer to a options. Energies are those that were recorded; the caller says how long the search took, in s, and what
     /// was left out of the system.
     pub fn of_answer<R>(
         scene: String,
         system: &System,
         found: &Answer<R>,
-        requirement: &Requirement,
+        options: &AccuracyOptions,
         energy: EnergyChange,
         wall_seconds: f64,
-        reductions: Vec<String>,
     ) -> Self {
-        let accuracy = requirement.accuracy;
+        let accuracy = options.accuracy;
         let choice = ChoiceReport::of_answer(found, accuracy, found.reason(accuracy));
-        let Answer { configuration, pace, state, steps, statistics, solver, verdict, estimated_error, .. } = found;
+        let Answer { configuration, control, state, steps, statistics, solver, verdict, estimated_error, .. } = found;
         let (status, kind) = match verdict {
             Verdict::Confirmed => (Status::Completed, ErrorKind::Confirmed),
             Verdict::Unconfirmed(_) => (Status::Unconfirmed, ErrorKind::Indicator),
@@ -33,9 +32,9 @@ impl Summary {
             solver: solver.name,
             preconditioner: solver.preconditioner,
             solver_choice: solver.choice.clone(),
-            dt: match pace {
-                Pace::Step(dt) => *dt,
-                Pace::Adaptive { .. } => requirement.duration / (*steps).max(1) as f64,
+            dt: match control {
+                StepControl::Step(dt) => *dt,
+                StepControl::Adaptive { .. } => options.duration / (*steps).max(1) as f64,
             },
             steps: *steps,
             time: state.time,
@@ -47,10 +46,9 @@ impl Summary {
             factor: solver.factor,
             energy,
             error: estimated_error.map(|estimate| ErrorReport { estimate, kind }),
-            warnings: found.doubt(accuracy).into_iter().collect(),
+            warnings: found.warnings(accuracy),
             effort: Effort { run: found.cost, total: found.total_cost },
             choice: Some(choice),
-            reductions,
             failure: None,
         }
     }
@@ -59,7 +57,7 @@ impl Summary {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::accuracy::answer;
+    use crate::accuracy::run_to_accuracy;
     use crate::integrate::Method;
     use crate::system::fixtures::oscillator;
 
@@ -68,7 +66,7 @@ mod tests {
     fn answers_have_a_step() {
         let (system, start) = oscillator();
         for method in [Method::Dop853, Method::Verlet] {
-            let requirement = Requirement {
+            let options = AccuracyOptions {
                 accuracy: 1e-3,
                 duration: 3.0,
                 interval: 1.0,
@@ -77,9 +75,9 @@ mod tests {
                 stiffness: None,
                 solver: None,
             };
-            let found = answer(&system, &start, &requirement, &mut (), &|| true).unwrap().unwrap();
+            let found = run_to_accuracy(&system, &start, &options, &mut (), &|| true).unwrap().unwrap();
             let energy = EnergyChange { initial: 0.0, last: 0.0, balance: Default::default() };
-            let summary = Summary::of_answer("s".into(), &system, &found, &requirement, energy, 0.0, Vec::new());
+            let summary = Summary::of_answer("s".into(), &system, &found, &options, energy, 0.0);
             assert!(summary.steps > 2);
             assert!((summary.dt * summary.steps as f64 - 3.0).abs() < 1e-12, "{} s", summary.dt);
         }

@@ -34,8 +34,6 @@ pub struct Ran<'a> {
     pub warnings: Vec<String>,
     /// What the program chose.
     pub choice: Option<ChoiceReport>,
-    /// What was left out, in words.
-    pub reductions: Vec<String>,
 }
 
 impl Ran<'_> {
@@ -67,7 +65,6 @@ impl Ran<'_> {
             warnings: self.warnings,
             effort: Effort { run: effort, total: effort },
             choice: self.choice,
-            reductions: self.reductions,
             failure: FailureReport::of(outcome, state.time),
         }
     }

@@ -1,7 +1,7 @@
 //! `summary.json`: what a run did and how it ended.
 
 use super::AtomicFile;
-use crate::accuracy::{Answer, Pace};
+use crate::accuracy::{Answer, StepControl};
 use crate::error::Result;
 use crate::force::Energy;
 use crate::integrate::{Balance, Outcome, RunFailure, Statistics, Status};
@@ -60,9 +60,6 @@ pub struct Summary {
     /// Why this method and step, where they were chosen by the program.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     pub choice: Option<ChoiceReport>,
-    /// What was left out because it cannot move, in words; empty where nothing was looked for.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub reductions: Vec<String>,
     /// What broke the run, if anything did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failure: Option<FailureReport>,
@@ -108,9 +105,9 @@ impl ChoiceReport {
 
     /// Of an answer of a required accuracy.
     pub fn of_answer<R>(answer: &Answer<R>, accuracy: f64, reason: String) -> Self {
-        let rtol = match answer.pace {
-            Pace::Adaptive { rtol, .. } => Some(rtol),
-            Pace::Step(_) => None,
+        let rtol = match answer.control {
+            StepControl::Adaptive { rtol, .. } => Some(rtol),
+            StepControl::Step(_) => None,
         };
         Self {
             reason,

@@ -3,25 +3,41 @@ use crate::integrate::Rodas4;
 use crate::spring::Spring;
 use crate::system::SystemBuilder;
 
-/// Method, tolerance without a step, and whether what cannot move is left out, of wishes for a method, an accuracy, a tolerance.
+/// Method and tolerance without a step, of wishes for a method, an accuracy, a tolerance.
 #[test]
 fn what_is_not_asked_for_is_decided() {
     let (verlet, bdf2) = (MethodChoice::Named(Method::Verlet), MethodChoice::Named(Method::Bdf2));
     let auto = Some(MethodChoice::Auto);
     for (method, accuracy, rtol, expected) in [
-        (None, None, None, (Some(Method::LinearBackwardEuler), Some(1e-2), false)),
-        (None, None, Some(1e-5), (Some(Method::Rodas4), Some(1e-5), false)),
-        (None, Some(1e-3), None, (None, Some(1e-2), true)),
-        (None, Some(1e-3), Some(1e-5), (None, Some(1e-5), true)),
-        (auto, None, None, (None, Some(1e-2), true)),
-        (auto, None, Some(1e-5), (None, Some(1e-5), true)),
-        (Some(verlet), None, None, (Some(Method::Verlet), None, false)),
-        (Some(verlet), Some(1e-3), Some(1e-5), (Some(Method::Verlet), Some(1e-5), true)),
-        (Some(bdf2), None, None, (Some(Method::Bdf2), Some(1e-2), false)),
+        (None, None, None, (Some(Method::LinearBackwardEuler), Some(1e-2))),
+        (None, None, Some(1e-5), (None, Some(1e-5))),
+        (None, Some(1e-3), None, (None, Some(1e-2))),
+        (None, Some(1e-3), Some(1e-5), (None, Some(1e-5))),
+        (auto, None, None, (None, Some(1e-2))),
+        (auto, None, Some(1e-5), (None, Some(1e-5))),
+        (Some(verlet), None, None, (Some(Method::Verlet), None)),
+        (Some(verlet), Some(1e-3), Some(1e-5), (Some(Method::Verlet), Some(1e-5))),
+        (Some(bdf2), None, None, (Some(Method::Bdf2), Some(1e-2))),
     ] {
         let wishes = Wishes { method, accuracy, rtol, ..Wishes::default() };
-        assert_eq!((wishes.method(), wishes.rtol_without_step(), wishes.reduces()), expected, "{wishes:?}");
+        assert_eq!((wishes.method(), wishes.rtol_without_step()), expected, "{wishes:?}");
     }
+}
+
+/// Without a method the stiffness of the scene decides: the oscillator of ω = √10/s is soft for a second and stiff for a million. A step of 0.1 s
+/// resolves it, one of 1 s does not.
+#[test]
+fn stiffness_decides_where_no_method_is_asked_for() {
+    let (system, state) = swing();
+    let method = |wishes: Wishes, lengths: [f64; 2], rtol| {
+        let plan = wishes.plan(&system, &state, lengths, rtol).unwrap();
+        assert!(plan.reason.is_some());
+        plan.configuration.method
+    };
+    assert_eq!(method(Wishes::default(), [0.1, 1.0], Some(1e-2)), Method::Dop853);
+    assert_eq!(method(Wishes::default(), [0.1, 1e6], Some(1e-2)), Method::Rodas4);
+    let auto = Wishes { method: Some(MethodChoice::Auto), ..Wishes::default() };
+    assert_eq!([0.1, 1.0].map(|dt| method(auto, [dt, 10.0], None)), [Method::Verlet, Method::Bdf2]);
 }
 
 /// Each method by its name, and the choice between them last; sixty records a second, or a hundred of a short motion.
@@ -47,7 +63,7 @@ fn tolerances_follow_the_motion_where_nothing_is_said() {
         (Some(1e-3), cg, Tolerance::Fixed(1e-3)),
     ] {
         let wishes = Wishes { tolerance, solver, ..Wishes::default() };
-        let linear = wishes.plan(&system, &state, 0.01, None).unwrap().configuration.options.linear;
+        let linear = wishes.plan(&system, &state, [0.01, 1.0], None).unwrap().configuration.options.linear;
         assert_eq!(linear.tolerance, expected, "{tolerance:?} {solver:?}");
     }
 }
@@ -63,16 +79,12 @@ fn swing() -> (System, State) {
 }
 
 #[test]
-fn monitors_look_at_what_the_method_needs_and_stop_as_they_are_told() {
+fn monitors_propagate_errors_and_stop_as_they_are_told() {
     let (system, state) = swing();
-    for method in [Method::LinearBackwardEuler, Method::Rodas4] {
-        let wishes = Wishes { method: Some(MethodChoice::Named(method)), ..Wishes::default() };
-        let plan = wishes.plan(&system, &state, 0.01, None).unwrap();
-        for stops_unstable in [false, true] {
-            let needed = MonitorOptions::of(method, StiffnessPolicy::OnDemand);
-            assert_eq!(needed.forces, method == Method::LinearBackwardEuler);
-            assert_eq!(plan.monitor(stops_unstable), MonitorOptions { stops_unstable, ..needed });
-        }
+    let plan = Wishes::default().plan(&system, &state, [0.01, 1.0], None).unwrap();
+    for stops_unstable in [false, true] {
+        assert_eq!(plan.monitor(stops_unstable, false), MonitorOptions { threshold: None, stops_unstable });
+        assert!(plan.monitor(stops_unstable, true).threshold.is_some());
     }
 }
 
@@ -81,7 +93,7 @@ fn monitors_look_at_what_the_method_needs_and_stop_as_they_are_told() {
 #[test]
 fn adaptive_runs_go_on_in_parts() {
     let (system, mut state) = swing();
-    let plan = Wishes::default().plan(&system, &state, 0.25, Some(1e-3)).unwrap();
+    let plan = Wishes::default().plan(&system, &state, [0.25, 1.5], Some(1e-3)).unwrap();
     let schedule = Schedule::duration(0.25, 1.5);
     let mut samples = Vec::new();
     for (part, first_step) in [(schedule.part(0, 2), Some(0.25)), (schedule.part(2, 100), None)] {

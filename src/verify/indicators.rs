@@ -9,7 +9,7 @@ use super::measured::Measured;
 use super::{Check, Claim, Subject, Unfinished, convergence, reference};
 use crate::accuracy::extent;
 use crate::integrate::{
-    Figures, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, Schedule, Status, run, run_monitored,
+    ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, Schedule, Status, run, run_monitored,
 };
 use crate::system::State;
 use nalgebra::Vector3;
@@ -58,11 +58,11 @@ pub(super) fn measure(subject: &Subject) -> Measured {
         for parts in STEPS {
             let Some((end, figures)) = monitored(subject, method, h * parts as f64, LENGTH / parts)? else { continue };
             let error = distance(&end, &exact) / figures.extent;
-            if error > 0.3 && figures.warnings(method, None).is_empty() {
+            if error > 0.3 && figures.warnings(None).is_empty() {
                 silent += 1.0;
             }
             if error > SMALLEST {
-                let estimate = figures.estimate(method).unwrap_or(f64::INFINITY);
+                let estimate = figures.estimate.unwrap_or(f64::INFINITY);
                 let deviation = (estimate / error).log10().abs();
                 deviations.push(deviation);
                 if parts < STEPS[0] && error > SMALLEST * far {
@@ -106,15 +106,20 @@ fn completed(outcome: &Outcome) -> Result<(), Unfinished> {
 }
 
 /// The end and the figures of a run with a method; `None` where it did not come to its end, which it says.
-fn monitored(subject: &Subject, method: Method, dt: f64, steps: u64) -> Result<Option<(State, Figures)>, Unfinished> {
+fn monitored(
+    subject: &Subject,
+    method: Method,
+    dt: f64,
+    steps: u64,
+) -> Result<Option<(State, ErrorIndicators)>, Unfinished> {
     let Subject { system, state, .. } = subject;
     let mut state = state.clone();
     let options = ImplicitOptions::default();
-    let mut monitor = Monitor::new(system, &state, MonitorOptions::of(method, options.stiffness))?;
+    let mut monitor = Monitor::new(system, &state, MonitorOptions::default())?;
     let mut stepper = method.stepper(system, &state, &options)?;
     let go_on = |_, _: &State, _: &Monitor| ControlFlow::Continue(());
     let outcome = run_monitored(&mut *stepper, &mut state, &Schedule::steps(dt, steps), &mut monitor, go_on);
-    let figures = monitor.figures(&state);
+    let figures = monitor.indicators(&state);
     Ok((outcome.status() == Status::Completed).then_some((state, figures)))
 }
 

@@ -44,7 +44,7 @@ pub(super) fn measure(subject: &Subject) -> Measured {
     let mut exchanged = 0.0;
     for (number, state) in (1..).zip(states.iter().skip(PARTS).step_by(PARTS)) {
         let before = monitor.energy();
-        monitor.enter(number, state, h, None)?;
+        monitor.enter(number, state, h)?;
         let now = monitor.energy();
         exchanged += (now.kinetic - before.kinetic).abs();
         exchanged += (now.elastic - before.elastic).abs() + (now.gravitational - before.gravitational).abs();

@@ -1,7 +1,7 @@
 //! Whole commands, timed: `sprung run` with an accuracy, beside the one that makes the cheapest single run.
 
 use crate::timing::shortest;
-use sprung::accuracy::{Configuration, Pace};
+use sprung::accuracy::{Configuration, StepControl};
 use sprung::integrate::Equations;
 use sprung::scene::Scene;
 use std::error::Error;
@@ -52,7 +52,7 @@ impl Commands {
 
 impl Timed<'_> {
     /// The time of the answer over that of the cheapest run.
-    pub fn slower(&self, accuracy: f64, single: &Configuration, pace: Pace) -> Result<f64, Box<dyn Error>> {
+    pub fn slower(&self, accuracy: f64, single: &Configuration, pace: StepControl) -> Result<f64, Box<dyn Error>> {
         let answer = self.time(&["--accuracy".into(), format!("{accuracy:e}")])?;
         Ok(answer / self.time(&words(single, pace))?)
     }
@@ -78,12 +78,12 @@ impl Timed<'_> {
 }
 
 /// What asks for a configuration and a pace on the command line.
-fn words(Configuration { method, options }: &Configuration, pace: Pace) -> Vec<String> {
+fn words(Configuration { method, options }: &Configuration, pace: StepControl) -> Vec<String> {
     let mut words = vec!["--method".into(), method.name().into()];
     let mut add = |option: &str, value: String| words.extend([option.into(), value]);
     match pace {
-        Pace::Step(dt) => add("--dt", format!("{dt:e}")),
-        Pace::Adaptive { rtol, .. } => add("--rtol", format!("{rtol:e}")),
+        StepControl::Step(dt) => add("--dt", format!("{dt:e}")),
+        StepControl::Adaptive { rtol, .. } => add("--rtol", format!("{rtol:e}")),
     }
     if method.is_implicit() {
         add("--solver", options.linear.solver.name().into());

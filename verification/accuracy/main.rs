@@ -22,7 +22,6 @@ use clap::Parser;
 use commands::Commands;
 use motion::{Motion, Row};
 use rayon::prelude::*;
-use sprung::accuracy::reduce;
 use sprung::linear::CostModel;
 use sprung::scene::Scene;
 use std::error::Error;
@@ -74,7 +73,6 @@ fn rows(
     let (system, start) = scene.build()?;
     let duration = scene.time.duration.unwrap_or(1.0);
     let Some(reference) = store.reference(scene, duration)? else { return Ok(Vec::new()) };
-    let system = reduce(&system, &start).system;
     let costs = CostModel::of(&system);
     let file = commands.map(|commands| commands.scene(scene)).transpose()?;
     let commands = commands.zip(file.as_ref()).map(|(commands, file)| commands.on(file));

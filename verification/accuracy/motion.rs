@@ -5,7 +5,9 @@ use crate::runs::Runs;
 use crate::study::reference::Reference;
 use crate::timing::shortest;
 use cpu_time::ThreadTime;
-use sprung::accuracy::{Configuration, Pace, Requirement, Verdict, answer, relative_position_error, trial};
+use sprung::accuracy::{
+    AccuracyOptions, Configuration, StepControl, Verdict, relative_position_error, run_to_accuracy, trial,
+};
 use sprung::integrate::{Equations, ImplicitOptions, Method, Status, StiffnessPolicy};
 use sprung::linear::{CostModel, SolverChoice, SolverOptions};
 use sprung::{State, Stiffness, System};
@@ -32,7 +34,7 @@ const FINEST: f64 = 1e-11;
 #[derive(Debug, Clone)]
 struct Single {
     configuration: Configuration,
-    pace: Pace,
+    pace: StepControl,
     cost: f64,
 }
 
@@ -106,12 +108,12 @@ impl Motion<'_> {
         ACCURACIES.into_iter().filter(|accuracy| self.reference.error <= TELLING * accuracy).collect()
     }
 
-    fn requirement(&self, accuracy: f64) -> Requirement {
+    fn options(&self, accuracy: f64) -> AccuracyOptions {
         let (method, stiffness, solver) = (None, None, None);
         // As the command does where no step is given.
-        let interval = (1.0 / 60.0f64).min(self.duration / 100.0);
+        let interval = self.duration / 600.0;
         let duration = self.duration;
-        Requirement { accuracy, duration, interval, par: faer::Par::Seq, method, stiffness, solver }
+        AccuracyOptions { accuracy, duration, interval, par: faer::Par::Seq, method, stiffness, solver }
     }
 
     /// Improves on the cheapest run of every accuracy, `best`, which begins with the runs that are answers: nothing that costs more
@@ -125,14 +127,14 @@ impl Motion<'_> {
             for j in u32::from(adaptive).. {
                 let most = best.values().map(|single| single.cost).fold(0.0, f64::max);
                 let pace = if adaptive {
-                    Pace::Adaptive { rtol: 10f64.powf(-f64::from(j) / PER_DECADE), first_step: None }
+                    StepControl::Adaptive { rtol: 10f64.powf(-f64::from(j) / PER_DECADE), first_step: None }
                 } else {
                     let steps = FEWEST_STEPS * (f64::from(j) / PER_OCTAVE).exp2();
-                    Pace::Step(self.duration / steps.ceil())
+                    StepControl::Step(self.duration / steps.ceil())
                 };
                 let over = match pace {
-                    Pace::Adaptive { rtol, .. } => rtol < FINEST,
-                    Pace::Step(dt) => self.duration / dt > most,
+                    StepControl::Adaptive { rtol, .. } => rtol < FINEST,
+                    StepControl::Step(dt) => self.duration / dt > most,
                 };
                 if over {
                     break;
@@ -174,9 +176,11 @@ impl Motion<'_> {
     pub fn rows(&self) -> Result<Vec<Row>, Box<dyn Error>> {
         let (mut best, mut answers) = (BTreeMap::new(), Vec::new());
         for (ask, accuracy) in self.asks().into_iter().enumerate() {
-            let requirement = self.requirement(accuracy);
+            let options = self.options(accuracy);
             let mut runs = Runs::new(self.says_runs);
-            let Some(found) = answer(self.system, self.start, &requirement, &mut runs, &|| true)? else { continue };
+            let Some(found) = run_to_accuracy(self.system, self.start, &options, &mut runs, &|| true)? else {
+                continue;
+            };
             let error = self.error(&found.state);
             if self.says_runs {
                 runs.say();
@@ -184,7 +188,7 @@ impl Motion<'_> {
             }
             // The answer itself is a single run.
             let cost = if error <= accuracy { found.cost } else { found.total_cost };
-            best.insert(ask, Single { configuration: found.configuration, pace: found.pace, cost });
+            best.insert(ask, Single { configuration: found.configuration, pace: found.control, cost });
             answers.push((ask, accuracy, found, error));
         }
         let mut sure = best.iter().map(|(ask, single)| (*ask, single.cost)).collect();
@@ -192,14 +196,14 @@ impl Motion<'_> {
         let mut rows = Vec::new();
         for (ask, accuracy, found, error) in answers {
             let Some(Single { configuration, pace, cost }) = best.get(&ask).cloned() else { continue };
-            let requirement = self.requirement(accuracy);
-            let searched = || answer(self.system, self.start, &requirement, &mut (), &|| true).map(|_| ());
+            let options = self.options(accuracy);
+            let searched = || run_to_accuracy(self.system, self.start, &options, &mut (), &|| true).map(|_| ());
             let ran = || trial(self.system, self.start, &configuration, pace, self.duration, &|| true).map(|_| ());
             let slower = shortest(|| time(searched))? / shortest(|| time(ran))?;
             let command_slower = self.commands.map(|timed| timed.slower(accuracy, &configuration, pace)).transpose()?;
             let pace = match pace {
-                Pace::Step(_) => "",
-                Pace::Adaptive { .. } => " --rtol",
+                StepControl::Step(_) => "",
+                StepControl::Adaptive { .. } => " --rtol",
             };
             rows.push(Row {
                 accuracy,

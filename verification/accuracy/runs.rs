@@ -1,7 +1,7 @@
 //! What a search does, run by run.
 
 use sprung::State;
-use sprung::accuracy::{Audience, SearchProgress};
+use sprung::accuracy::{Observer, SearchProgress};
 use sprung::integrate::Monitor;
 
 /// Says what a search does, where that is asked for.
@@ -26,7 +26,7 @@ impl Runs {
     }
 }
 
-impl Audience for Runs {
+impl Observer for Runs {
     type Records = ();
 
     fn begin(&mut self, _: &Monitor) -> sprung::Result<()> {

@@ -2,10 +2,10 @@
 
 use super::reference::Reference;
 use serde::{Deserialize, Serialize};
-use sprung::accuracy::{Requirement, Verdict, answer, reduce, relative_position_error};
+use sprung::accuracy::{AccuracyOptions, Verdict, relative_position_error, run_to_accuracy};
 use sprung::integrate::{
-    Adaptivity, Figures, ImplicitOptions, Method, Monitor, MonitorOptions, Sampling, Schedule, Statistics, Status,
-    StiffnessPolicy, run_adaptive_monitored, run_monitored,
+    Adaptivity, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Sampling, Schedule, Statistics,
+    Status, StiffnessPolicy, run_adaptive_monitored, run_monitored,
 };
 use sprung::{Error, State, Stiffness, System};
 use std::cell::Cell;
@@ -43,7 +43,7 @@ pub struct Run {
     pub warnings: Vec<String>,
     /// The figures that these were made from.
     #[serde(skip_deserializing)]
-    pub figures: Option<Figures>,
+    pub indicators: Option<ErrorIndicators>,
     /// Steps done.
     pub steps: u64,
     /// Evaluations of the forces.
@@ -121,17 +121,17 @@ impl Subject<'_> {
     /// Coincident ends of a spring at the start; a matrix that is too large.
     pub fn accurate(&self, accuracy: f64) -> sprung::Result<Run> {
         let clock = Instant::now();
-        let system = reduce(self.system, self.start).system;
+        let system = self.system;
         let duration = self.duration;
-        let interval = (1.0 / 60.0f64).min(duration / 100.0);
+        let interval = duration / 100.0;
         let (method, stiffness, solver) = (None, None, None);
-        let requirement = Requirement { accuracy, duration, interval, par: faer::Par::Seq, method, stiffness, solver };
+        let options = AccuracyOptions { accuracy, duration, interval, par: faer::Par::Seq, method, stiffness, solver };
         let left = Cell::new(MOST_ASKED / system.particles().max(1) as u64);
         let go_on = || {
             left.set(left.get().saturating_sub(1));
             left.get() > 0
         };
-        let found = answer(&system, self.start, &requirement, &mut (), &go_on)?;
+        let found = run_to_accuracy(system, self.start, &options, &mut (), &go_on)?;
         let ask = Ask::Accuracy(accuracy);
         let seconds = clock.elapsed().as_secs_f64();
         let nothing = Run {
@@ -142,7 +142,7 @@ impl Subject<'_> {
             error: None,
             estimate: None,
             warnings: Vec::new(),
-            figures: None,
+            indicators: None,
             steps: 0,
             evaluations: 0,
             factorizations: 0,
@@ -185,7 +185,7 @@ impl Subject<'_> {
         ask: Ask,
     ) -> sprung::Result<(Run, State, Statistics)> {
         let stiffness = options.stiffness;
-        let mut monitor = Monitor::new(self.system, self.start, MonitorOptions::of(method, stiffness))?;
+        let mut monitor = Monitor::new(self.system, self.start, MonitorOptions::default())?;
         let mut state = self.start.clone();
         let clock = Instant::now();
         let mut left = MOST_PARTICLE_STEPS / self.system.particles().max(1) as u64;
@@ -199,7 +199,7 @@ impl Subject<'_> {
                     .adaptive_stepper(self.system, self.start, options)?
                     .ok_or_else(|| Error::Usage(format!("{} has no error estimate", method.name())))?;
                 // As the command does where no step is given.
-                let first_step = (1.0 / 60.0f64).min(self.duration / 100.0);
+                let first_step = self.duration / 100.0;
                 let how = Adaptivity {
                     duration: self.duration,
                     rtol,
@@ -222,16 +222,16 @@ impl Subject<'_> {
             Status::Interrupted => "too-long",
             other => other.name(),
         };
-        let figures = monitor.figures(&state);
+        let indicators = monitor.indicators(&state);
         let run = Run {
             method: method.name().into(),
             stiffness: if method.is_implicit() { stiffness.name().into() } else { "none".into() },
             ask,
             status: status.into(),
             error: self.error(&state),
-            estimate: figures.estimate(method),
-            warnings: figures.warnings(method, rtol).iter().map(ToString::to_string).collect(),
-            figures: Some(figures),
+            estimate: indicators.estimate,
+            warnings: indicators.warnings(rtol).iter().map(ToString::to_string).collect(),
+            indicators: Some(indicators),
             steps: outcome.steps,
             evaluations: statistics.work.force_evaluations,
             factorizations: statistics.work.factorizations,

@@ -5,7 +5,7 @@ use crate::curve::{ACCURACIES, Curve, Run, Side};
 use crate::limits::{LONGEST, Patience, TOO_LONG, last};
 use crate::peers::{Method as OfDiffsol, Peer};
 use cpu_time::ThreadTime;
-use sprung::accuracy::{Configuration, Pace, relative_position_error, trial};
+use sprung::accuracy::{Configuration, StepControl, relative_position_error, trial};
 use sprung::chart::{LARGEST_ERROR, Reference};
 use sprung::figure::Look;
 use sprung::integrate::{ImplicitOptions, Method, Status};
@@ -166,8 +166,8 @@ impl Contender {
         };
         match self {
             Self::Peer(peer) => peer.run(system, start, duration, rtol, patience),
-            Self::Steps(configuration) => ours(configuration, Pace::Step(duration / steps(rung))),
-            Self::Adaptive(configuration) => ours(configuration, Pace::Adaptive { rtol, first_step: None }),
+            Self::Steps(configuration) => ours(configuration, StepControl::Step(duration / steps(rung))),
+            Self::Adaptive(configuration) => ours(configuration, StepControl::Adaptive { rtol, first_step: None }),
         }
     }
 }

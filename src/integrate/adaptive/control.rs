@@ -1,7 +1,6 @@
 //! The step size controller.
 
 use super::AdaptiveStepper;
-use crate::integrate::pieces::in_proportion;
 
 /// Proposals within these factors of h keep it, where that saves work.
 const DEAD_BAND: std::ops::RangeInclusive<f64> = 0.9..=1.3;
@@ -35,9 +34,6 @@ const SHRINKAGE: f64 = 0.2;
 const BELOW_FAILURE: f64 = 0.8;
 const APPROACH: f64 = 1.05;
 
-/// So many equal steps to a stop are two that are hardly shorter, rather than one and what is left.
-const NEARLY_TWO: f64 = 1.99;
-
 /// p + 1, estimates falling as h^(p + 1).
 fn power(stepper: &dyn AdaptiveStepper) -> f64 {
     f64::from(stepper.estimate_order() + 1)
@@ -56,35 +52,20 @@ pub(super) struct Control {
     was_rejected: bool,
     /// No step longer than this.
     ceiling: f64,
-    /// The length of all steps but those before stops, and the longest of runs that this one is compared with; none is tried again then.
-    equal: Option<[f64; 2]>,
 }
 
 impl Control {
     pub fn new(first: f64, duration: f64) -> Self {
-        Self { h: first.min(duration), last_error: 1.0, was_rejected: false, ceiling: duration, equal: None }
-    }
-
-    /// Steps of h seconds, in runs that are compared with others of longer steps, but none above `longest`.
-    pub fn equal(h: f64, longest: f64) -> Self {
-        Self { h, last_error: 1.0, was_rejected: false, ceiling: h, equal: Some([h, longest]) }
-    }
-
-    /// Before the steps to a stop that is `distance` ahead, where equal ones become shorter [in proportion](in_proportion).
-    pub fn begin(&mut self, distance: f64) {
-        if let Some([h, longest]) = self.equal {
-            self.h = in_proportion(h, distance, longest);
-        }
+        Self { h: first.min(duration), last_error: 1.0, was_rejected: false, ceiling: duration }
     }
 
     /// The step to take when a stop is `distance` ahead, and whether it lands there. The last two steps share what is
-    /// left, so that none is tiny; of equal ones only where that is hardly less.
+    /// left, so that none is tiny.
     pub fn step_towards(&self, distance: f64) -> (f64, bool) {
         let left = distance / self.h;
-        let shares = if self.equal.is_some() { NEARLY_TWO..2.0 } else { 0.0..2.0 };
         if left <= 1.01 {
             (distance, true)
-        } else if shares.contains(&left) {
+        } else if left < 2.0 {
             (0.5 * distance, false)
         } else {
             (self.h, false)
@@ -93,9 +74,6 @@ impl Control {
 
     /// After a step of h seconds with an error of at most one.
     pub fn accepted(&mut self, error: f64, h: f64, stepper: &dyn AdaptiveStepper) {
-        if self.equal.is_some() {
-            return;
-        }
         let power = power(stepper);
         let error = error.max(1e-6);
         let Rule { aim, whole, change, .. } = rule(stepper);
@@ -123,7 +101,7 @@ impl Control {
     pub fn failed(&mut self, h: f64) {
         self.was_rejected = true;
         self.ceiling = BELOW_FAILURE * h;
-        self.h = if self.equal.is_some() { 0.0 } else { 0.5 * h };
+        self.h = 0.5 * h;
     }
 }
 

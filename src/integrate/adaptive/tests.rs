@@ -1,6 +1,5 @@
 use super::{
-    AdaptiveStepper, Adaptivity, ErrorEstimate, SHORTEST, Samples, Sampling, doubt, hermite, run_adaptive,
-    run_equal_monitored, stiffness,
+    AdaptiveStepper, Adaptivity, ErrorEstimate, SHORTEST, Samples, Sampling, doubt, hermite, run_adaptive, stiffness,
 };
 use crate::integrate::{Dop853, Monitor, MonitorOptions, Statistics, StepFailure, TimeStepper};
 use crate::linear::SolveFailure;
@@ -177,37 +176,6 @@ impl AdaptiveStepper for Still {
 
 fn how(duration: f64, first_step: f64) -> Adaptivity {
     Adaptivity { duration, rtol: 1e-3, first_step: Some(first_step), sampling: Sampling::Steps, part_of: None }
-}
-
-/// A particle of 1 kg on 10 N/m, 1 m from rest. After two steps of 0.3 s the last two share what is left of 1 s. Between their ends the
-/// method's interpolant is right to its order.
-#[test]
-fn equal_steps_are_equal_and_seen_between_their_ends() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    builder.particle([1.0, 0.0, 0.0], 1.0);
-    builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-    builder.hold(0);
-    let (system, start) = builder.build().unwrap();
-    let run = |dt: f64| {
-        let mut state = start.clone();
-        let mut stepper = Dop853::new(&system, &state).unwrap();
-        let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
-        let mut errors = Vec::new();
-        let see = |number: u64, sample: &State, _: &Monitor| {
-            assert!((sample.time - 0.05 * number as f64).abs() < 1e-12, "{number}: {}", sample.time);
-            errors.push((sample.positions[1].x - (2.0 - (10f64.sqrt() * sample.time).cos())).abs());
-            ControlFlow::Continue(())
-        };
-        let sampling = Sampling::Every(0.05);
-        let outcome =
-            run_equal_monitored(&mut stepper, &system, &mut state, [dt, dt, 1.0], sampling, &mut monitor, see);
-        assert_eq!((outcome.status().name(), errors.len(), state.time), ("completed", 20, 1.0));
-        (outcome.steps, errors.into_iter().fold(0.0, f64::max))
-    };
-    let ((coarse, error), (fine, less)) = (run(0.3), run(0.1));
-    assert_eq!((coarse, fine), (4, 10));
-    assert!(error < 1e-5 && less < 1e-8, "{error:e}, {less:e}");
 }
 
 /// A step that still fails when it is shorter than 1e-13 of the run ends it, and is told with its number and time.

@@ -23,7 +23,7 @@ use crate::force::set_accelerations;
 use crate::integrate::exactness::mass_norm;
 use crate::integrate::implicit::LinearSystem;
 use crate::integrate::newton::{Newton, NewtonOptions};
-use crate::integrate::{Statistics, StepFailure, StiffnessPolicy};
+use crate::integrate::{PropagatedError, Statistics, StepFailure, StiffnessPolicy};
 use crate::linear::{LinearSolver, SolveFailure};
 use crate::operator::Combination;
 use crate::system::{State, System};
@@ -76,6 +76,11 @@ impl<'s> Iteration<'s> {
         linear.set_extensions(&state.positions)?;
         set_accelerations(system, &linear.extensions, &state.moment(), accelerations);
         Ok(())
+    }
+
+    /// Applies the resolvent of the matrix at hand to an error.
+    pub fn resolve(&mut self, tau: f64, error: &mut PropagatedError) {
+        self.newton.resolve(tau, error);
     }
 
     /// Solves for `next`, which is the prediction on entry, of velocities too, by a backward Euler step over τ seconds from `base`; the step itself

@@ -35,7 +35,7 @@ impl pulp::NullaryFnOnce for Pass<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { step, first, block: Block { kept, damping, mobility, sums } } = self;
+        let Self { step, first, block: Block { kept, damping, sums } } = self;
         let Step { system, at, .. } = step;
         // Of a system that is not a part of another all springs count.
         let all_count = system.peers().is_none();
@@ -57,7 +57,7 @@ impl pulp::NullaryFnOnce for Pass<'_> {
             } else {
                 slots.add_energies(kept, &now);
             }
-            slots.add(&step, kept, &now, damping.get(number), mobility.get(number));
+            slots.add(&step, kept, &now, damping.get(number));
         }
         *sums = slots.sums();
     }
@@ -80,7 +80,7 @@ impl pulp::NullaryFnOnce for WithForces<'_> {
         let Step { system, at, .. } = step;
         let mut ends = system.pairs().iter().copied().zip(system.springs());
         let (mut forces, mut run) = (Forces::new(), Run::new());
-        for Block { kept, damping, mobility, sums } in blocks {
+        for Block { kept, damping, sums } in blocks {
             let mut slots = Slots::new();
             for (number, kept) in kept.iter_mut().enumerate() {
                 let count = forces.gather::<true>(&at, &mut ends);
@@ -88,10 +88,10 @@ impl pulp::NullaryFnOnce for WithForces<'_> {
                 forces.add_forces(count, 0, force, &mut run);
                 // No length is zero.
                 let rate = std::array::from_fn(|slot| forces.product[slot] * forces.inverse[slot]);
-                let Forces { length, inverse: reciprocal, speed, rest_length, .. } = &forces;
-                let now = Now { length, reciprocal, rate: &rate, speed, rest_length };
+                let Forces { length, rest_length, .. } = &forces;
+                let now = Now { length, rate: &rate, rest_length };
                 slots.add_energies(kept, &now);
-                slots.add(&step, kept, &now, damping.get(number), mobility.get(number));
+                slots.add(&step, kept, &now, damping.get(number));
             }
             *sums = slots.sums();
         }
@@ -103,23 +103,17 @@ impl pulp::NullaryFnOnce for WithForces<'_> {
 /// The springs of a batch where a step ends.
 struct Now<'a> {
     length: &'a List,
-    /// 1/l; zero where that is none.
-    reciprocal: &'a List,
     rate: &'a List,
-    /// Δv².
-    speed: &'a List,
     rest_length: &'a List,
 }
 
 /// What the numbers of a batch are computed in.
 struct Lists {
-    /// l², d·Δv and Δv².
+    /// l² and d·Δv.
     squared: List,
     product: List,
-    speed: List,
     rest_length: List,
     length: List,
-    reciprocal: List,
     rate: List,
 }
 
@@ -127,15 +121,7 @@ impl Lists {
     #[inline(always)]
     fn new() -> Self {
         let (zeros, ones) = ([0.0; BATCH], [1.0; BATCH]);
-        Self {
-            squared: ones,
-            product: zeros,
-            speed: zeros,
-            rest_length: ones,
-            length: ones,
-            reciprocal: ones,
-            rate: zeros,
-        }
+        Self { squared: ones, product: zeros, rest_length: ones, length: ones, rate: zeros }
     }
 
     #[inline(always)]
@@ -145,7 +131,6 @@ impl Lists {
         let v = at.velocities[i] - at.velocities[j];
         self.squared[slot] = d.norm_squared();
         self.product[slot] = d.dot(&v);
-        self.speed[slot] = v.norm_squared();
         self.rest_length[slot] = spring.rest_length;
     }
 
@@ -156,15 +141,14 @@ impl Lists {
             // Fixed ends may lie at one place: such a spring has no direction.
             let reciprocal = if length > 0.0 { 1.0 / length } else { 0.0 };
             self.length[slot] = length;
-            self.reciprocal[slot] = reciprocal;
             self.rate[slot] = self.product[slot] * reciprocal;
         }
     }
 
     #[inline(always)]
     fn now(&self) -> Now<'_> {
-        let Self { length, reciprocal, rate, speed, rest_length, .. } = self;
-        Now { length, reciprocal, rate, speed, rest_length }
+        let Self { length, rate, rest_length, .. } = self;
+        Now { length, rate, rest_length }
     }
 }
 
@@ -173,16 +157,13 @@ struct Slots {
     elastic: List,
     dissipated: List,
     certain: List,
-    lifted: List,
-    lifted_twice: List,
-    reach: List,
 }
 
 impl Slots {
     #[inline(always)]
     fn new() -> Self {
         let zeros = [0.0; BATCH];
-        Self { elastic: zeros, dissipated: zeros, certain: zeros, lifted: zeros, lifted_twice: zeros, reach: zeros }
+        Self { elastic: zeros, dissipated: zeros, certain: zeros }
     }
 
     #[inline(always)]
@@ -205,44 +186,11 @@ impl Slots {
 
     /// Adds what the step made of the springs, and leaves what the next one will find.
     #[inline(always)]
-    fn add(&mut self, step: &Step, kept: &mut Kept, now: &Now, damping: Option<&Damping>, mobility: Option<&List>) {
-        if step.dt > 0.0 {
-            self.add_reach(step, now);
-            if let Some(mobility) = mobility {
-                self.add_turning(step, kept, now, mobility);
-            }
-            if let Some(damping) = damping {
-                self.add_dissipation(step, kept, now, damping);
-            }
+    fn add(&mut self, step: &Step, kept: &mut Kept, now: &Now, damping: Option<&Damping>) {
+        if let Some(damping) = damping.filter(|_| step.dt > 0.0) {
+            self.add_dissipation(step, kept, now, damping);
         }
         (kept.length, kept.rate) = (*now.length, *now.rate);
-    }
-
-    /// Ends that pass each other.
-    #[inline(always)]
-    fn add_reach(&mut self, step: &Step, now: &Now) {
-        let square = step.dt * step.dt;
-        for slot in 0..BATCH {
-            let reciprocal = now.reciprocal[slot];
-            let passed = square * now.speed[slot] * reciprocal * reciprocal;
-            self.reach[slot] = self.reach[slot].max(passed);
-        }
-    }
-
-    /// What springs that turn make of the step.
-    #[inline(always)]
-    fn add_turning(&mut self, step: &Step, kept: &Kept, now: &Now, mobility: &List) {
-        let square = step.dt * step.dt;
-        for (slot, mobility) in mobility.iter().enumerate() {
-            let (rate, reciprocal) = (now.rate[slot], now.reciprocal[slot]);
-            let lift = 0.5 * square * (now.speed[slot] - rate * rate) * reciprocal;
-            let half = 0.5 * kept.stiffness[slot];
-            let energy = half * lift * lift;
-            self.lifted[slot] += energy;
-            // The quotient with v⊥² cancelled.
-            let across = lift * square * reciprocal;
-            self.lifted_twice[slot] += energy * half * mobility * across;
-        }
     }
 
     #[inline(always)]
@@ -268,22 +216,14 @@ impl Slots {
 
     #[inline(always)]
     fn sums(&self) -> Sums {
-        let sum = |list| folded(list, |a, b| a + b);
-        Sums {
-            elastic: sum(&self.elastic),
-            dissipated: sum(&self.dissipated),
-            certain: sum(&self.certain),
-            lifted: sum(&self.lifted),
-            lifted_twice: sum(&self.lifted_twice),
-            reach: folded(&self.reach, |a, b| if a > b { a } else { b }),
-        }
+        Sums { elastic: folded(&self.elastic), dissipated: folded(&self.dissipated), certain: folded(&self.certain) }
     }
 }
 
 /// The two halves of a list with each other, and so on: several at once, where one after the other would each wait for the last.
 #[inline(always)]
-fn folded(list: &List, with: impl Fn(f64, f64) -> f64) -> f64 {
-    let eight: [f64; 8] = std::array::from_fn(|k| with(with(list[k], list[k + 8]), with(list[k + 16], list[k + 24])));
-    let four: [f64; 4] = std::array::from_fn(|k| with(eight[k], eight[k + 4]));
-    with(with(four[0], four[2]), with(four[1], four[3]))
+fn folded(list: &List) -> f64 {
+    let eight: [f64; 8] = std::array::from_fn(|k| (list[k] + list[k + 8]) + (list[k + 16] + list[k + 24]));
+    let four: [f64; 4] = std::array::from_fn(|k| eight[k] + eight[k + 4]);
+    (four[0] + four[2]) + (four[1] + four[3])
 }

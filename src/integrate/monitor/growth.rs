@@ -17,11 +17,11 @@
 //! without bound, and it is soon found. Three, because S begins at zero where a scene starts at rest: forward Euler's n-th step
 //! of a fall has gained 1/(n − 1) of what it has released.
 //!
+//! Nothing is waited for where more has appeared at once than all that was there: the kinetic and the elastic energy that the scene started with,
+//! what it has exchanged, and what a step of free fall gives.
+//!
 //! **A scene at rest** exchanges nothing, and still its energy is not zero. Positions are rounded: with δ a few thousand roundings of
 //! the largest coordinate, springs hold `½ Σ (k/l0) δ²` and velocities of steps of h seconds `½ Σ m (δ/h)²`, which is no growth.
-//!
-//! **Where a prescribed path bends within a step** the work of its constraint is not known, see `aside`: that much is not known to have
-//! appeared.
 //!
 //! **A run with error control** may err, by as much as its tolerance says. A local error e of a step, by the method's own estimate, is
 //! worth up to `Σ m (‖v‖ + 5 ‖e_v‖) ‖e_v‖` of kinetic energy (beyond their limit explicit methods make of a vibration up to three times what
@@ -30,7 +30,9 @@
 //! stability bounds lets the fastest vibrations grow until its estimates see them, and so on all the time.
 
 use super::ledger::{Free, Ledger};
+use crate::force::set_other_forces;
 use crate::system::{State, System};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 /// Growth beyond which a run is unstable, in units of the energy exchanged.
@@ -63,10 +65,12 @@ pub(super) struct Growth {
     pub gained: f64,
     above: u32,
     noise: Noise,
+    /// Kinetic and elastic energy at the start, in J.
+    stored: f64,
+    /// `Σ f²/(2m)` of weights and external forces at the start, in J/s²: times h² what a step of free fall gives.
+    fall: f64,
     /// In J.
     doubt: f64,
-    /// What the balance may miss, in J.
-    missed: f64,
     kept: Kept,
 }
 
@@ -97,6 +101,18 @@ impl Noise {
     }
 }
 
+/// `Σ f²/(2m)` of weights and external forces on coordinates that are free, in J/s².
+fn fall(system: &System, state: &State) -> f64 {
+    let mut force = vec![Vector3::zeros(); system.particles()];
+    set_other_forces(system, &state.moment(), &mut force);
+    let of = |p: usize| {
+        let squared: f64 = system.dofs().free_axes(p).iter().map(|axis| force[p][axis] * force[p][axis]).sum();
+        0.5 * squared / system.masses()[p]
+    };
+    let [fall] = system.total([(0..system.own_particles()).map(of).sum::<f64>()]);
+    fall
+}
+
 /// What is known of the energy exchanged so far.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -108,8 +124,9 @@ pub(super) struct Past {
     gained: f64,
     above: u32,
     noise: Noise,
+    stored: f64,
+    fall: f64,
     doubt: f64,
-    missed: f64,
 }
 
 /// A state from before the growth.
@@ -141,23 +158,24 @@ impl Growth {
             gained: 0.0,
             above: 0,
             noise,
+            stored: start.kinetic + ledger.energy.elastic,
+            fall: fall(system, state),
             doubt: 0.0,
-            missed: 0.0,
             kept,
         }
     }
 
     /// What a later process needs to go on.
     pub fn past(&self) -> Past {
-        let Self { start, lowest, released, work, gained, above, noise, doubt, missed, .. } = *self;
-        Past { start, lowest, released, work, gained, above, noise, doubt, missed }
+        let Self { start, lowest, released, work, gained, above, noise, stored, fall, doubt, .. } = *self;
+        Past { start, lowest, released, work, gained, above, noise, stored, fall, doubt }
     }
 
     /// Goes on at a state, which is then the one that is kept.
     pub fn continued(past: &Past, ledger: &Ledger, steps: u64, state: &State) -> Self {
-        let Past { start, lowest, released, work, gained, above, noise, doubt, missed } = *past;
+        let Past { start, lowest, released, work, gained, above, noise, stored, fall, doubt } = *past;
         let kept = Kept { steps, state: state.clone(), ledger: *ledger };
-        Self { start, lowest, released, work, gained, above, noise, doubt, missed, kept }
+        Self { start, lowest, released, work, gained, above, noise, stored, fall, doubt, kept }
     }
 
     /// S, in J.
@@ -177,11 +195,6 @@ impl Growth {
         self.doubt += energy;
     }
 
-    /// Says that the balance may miss so much energy of the next step, in J: what it gains of that is not known to have appeared.
-    pub fn miss(&mut self, energy: f64) {
-        self.missed += energy;
-    }
-
     /// Enters the state after a number of steps, the last of dt seconds.
     pub fn enter(&mut self, ledger: &Ledger, steps: u64, state: &State, dt: f64) -> Option<Unstable> {
         let (start, now) = (self.start, ledger.free());
@@ -189,13 +202,21 @@ impl Growth {
         self.released = self.released.max(start.potential - now.potential);
         self.work = [self.work[0].min(now.work), self.work[1].max(now.work)];
         self.lowest = self.lowest.min(balance);
-        let gained = (balance - self.lowest - self.missed).max(0.0);
-        self.gained = self.gained.max(gained);
+        let gained = (balance - self.lowest).max(0.0);
         let exchanged = self.exchanged();
         let rounding = ROUNDING * start.magnitude.max(now.magnitude.min(exchanged)) + self.noise.energy(dt);
+        self.gained = self.gained.max(gained - rounding - self.doubt);
         // Of sums that are not numbers nothing is known: the step itself must have been refused then.
         let is_above = gained > MOST_GROWTH * exchanged + rounding + self.doubt;
-        self.above = if is_above { self.above + 1 } else { 0 };
+        let all = exchanged + self.stored + self.fall * dt * dt;
+        let is_sudden = gained > MOST_GROWTH * all + rounding + self.doubt;
+        self.above = if is_sudden {
+            PATIENCE
+        } else if is_above {
+            self.above + 1
+        } else {
+            0
+        };
         if gained <= CALM * exchanged + rounding + self.doubt && steps >= self.kept.steps + EVERY.min(1 + steps / EVERY)
         {
             (self.kept.steps, self.kept.ledger) = (steps, *ledger);

@@ -1,39 +1,29 @@
-//! What accompanies a run: the energy ledger, the watch over energy from nowhere, and the figures that say how wrong it is.
+//! The energy balance of a run, the watch over energy from nowhere, and the propagated error of the run.
 //!
-//! After every accepted step one pass over the springs and one over the particles see the new state. They need no force but
-//! that of methods whose linearisation is in question; sums are made in blocks, so that they have the same bits whatever the
-//! number of threads.
+//! After every accepted step one pass over the springs and one over the particles see the new state. Sums are made in blocks, so that they
+//! have the same bits whatever the number of threads.
 
-mod aside;
 mod batch;
 mod driven;
 mod external;
-mod figures;
-mod forces;
 mod growth;
-mod indicator;
+mod indicators;
 mod ledger;
 mod particles;
 mod springs;
 mod sums;
 
-pub use figures::Figures;
-pub use indicator::{Warning, percent};
+pub use indicators::{ErrorIndicators, INACCURATE, Warning, percent, threshold};
 pub use ledger::Balance;
 
-use super::carried::Kept;
 use super::watch::Watch;
-use super::{CarriedErrors, Method, StepFailure, StiffnessPolicy, TimeStepper};
+use super::{CompletedStep, PropagatedError, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::Energy;
 use crate::memory;
-use crate::spring::Stiffness;
-use crate::system::{Axes, State, System};
-use aside::Aside;
+use crate::system::{State, System};
 use driven::Drive;
 use external::External;
-use figures::Trail;
-use forces::Forces;
 use growth::{Growth, Past, Unstable};
 use ledger::Ledger;
 use nalgebra::Vector3;
@@ -42,42 +32,23 @@ use serde::{Deserialize, Serialize};
 use springs::Springs;
 
 /// What a monitor is to do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MonitorOptions {
-    /// Whether forces are evaluated at every new state, for [`Figures::defect`].
-    pub forces: bool,
-    /// Whether springs that turn are looked at, for [`Figures::lifted`] and [`Figures::lifted_twice`].
-    pub turning: bool,
-    /// Whether the paths of particles are, for [`Figures::third`] and [`Figures::slip`].
-    pub paths: bool,
-    /// Whether a method that knows how is to carry the errors of its steps on, for [`Figures::carried`].
-    pub errors: bool,
+    /// The relative position error until which positions count as predictable; `None` where the errors of steps are not to be propagated, and nothing is
+    /// known of the error.
+    pub threshold: Option<f64>,
     /// Whether energy from nowhere ends the run.
     pub stops_unstable: bool,
 }
 
 impl MonitorOptions {
-    /// The energy ledger alone, and what costs nothing beside it.
-    pub const LEDGER: Self = Self { forces: false, turning: false, paths: false, errors: false, stops_unstable: true };
-
-    /// What the indicators of a method need; the other figures stay zero. Forces, where only its linearisation is in question: the others
-    /// solve their equations, or have none; without transverse stiffness there is nothing that brakes.
-    pub fn of(method: Method, stiffness: StiffnessPolicy) -> Self {
-        let brakes = stiffness != StiffnessPolicy::Always(Stiffness::Axial);
-        Self {
-            forces: method == Method::LinearBackwardEuler && brakes,
-            turning: matches!(method, Method::W2 | Method::Rodas4),
-            paths: matches!(method, Method::W2 | Method::Bdf2 | Method::SymplecticEuler),
-            errors: method.carries_errors(),
-            ..Self::LEDGER
-        }
-    }
+    /// The energy balance alone.
+    pub const ENERGY: Self = Self { threshold: None, stops_unstable: true };
 }
 
-/// All figures that need no forces.
 impl Default for MonitorOptions {
     fn default() -> Self {
-        Self { turning: true, paths: true, errors: true, ..Self::LEDGER }
+        Self { threshold: Some(INACCURATE), ..Self::ENERGY }
     }
 }
 
@@ -87,8 +58,10 @@ impl Default for MonitorOptions {
 pub struct Account {
     ledger: Ledger,
     past: Past,
-    trail: Trail,
-    carried: Option<Kept>,
+    steps: u64,
+    duration: f64,
+    error: Option<PropagatedError>,
+    predictable_until: Option<f64>,
 }
 
 /// Accompanies a run; see the module.
@@ -120,27 +93,21 @@ pub struct Monitor<'s> {
     springs: Springs<'s>,
     particles: Particles<'s>,
     drive: Drive<'s>,
-    aside: Aside<'s>,
     external: Option<External>,
-    forces: Option<Forces>,
     ledger: Ledger,
     /// At the state before, with its time.
     before: Ledger,
     times: [f64; 2],
     growth: Growth,
-    trail: Trail,
-    /// What the steps so far have made wrong, where that is to be known.
-    carried: Option<CarriedErrors>,
+    steps: u64,
+    duration: f64,
+    /// The error of the run, where it is to be known and the method knows how.
+    error: Option<PropagatedError>,
+    predictable_until: Option<f64>,
+    /// Where the step at hand began, where errors are propagated.
+    started: State,
     start: Vec<Vector3<f64>>,
-    /// Whether there are fewer springs than degrees of freedom.
-    can_fold: bool,
-    /// Of a particle that moves, in the mean, in kg.
-    mass: f64,
 }
-
-/// Forces are evaluated in the first steps, and then in one of so many: what linearising leaves out is compared with what it balances in
-/// the same steps, and an evaluation at every one would cost a tenth of a short step.
-const LOOKS: u64 = 8;
 
 /// Bytes of what is kept of a spring and of a particle, at most; the last batch of springs is filled up.
 const SPRING: u64 = 100;
@@ -162,54 +129,47 @@ impl<'s> Monitor<'s> {
         let [springs, particles] = [system.springs().len() as u64, system.particles() as u64];
         memory::ensure(SPRING * springs + PARTICLE * particles, "what accompanies a run")?;
         let drive = Drive::new(system, state);
-        let mut springs = Springs::new(system, state, drive.springs(), options.turning);
-        let mut particles = Particles::new(system, state, options.paths);
-        let sums = (springs.pass(&state.moment(), 0.0), particles.pass(state, 0.0, None));
+        let mut springs = Springs::new(system, state, drive.springs());
+        let particles = Particles::new(system);
+        let sums = (springs.pass(&state.moment(), 0.0), particles.pass(state));
         let ledger = Ledger::new(&sums.0, &sums.1, drive.energy(state));
         let growth = Growth::new(system, &ledger, state);
-        let forces = options.forces.then(|| Forces::new(system, state)).transpose()?;
         Ok(Self {
             system,
             options,
             springs,
             particles,
             drive,
-            aside: Aside::new(system),
             external: External::new(system, state),
-            forces,
             ledger,
             before: ledger,
             times: [state.time; 2],
             growth,
-            trail: Trail::default(),
-            carried: options.errors.then(|| CarriedErrors::none(system)),
+            steps: 0,
+            duration: 0.0,
+            error: options.threshold.map(|_| PropagatedError::none(system)),
+            predictable_until: None,
+            started: state.clone(),
             start: state.positions.clone(),
-            can_fold: can_fold(system),
-            mass: mean_mass(system),
         })
     }
 
-    /// Enters the state after a number of steps, the last of dt seconds; `local_error` is the norm of the method's own estimate of
-    /// the step's position error, in m.
+    /// Enters the state after a number of steps, the last of dt seconds.
     ///
     /// # Errors
     /// [`StepFailure::Unstable`] when energy has appeared from nowhere, if that is to end the run.
-    pub fn enter(&mut self, steps: u64, state: &State, dt: f64, local_error: Option<f64>) -> Result<(), StepFailure> {
+    pub fn enter(&mut self, steps: u64, state: &State, dt: f64) -> Result<(), StepFailure> {
         self.before = self.ledger;
         self.times = [self.times[1], state.time];
-        let looks = steps <= LOOKS || steps.is_multiple_of(LOOKS);
-        let forces = self.forces.as_mut().filter(|_| looks);
-        let force = forces.and_then(|forces| forces.at(self.system, state));
-        let (springs, particles) = (self.springs.enter(state, dt), self.particles.pass(state, dt, force));
+        let (springs, particles) = (self.springs.enter(state, dt), self.particles.pass(state));
         let mut exchange = self.drive.pass(state, dt);
         exchange.work += self.external.as_mut().map_or(0.0, |external| external.pass(self.system, state));
         self.ledger.enter(&springs, &particles, self.drive.energy(state), &exchange);
         if self.has_overflowed() {
             return Err(StepFailure::NonFinite);
         }
-        let detour = self.aside.pass(self.times, state);
-        self.growth.miss(detour.missed(self.before.energy.elastic.max(self.ledger.energy.elastic)));
-        self.trail.enter(dt, &springs, &particles, &detour, local_error);
+        self.steps += 1;
+        self.duration += dt;
         match self.growth.enter(&self.ledger, steps, state, dt) {
             Some(Unstable { gained, exchanged }) if self.options.stops_unstable => {
                 Err(StepFailure::Unstable { gained, exchanged })
@@ -218,17 +178,27 @@ impl<'s> Monitor<'s> {
         }
     }
 
-    /// Lets a stepper begin with what the monitor knows of the errors of steps before.
-    pub(super) fn begin(&self, stepper: &mut (impl TimeStepper + ?Sized)) {
-        if let Some(carried) = &self.carried {
-            stepper.carry_errors(carried.clone());
+    /// Takes note of where a step begins.
+    pub(super) fn begin_step(&mut self, state: &State) {
+        if self.error.is_some() {
+            self.started.copy_from(state);
         }
     }
 
-    /// Takes over what a stepper has carried on.
-    pub(super) fn carry(&mut self, errors: Option<&CarriedErrors>) {
-        if let (Some(carried), Some(errors)) = (&mut self.carried, errors) {
-            carried.clone_from(errors);
+    /// Propagates the error of the run over a step of dt seconds to a state, by the method that did it.
+    pub(super) fn propagate(&mut self, stepper: &mut (impl TimeStepper + ?Sized), state: &State, dt: f64) {
+        let Self { system, error, started, options, .. } = self;
+        let Some(known) = error else { return };
+        let step = CompletedStep { before: started, after: state, length: dt };
+        if !stepper.propagate(known, &step) {
+            *error = None;
+            return;
+        }
+        let extent = extent(system, state, &self.start);
+        known.saturate(system, extent);
+        let threshold = options.threshold.unwrap_or(INACCURATE);
+        if self.predictable_until.is_none() && known.norm(system) > threshold * extent {
+            self.predictable_until = Some(started.time);
         }
     }
 
@@ -253,8 +223,10 @@ impl<'s> Monitor<'s> {
         Account {
             ledger: self.ledger,
             past: self.growth.past(),
-            trail: self.trail,
-            carried: self.carried.as_ref().map(CarriedErrors::kept),
+            steps: self.steps,
+            duration: self.duration,
+            error: self.error.clone(),
+            predictable_until: self.predictable_until,
         }
     }
 
@@ -270,12 +242,12 @@ impl<'s> Monitor<'s> {
         account: &Account,
         options: MonitorOptions,
     ) -> Result<Self> {
-        let Account { ledger, ref past, trail, ref carried } = *account;
+        let Account { ledger, ref past, steps: done, duration, ref error, predictable_until } = *account;
         let fresh = Self::new(system, state, options)?;
         let growth = Growth::continued(past, &ledger, steps, state);
-        let carried = carried.as_ref().map(|kept| CarriedErrors::of(system, kept));
+        let error = error.clone().filter(|error| error.fits(system));
         let start = start.positions.clone();
-        Ok(Self { ledger, before: ledger, growth, trail, carried, start, ..fresh })
+        Ok(Self { ledger, before: ledger, growth, steps: done, duration, error, predictable_until, start, ..fresh })
     }
 
     /// The failure that energy from nowhere makes of a run at its last state, where it has grown and is to end the run.
@@ -290,6 +262,11 @@ impl<'s> Monitor<'s> {
         state.copy_from(&kept.state);
         self.ledger = kept.ledger;
         kept.steps
+    }
+
+    /// The propagated error of the run; `None` where it is not known.
+    pub fn error(&self) -> Option<&PropagatedError> {
+        self.error.as_ref()
     }
 
     /// The time of the state entered last, in s.
@@ -332,60 +309,43 @@ impl<'s> Monitor<'s> {
         (energy, self.balance_between(state.time, &energy))
     }
 
-    /// The figures of the run up to a state, as a rule its last.
-    pub fn figures(&self, state: &State) -> Figures {
-        let figures = self.trail.figures(self.extent(state));
-        let (gained, lost) = (self.growth.gained, self.growth.lost(&self.ledger));
-        let aside = figures.aside / self.mass.sqrt();
-        let carried = self.carried.as_ref().map_or(0.0, |carried| carried.norm(self.system)) / figures.extent;
-        let way = |energy: f64| figures.duration * (2.0 * energy.max(0.0) / self.mass).sqrt() / figures.extent;
-        Figures {
+    /// What the run says of its accuracy up to a state, as a rule its last.
+    pub fn indicators(&self, state: &State) -> ErrorIndicators {
+        let extent = extent(self.system, state, &self.start);
+        let error = self.error.as_ref().filter(|_| self.steps > 0);
+        ErrorIndicators {
+            steps: self.steps,
+            duration: self.duration,
+            extent,
+            estimate: error.map(|error| error.norm(self.system) / extent),
+            local_errors: error.map_or(0.0, |error| error.sum_of_local_errors() / extent),
+            left_out: error.map_or(0.0, PropagatedError::left_out),
+            predictable_until: self.predictable_until,
             exchanged: self.growth.exchanged(),
-            gained,
-            lost,
-            lost_way: way(lost),
-            gained_way: way(gained),
-            can_fold: self.can_fold,
-            aside,
-            carried,
-            ..figures
+            gained: self.growth.gained,
+            lost: self.growth.lost(&self.ledger),
         }
     }
+}
 
-    /// The distance of the particles from their centre; where they are all at one place, from where they started; never zero.
-    fn extent(&self, state: &State) -> f64 {
-        let system = self.system;
-        let positions = &state.positions[..system.own_particles()];
-        let sum = positions.iter().sum::<Vector3<f64>>();
-        let [count, x, y, z] = system.total([positions.len() as f64, sum.x, sum.y, sum.z]);
-        let centre = Vector3::new(x, y, z) / count.max(1.0);
-        let spread = positions.iter().map(|x| (x - centre).norm_squared()).sum::<f64>();
-        let way = positions.iter().zip(&self.start).map(|(x, y)| (x - y).norm_squared()).sum::<f64>();
-        let [spread, way] = system.total([spread, way]).map(f64::sqrt);
-        let [largest] = system.largest([positions.iter().map(|x| x.norm()).fold(0.0, f64::max)]);
-        [spread, way].into_iter().find(|&length| length > 1e-12 * largest).unwrap_or(1.0)
+/// The distance of the particles from their centroid; where they are all at one place, from where they started; never zero.
+fn extent(system: &System, state: &State, start: &[Vector3<f64>]) -> f64 {
+    let positions = &state.positions[..system.own_particles()];
+    let sum = positions.iter().sum::<Vector3<f64>>();
+    let [count, x, y, z] = system.total([positions.len() as f64, sum.x, sum.y, sum.z]);
+    let centre = Vector3::new(x, y, z) / count.max(1.0);
+    let (mut spread, mut way, mut largest) = (0.0, 0.0, 0.0_f64);
+    for (x, start) in positions.iter().zip(start) {
+        spread += (x - centre).norm_squared();
+        way += (x - start).norm_squared();
+        largest = largest.max(x.norm_squared());
     }
-}
-
-/// Whether a scene can fold, turn or fall without stretching a spring.
-fn can_fold(system: &System) -> bool {
-    let springs = system.active_springs().iter().filter(|&&spring| system.counts(spring as usize)).count();
-    let [springs, dofs] = system.total([springs as f64, system.dofs().first_row(system.own_particles()) as f64]);
-    system.dimension() > 1 && springs < dofs
-}
-
-/// The mean mass of the particles that move, in kg; one where there are none.
-fn mean_mass(system: &System) -> f64 {
-    let moves = |&p: &usize| system.dofs().free_axes(p) != Axes::NONE;
-    let masses = (0..system.own_particles()).filter(moves).map(|p| system.masses()[p]);
-    let [count, mass] = masses.fold([0.0, 0.0], |[count, sum], mass| [count + 1.0, sum + mass]);
-    let [count, mass] = system.total([count, mass]);
-    if count > 0.0 { mass / count } else { 1.0 }
+    let [spread, way] = system.total([spread, way]).map(f64::sqrt);
+    let [largest] = system.largest([largest.sqrt()]);
+    [spread, way].into_iter().find(|&length| length > 1e-12 * largest).unwrap_or(1.0)
 }
 
 #[cfg(test)]
 mod account_tests;
-#[cfg(all(test, feature = "scene"))]
-mod along_tests;
 #[cfg(all(test, feature = "scene"))]
 mod tests;

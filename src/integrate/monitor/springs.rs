@@ -44,24 +44,21 @@ pub(super) struct Springs<'s> {
 }
 
 impl<'s> Springs<'s> {
-    /// At a state; `driven` are those whose damping is accounted for elsewhere, ascending, `turning` whether springs that turn are looked at.
-    pub fn new(system: &'s System, state: &State, driven: impl Iterator<Item = usize>, turning: bool) -> Self {
+    /// At a state; `driven` are those whose damping is accounted for elsewhere, ascending.
+    pub fn new(system: &'s System, state: &State, driven: impl Iterator<Item = usize>) -> Self {
         let springs = system.springs();
         let is_damped = springs.iter().any(|spring| spring.damping > 0.0);
         let mut blocks: Vec<Block> =
-            springs.chunks(BLOCK).map(|springs| Block::new(springs.len(), is_damped, turning)).collect();
+            springs.chunks(BLOCK).map(|springs| Block::new(springs.len(), is_damped)).collect();
         let mut driven = driven.peekable();
         for (number, spring) in springs.iter().enumerate().filter(|(number, _)| system.counts(*number)) {
-            let Block { kept, damping, mobility, .. } = &mut blocks[number / BLOCK];
+            let Block { kept, damping, .. } = &mut blocks[number / BLOCK];
             let (batch, slot) = (number % BLOCK / BATCH, number % BATCH);
             kept[batch].stiffness[slot] = spring.stiffness / spring.rest_length;
             let is_driven = driven.next_if_eq(&number).is_some();
             if let Some(of_batch) = damping.get_mut(batch) {
                 of_batch.damping[slot] = if is_driven { 0.0 } else { spring.damping };
                 of_batch.resolved[slot] = resolved_step(system, number);
-            }
-            if let Some(of_batch) = mobility.get_mut(batch) {
-                of_batch[slot] = mobility_of(system, number);
             }
         }
         let mut active = system.active_springs().iter().peekable();

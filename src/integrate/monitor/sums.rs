@@ -18,13 +18,6 @@ pub(super) struct Sums {
     pub dissipated: f64,
     /// The least that it can have taken.
     pub certain: f64,
-    /// U, what a step of straight motion puts into the springs that turn, in J: with `v⊥` across a spring its ends come apart by
-    /// `(h v⊥)²/(2l)`.
-    pub lifted: f64,
-    /// The same times its quotient with the energy `½ μ v⊥²` of the turning, spring by spring.
-    pub lifted_twice: f64,
-    /// The largest `(h |Δv|/l)²`: how far the ends of a spring pass each other in a step, in lengths.
-    pub reach: f64,
 }
 
 impl Sums {
@@ -32,19 +25,13 @@ impl Sums {
         self.elastic += other.elastic;
         self.dissipated += other.dissipated;
         self.certain += other.certain;
-        self.lifted += other.lifted;
-        self.lifted_twice += other.lifted_twice;
-        self.reach = self.reach.max(other.reach);
         self
     }
 
     /// With those of all other parts of a system.
     pub fn of_all(self, system: &System) -> Self {
-        let Self { elastic, dissipated, certain, lifted, lifted_twice, reach } = self;
-        let [elastic, dissipated, certain, lifted, lifted_twice] =
-            system.total([elastic, dissipated, certain, lifted, lifted_twice]);
-        let [reach] = system.largest([reach]);
-        Self { elastic, dissipated, certain, lifted, lifted_twice, reach }
+        let [elastic, dissipated, certain] = system.total([self.elastic, self.dissipated, self.certain]);
+        Self { elastic, dissipated, certain }
     }
 }
 
@@ -63,8 +50,6 @@ pub(super) struct Block {
     pub kept: Vec<Kept>,
     /// Empty where nothing is damped.
     pub damping: Vec<Damping>,
-    /// 1/μ of the ends of each spring, in 1/kg; empty where springs that turn are not asked for.
-    pub mobility: Vec<List>,
     pub sums: Sums,
 }
 
@@ -90,14 +75,13 @@ pub(super) struct Damping {
 
 impl Block {
     /// Of so many springs.
-    pub fn new(springs: usize, is_damped: bool, turning: bool) -> Self {
+    pub fn new(springs: usize, is_damped: bool) -> Self {
         let batches = springs.div_ceil(BATCH);
         let kept = Kept { stiffness: [0.0; BATCH], length: [1.0; BATCH], rate: [0.0; BATCH] };
         let damping = Damping { damping: [0.0; BATCH], resolved: [0.0; BATCH] };
         Self {
             kept: vec![kept; batches],
             damping: vec![damping; if is_damped { batches } else { 0 }],
-            mobility: vec![[0.0; BATCH]; if turning { batches } else { 0 }],
             sums: Sums::default(),
         }
     }

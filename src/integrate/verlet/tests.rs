@@ -136,7 +136,7 @@ fn steps_are_the_same_when_they_are_seen() {
         let mut monitor = Monitor::new(&system, &start, MonitorOptions::default()).unwrap();
         for steps in 1..=3 {
             steppers[0].step_seen(&mut seen, 0.01, monitor.springs()).unwrap();
-            monitor.enter(steps, &seen, 0.01, None).unwrap();
+            monitor.enter(steps, &seen, 0.01).unwrap();
             steppers[1].step(&mut alone, 0.01).unwrap();
         }
         assert_eq!(seen, alone);
@@ -171,26 +171,6 @@ fn a_step_is_seen_once() {
         assert_eq!(count.0, steps);
     }
     assert!(stepper.statistics().work.force_evaluations > 4);
-}
-
-/// What is led is seen at the speed of its path, not at one that its spring would give it.
-#[test]
-fn prescribed_velocities_are_seen() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1e-6);
-    builder.particle([2.1, 0.0, 0.0], 1.0);
-    builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 2.0, damping: 0.0 });
-    let motion = Motion::Velocity(Vector3::new(0.0, 3.0, 0.0));
-    builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
-    let (system, mut state) = builder.build().unwrap();
-    state.prescribe(&system);
-    let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
-    let mut stepper = Verlet::new(&system, &state).unwrap();
-    stepper.step_seen(&mut state, 0.1, monitor.springs()).unwrap();
-    monitor.enter(1, &state, 0.1, None).unwrap();
-    // Three tenths of a metre past a spring of about 2.1 m.
-    let reach = monitor.figures(&state).reach;
-    assert!((reach / (0.3 / 2.12) - 1.0).abs() < 0.01, "{reach}");
 }
 
 /// Keeps when it was asked to look, and over how long a step.

@@ -2,7 +2,7 @@ use super::super::tests::Still;
 use super::{APPROACH, BELOW_FAILURE, Control, SHRINKAGE};
 
 fn control(h: f64) -> Control {
-    Control { h, last_error: 1.0, was_rejected: false, ceiling: f64::MAX, equal: None }
+    Control { h, last_error: 1.0, was_rejected: false, ceiling: f64::MAX }
 }
 
 fn close(a: f64, b: f64) -> bool {
@@ -16,26 +16,6 @@ fn the_last_two_steps_before_a_stop_share_what_is_left() {
     assert_eq!(control.step_towards(0.1011), (0.05055, false));
     assert_eq!(control.step_towards(0.1999), (0.09995, false));
     assert_eq!(control.step_towards(0.21), (0.1, false));
-    let equal = Control::equal(0.1, 0.1);
-    let steps = [0.1009, 0.15, 0.1995, 0.21].map(|distance| equal.step_towards(distance));
-    assert_eq!(steps, [(0.1009, true), (0.1, false), (0.09975, false), (0.1, false)]);
-}
-
-/// A stop 0.1 s ahead takes one of the longest steps, and 1.5 of steps shorter by that.
-#[test]
-fn equal_steps_to_near_stops_become_shorter_with_the_others() {
-    for (h, longest, distance, expected) in
-        [(0.25, 0.25, 0.1, 0.1), (0.2, 0.25, 0.125, 0.1), (0.2, 0.25, 0.25, 0.2), (0.2, 0.25, 3.0, 0.2)]
-    {
-        let mut control = Control::equal(h, longest);
-        control.begin(distance);
-        assert!(close(control.h, expected), "{h} {longest} {distance}");
-        control.begin(9.0);
-        assert_eq!(control.h, h);
-    }
-    let mut free = control(0.1);
-    free.begin(0.01);
-    assert_eq!(free.h, 0.1);
 }
 
 #[test]

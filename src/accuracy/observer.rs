@@ -1,32 +1,32 @@
-//! Who looks on while an answer is looked for, and what they are told.
+//! Observers of a search for an answer.
 
 use crate::error::Result;
 use crate::integrate::Monitor;
 use crate::system::State;
 
-/// What looks on while an answer is looked for.
-pub trait Audience {
-    /// What is kept of one run until it is known whether that is the answer.
+/// An observer of the runs of a search, which records each until it is known whether that is the answer.
+pub trait Observer {
+    /// The records of one run.
     type Records;
 
     /// A run begins.
     ///
     /// # Errors
-    /// What ends the search.
+    /// An error ends the search.
     fn begin(&mut self, monitor: &Monitor) -> Result<Self::Records>;
 
     /// The run is at a multiple of the interval asked for, or at its end.
     ///
     /// # Errors
-    /// What ends the search.
+    /// An error ends the search.
     fn record(&mut self, records: &mut Self::Records, number: u64, state: &State, monitor: &Monitor) -> Result<()>;
 
-    /// How the search gets on.
+    /// Progress of the search.
     fn progress(&mut self, _progress: &SearchProgress<'_>) {}
 }
 
-/// Nobody.
-impl Audience for () {
+/// No observer.
+impl Observer for () {
     type Records = ();
 
     fn begin(&mut self, _: &Monitor) -> Result<()> {
@@ -38,15 +38,13 @@ impl Audience for () {
     }
 }
 
-/// How a search gets on.
+/// Progress of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SearchProgress<'a> {
-    /// What is being done.
-    pub doing: &'a str,
+    /// The run under way, in words.
+    pub run: &'a str,
     /// The part of it that is done.
     pub part: f64,
-    /// What has been spent, in force evaluations.
+    /// Work done in the runs before, in force evaluations.
     pub spent: f64,
-    /// What is left to do at most, as far as can be seen, in force evaluations.
-    pub left: f64,
 }
