@@ -7,7 +7,7 @@ use crate::integrate::{
     Adaptivity, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, Sampling, Schedule,
     Statistics, Status, StiffnessPolicy, TimeStepper, hermite, percent, run_adaptive_monitored, run_monitored,
 };
-use crate::linear::{CostModel, FactorReport, LinearSolver, SolverChoice, SolverOptions, Tolerance};
+use crate::linear::{CostModel, FactorReport, LinearSolver, SolverChoice, SolverOptions};
 use crate::system::{State, System};
 use faer::Par;
 use nalgebra::{Matrix3, Vector3};
@@ -338,12 +338,10 @@ const MUCH_FINER: f64 = 4.0;
 
 impl<O: Observer> Search<'_, O> {
     fn configuration(&self, method: Method) -> Configuration {
-        let AccuracyOptions { accuracy, par, stiffness, solver, .. } = *self.options;
-        let defaults = SolverOptions::default();
-        // Far more exactly than the accuracy needs.
-        let tolerance = Tolerance::Fixed((1e-3 * accuracy).clamp(1e-12, 1e-4));
-        let linear = SolverOptions { solver: solver.unwrap_or(defaults.solver), par, tolerance, ..defaults };
-        let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
+        let AccuracyOptions { par, stiffness, solver, .. } = *self.options;
+        let options = ImplicitOptions::default();
+        let linear = SolverOptions { solver: solver.unwrap_or(options.linear.solver), par, ..options.linear };
+        let options = ImplicitOptions { linear, ..options };
         let stiffness = stiffness.unwrap_or(options.stiffness);
         Configuration { method, options: ImplicitOptions { stiffness, ..options } }
     }
