@@ -53,7 +53,7 @@ fn the_extrapolated_reference_meets_a_known_answer_within_its_own_estimate() {
 }
 
 fn measure(name: &str, budget: f64) -> WorkPrecision {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/scenes").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/verify/scenes").join(name);
     let scene = Scene::load(path).unwrap();
     let (system, start) = scene.build().unwrap();
     let options = SweepOptions {

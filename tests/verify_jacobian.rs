@@ -287,8 +287,8 @@ fn everything() -> Vec<(String, System, State)> {
         let (system, state) = builtin(kind, kind.default_size()).unwrap().build().unwrap();
         (kind.name().to_owned(), system, state)
     });
-    let mut files: Vec<_> =
-        std::fs::read_dir("verification/scenes").unwrap().map(|file| file.unwrap().path()).collect();
+    let folders = ["src/verify/scenes", "verification/scenes"].map(|folder| std::fs::read_dir(folder).unwrap());
+    let mut files: Vec<_> = folders.into_iter().flatten().map(|file| file.unwrap().path()).collect();
     files.sort();
     let files = files.into_iter().filter(|file| file.extension().is_some_and(|end| end == "toml")).map(|file| {
         let (system, state) = Scene::load(&file).unwrap().build().unwrap();

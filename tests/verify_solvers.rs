@@ -51,8 +51,8 @@ fn scenes() -> Vec<(String, System, State, f64)> {
         all.push((kind.name().to_owned(), system.clone(), state.clone(), dt));
         all.push((format!("{} at 10 dt", kind.name()), system, state, 10.0 * dt));
     }
-    let mut files: Vec<_> =
-        std::fs::read_dir("verification/scenes").unwrap().map(|file| file.unwrap().path()).collect();
+    let folders = ["src/verify/scenes", "verification/scenes"].map(|folder| std::fs::read_dir(folder).unwrap());
+    let mut files: Vec<_> = folders.into_iter().flatten().map(|file| file.unwrap().path()).collect();
     files.sort();
     for file in files.into_iter().filter(|file| file.extension().is_some_and(|end| end == "toml")) {
         let scene = Scene::load(&file).unwrap();

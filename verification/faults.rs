@@ -67,8 +67,8 @@ fn main() -> ExitCode {
 }
 
 fn run() -> Result<bool> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let folder = root.join("verification");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = folder.parent().ok_or("in no folder")?;
     let list: List = toml::from_str(&fs::read_to_string(folder.join("faults.toml"))?)?;
     let wanted: Vec<String> = std::env::args().skip(1).collect();
     let target = copy::target(root).join("faults-planted");
@@ -84,7 +84,7 @@ fn run() -> Result<bool> {
             return Err(format!("the program fails without a fault: {}", tests.join(", ")).into());
         }
     }
-    let record = folder.join("faults.json");
+    let record = root.join("src/report/faults.json");
     let mut caught: Vec<Caught> =
         if wanted.is_empty() { Vec::new() } else { serde_json::from_str(&fs::read_to_string(&record)?)? };
     caught.retain(|row| list.fault.iter().any(|fault| fault.name == row.fault && !chosen(&wanted, fault)));

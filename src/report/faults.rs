@@ -6,7 +6,7 @@ use maud::{Markup, html};
 use serde::Deserialize;
 
 /// Written by the program that plants the faults, when it was last run.
-const RECORD: &str = include_str!("../../verification/faults.json");
+const RECORD: &str = include_str!("faults.json");
 
 /// How many families of tests a row names.
 const NAMED: usize = 3;

@@ -18,7 +18,7 @@ mod reductions;
 use command::{Sandbox, repository_scene};
 
 fn scene(name: &str) -> (System, State, f64) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/scenes").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/verify/scenes").join(name);
     let scene = Scene::load(path).unwrap();
     let (system, state) = scene.build().unwrap();
     (system, state, scene.time.duration.unwrap())

@@ -103,8 +103,8 @@ impl Answer {
     }
 }
 
-/// A scene of the repository.
+/// A scene that the program carries, as a file.
 pub fn repository_scene(name: &str) -> String {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/scenes");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/verify/scenes");
     folder.join(name).into_os_string().into_string().unwrap()
 }

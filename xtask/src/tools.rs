@@ -46,22 +46,30 @@ pub struct Words {
     words: Vec<String>,
 }
 
+/// Where the tools of `verification/` are.
+const VERIFICATION: [&str; 4] = ["--package", "sprung-verification", "--features", "tools"];
+
 impl Tool {
     /// Program and words.
     fn command(&self) -> (&'static str, Vec<&'static str>) {
-        let example = |name| ("cargo", vec!["run", "--release", "--example", name, "--"]);
+        let tool = |name| {
+            let mut words = vec!["run", "--release"];
+            words.extend(VERIFICATION);
+            words.extend(["--bin", name, "--"]);
+            ("cargo", words)
+        };
         match self {
             // A debug build: planting is text, and what is planted builds itself.
-            Self::Faults(_) => ("cargo", vec!["run", "--example", "faults", "--"]),
-            Self::Study(_) => example("study"),
-            Self::Exactness(_) => example("exactness"),
-            Self::Accuracy(_) => example("accuracy"),
-            Self::Motion(_) => example("motion"),
-            Self::Charts(_) => example("charts"),
-            Self::Auto(_) => example("auto"),
-            Self::MonitorCost(_) => example("monitor_cost"),
-            Self::Stress(_) => example("stress"),
-            Self::Picture(_) => example("lost_definiteness"),
+            Self::Faults(_) => ("cargo", [&["run"], &VERIFICATION[..], &["--bin", "faults", "--"]].concat()),
+            Self::Study(_) => tool("study"),
+            Self::Exactness(_) => tool("exactness"),
+            Self::Accuracy(_) => tool("accuracy"),
+            Self::Motion(_) => tool("motion"),
+            Self::Charts(_) => tool("charts"),
+            Self::Auto(_) => tool("auto"),
+            Self::MonitorCost(_) => tool("monitor_cost"),
+            Self::Stress(_) => tool("stress"),
+            Self::Picture(_) => ("cargo", vec!["run", "--release", "--example", "lost_definiteness", "--"]),
             Self::Peers(_) => ("cargo", vec!["run", "--release", "--manifest-path", "benches/peers/Cargo.toml", "--"]),
             Self::Answers(_) => ("python3", vec!["verification/answers/derive/all.py"]),
             Self::Performance(_) => ("python3", vec!["benches/compare/run.py"]),
@@ -105,7 +113,7 @@ mod tests {
     #[test]
     fn every_tool_has_its_program() {
         let root = crate::root().unwrap();
-        let manifest = std::fs::read_to_string(root.join("Cargo.toml")).unwrap();
+        let manifest = std::fs::read_to_string(root.join("verification/Cargo.toml")).unwrap();
         let tools = Tool::augment_subcommands(clap::Command::new("xtask"));
         let names: Vec<String> = tools.get_subcommands().map(|tool| tool.get_name().to_owned()).collect();
         assert!(names.len() >= 10, "{names:?}");
@@ -117,10 +125,8 @@ mod tests {
             let known = match words.as_slice() {
                 [script] => root.join(script).exists(),
                 [.., "--manifest-path", manifest, "--"] => root.join(manifest).exists(),
-                [.., "--example", name, "--"] => {
-                    manifest.contains(&format!("name = \"{name}\""))
-                        || root.join(format!("examples/{name}.rs")).exists()
-                }
+                [.., "--bin", name, "--"] => manifest.contains(&format!("name = \"{name}\"")),
+                [.., "--example", name, "--"] => root.join(format!("examples/{name}.rs")).exists(),
                 _ => false,
             };
             assert!(known, "{tool:?}: {words:?}");

@@ -1,20 +1,13 @@
 //! Linear systems solved as exactly as the motion needs: what that changes, and what it saves.
 
-#[allow(dead_code, reason = "the sample uses a part of the study")]
-#[path = "../verification/study/mod.rs"]
-mod study;
-
-#[path = "../verification/exactness/pair.rs"]
-mod pair;
-
-use pair::{METHODS, Pair, pairs};
+use crate::pair::{METHODS, Pair, pairs};
+use crate::study::cases::WRONG;
+use crate::study::store::Store;
 use rayon::prelude::*;
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
 use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions, Tolerance};
 use sprung::scene::builtin;
 use std::path::Path;
-use study::cases::WRONG;
-use study::store::Store;
 
 /// A sample of `verification/exactness.md`: no run ends otherwise, differences are small parts of errors, and iterations are saved.
 #[test]

@@ -1,22 +1,18 @@
 //! The study of random scenes: that its scenes, forces and references are what it says, and a small sample of it.
 
-#[allow(dead_code, reason = "the sample uses a part of the study")]
-#[path = "../verification/study/mod.rs"]
-mod study;
-
+use crate::study::cases::{Case, WRONG, cases};
+use crate::study::force::Model;
+use crate::study::random::{direction, scene};
+use crate::study::record::{Record, Wanted, of_seed};
+use crate::study::reference::Reference;
+use crate::study::runs::Ask;
+use crate::study::store::{Store, fingerprint};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use sprung::accuracy::relative_position_error;
 use sprung::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
 use sprung::{Spring, SystemBuilder};
 use std::collections::BTreeMap;
-use study::cases::{Case, WRONG, cases};
-use study::force::Model;
-use study::random::{direction, scene};
-use study::record::{Record, Wanted, of_seed};
-use study::reference::Reference;
-use study::runs::Ask;
-use study::store::{Store, fingerprint};
 
 /// The same scenes for the same seeds, on every machine: a study would otherwise be compared with another one.
 #[test]
