@@ -9,8 +9,6 @@ use std::process::Command;
 /// Which program.
 #[derive(Debug, Clone, Subcommand)]
 pub enum Tool {
-    /// Plant every fault and see which check catches it: verification/faults.json, faults.md; a quarter of an hour
-    Faults(Words),
     /// A thousand random scenes against an independent reference: verification/study.md; ten minutes
     Study(Words),
     /// Linear systems solved as exactly as the motion needs, on the scenes of the study: verification/exactness.md; ten minutes
@@ -59,8 +57,6 @@ impl Tool {
             ("cargo", words)
         };
         match self {
-            // A debug build: planting is text, and what is planted builds itself.
-            Self::Faults(_) => ("cargo", [&["run"], &VERIFICATION[..], &["--bin", "faults", "--"]].concat()),
             Self::Study(_) => tool("study"),
             Self::Exactness(_) => tool("exactness"),
             Self::Accuracy(_) => tool("accuracy"),
@@ -77,8 +73,7 @@ impl Tool {
     }
 
     fn words(&self) -> &[String] {
-        let (Self::Faults(given)
-        | Self::Study(given)
+        let (Self::Study(given)
         | Self::Exactness(given)
         | Self::Accuracy(given)
         | Self::Motion(given)
@@ -130,32 +125,6 @@ mod tests {
                 _ => false,
             };
             assert!(known, "{tool:?}: {words:?}");
-        }
-    }
-    #[derive(serde::Deserialize)]
-    struct Faults {
-        fault: Vec<Fault>,
-    }
-
-    #[derive(serde::Deserialize)]
-    struct Fault {
-        name: String,
-        file: String,
-        find: String,
-        replace: String,
-    }
-
-    /// Planting takes a quarter of an hour, and seldom happens; that a fault has lost its place is seen at once.
-    #[test]
-    fn every_fault_has_its_place() {
-        let root = crate::root().unwrap();
-        let list = std::fs::read_to_string(root.join("verification/faults.toml")).unwrap();
-        let Faults { fault: faults } = toml::from_str(&list).unwrap();
-        assert!(faults.len() > 100);
-        for Fault { name, file, find, replace } in faults {
-            let source = std::fs::read_to_string(root.join(&file)).unwrap();
-            assert_eq!(source.matches(&find).count(), 1, "{name}: in {file}");
-            assert_ne!(find, replace, "{name}");
         }
     }
 }
