@@ -15,4 +15,5 @@ mod new;
 mod rejected_scenes;
 mod robustness;
 mod run;
+mod snapshots;
 mod verify;

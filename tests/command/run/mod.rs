@@ -9,7 +9,7 @@ use sprung::{Scene, State};
 use std::ops::ControlFlow;
 
 /// A planar triangle that falls and turns; soft, so that every method gets through.
-const TRIANGLE: &str = r#"
+pub const TRIANGLE: &str = r#"
 name = "falling triangle"
 gravity = [0.0, -9.81]
 [particles]
