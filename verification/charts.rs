@@ -42,10 +42,10 @@ const PEERS: &str = "\n## Peers\n\nThis crate's methods beside integrators of ot
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let budget: f64 = std::env::args().nth(1).map_or(Ok(30.0), |text| text.parse())?;
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let folder = root.join("charts");
     fs::create_dir_all(&folder)?;
-    let load = |name: &str| Scene::load(root.join("scenes").join(name).with_extension("toml"));
+    let load = |name: &str| Scene::load(root.join("../src/verify/scenes").join(name).with_extension("toml"));
     let mut cloth = builtin(Kind::Cloth, 8)?;
     // Later its folds decide, and they depend on everything.
     cloth.time.duration = Some(0.2);

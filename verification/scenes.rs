@@ -36,7 +36,7 @@ fn large() -> Subject {
 
 /// The scenes that the program carries, and one too large to be carried.
 fn subjects() -> Vec<Subject> {
-    let bunny = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/scenes/bunny.toml");
+    let bunny = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/bunny.toml");
     let bunny = Scene::load(bunny).and_then(|scene| Subject::of_scene(&scene));
     let mut subjects = built_in().expect("usable scenes");
     subjects.push(bunny.expect("a usable scene"));

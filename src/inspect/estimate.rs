@@ -143,6 +143,3 @@ pub(super) fn proves_definite(a: &SystemOperator<'_>) -> bool {
     let floor = proven_floor(a);
     floor > SIGN * proven_ceiling(a) && floor.is_finite()
 }
-
-#[cfg(test)]
-mod tests;

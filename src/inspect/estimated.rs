@@ -126,6 +126,3 @@ impl Inspection {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

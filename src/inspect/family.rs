@@ -284,6 +284,3 @@ impl<'s> Family<'s> {
         free.map(|(_, (taken, mass))| taken / mass).fold(0.0, f64::max)
     }
 }
-
-#[cfg(test)]
-mod tests;

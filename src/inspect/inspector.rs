@@ -328,6 +328,3 @@ impl<'s> Inspector<'s> {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

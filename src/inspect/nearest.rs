@@ -92,6 +92,3 @@ fn refine(a: &SymmetricMatrix, factorization: &mut Ldlt, x: &[f64], y: &mut [f64
     factorization.solve_columns_in_place(a.dofs().len(), &mut rest);
     y.iter_mut().zip(&rest).for_each(|(y, rest)| *y += rest);
 }
-
-#[cfg(test)]
-mod tests;

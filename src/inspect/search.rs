@@ -346,6 +346,3 @@ impl<'a> Search<'a> {
         None
     }
 }
-
-#[cfg(test)]
-mod tests;

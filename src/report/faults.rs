@@ -6,7 +6,7 @@ use maud::{Markup, html};
 use serde::Deserialize;
 
 /// Written by the program that plants the faults, when it was last run.
-const RECORD: &str = include_str!("../../verification/faults.json");
+const RECORD: &str = include_str!("faults.json");
 
 /// How many families of tests a row names.
 const NAMED: usize = 3;
@@ -14,8 +14,9 @@ const NAMED: usize = 3;
 #[derive(Deserialize)]
 struct Fault {
     fault: String,
-    file: String,
+    function: String,
     tests: usize,
+    families: usize,
     by: Vec<(String, usize)>,
 }
 
@@ -25,11 +26,11 @@ pub(super) fn section() -> Markup {
     let survived = faults.iter().filter(|fault| fault.tests == 0).count();
     let row = |fault: &Fault| {
         let families: Vec<&str> = fault.by.iter().take(NAMED).map(|(family, _)| family.as_str()).collect();
-        let more = fault.by.len().saturating_sub(NAMED);
+        let more = fault.families.saturating_sub(families.len());
         html! {
             tr {
                 td { (fault.fault) }
-                td data-of="in" { code { (fault.file) } }
+                td data-of="in" { code { (fault.function) } }
                 td.number data-of="tests that fail" { (fault.tests) }
                 td.names data-of="among them" { (families.join(", ")) @if more > 0 { " and " (more) " more" } }
             }

@@ -326,6 +326,3 @@ fn explain(
         None => entry,
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -108,6 +108,3 @@ pub(super) fn differences(a: &Option<Vec<State>>, b: &Option<Vec<State>>) -> f64
     }
     a.iter().zip(&b).filter(|(a, b)| a != b).count() as f64
 }
-
-#[cfg(test)]
-mod tests;

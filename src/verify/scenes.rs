@@ -7,20 +7,20 @@ use crate::scene::Scene;
 /// Between them: compression, tension and prestress; held, led and partly held particles; one, two and three axes; free
 /// and disconnected parts; equilibria; stiff and ill-conditioned systems.
 const SCENES: [&str; 14] = [
-    include_str!("../../verification/scenes/buckled_column.toml"),
-    include_str!("../../verification/scenes/compressed_chain.toml"),
-    include_str!("../../verification/scenes/disconnected.toml"),
-    include_str!("../../verification/scenes/hanging_chain.toml"),
-    include_str!("../../verification/scenes/ill_conditioned.toml"),
-    include_str!("../../verification/scenes/moving_anchor.toml"),
-    include_str!("../../verification/scenes/one_dimensional.toml"),
-    include_str!("../../verification/scenes/packed_strip.toml"),
-    include_str!("../../verification/scenes/parallel_springs.toml"),
-    include_str!("../../verification/scenes/planar_truss.toml"),
-    include_str!("../../verification/scenes/stiff_pendulum.toml"),
-    include_str!("../../verification/scenes/taut_string.toml"),
-    include_str!("../../verification/scenes/tetrahedron.toml"),
-    include_str!("../../verification/scenes/two_springs.toml"),
+    include_str!("scenes/buckled_column.toml"),
+    include_str!("scenes/compressed_chain.toml"),
+    include_str!("scenes/disconnected.toml"),
+    include_str!("scenes/hanging_chain.toml"),
+    include_str!("scenes/ill_conditioned.toml"),
+    include_str!("scenes/moving_anchor.toml"),
+    include_str!("scenes/one_dimensional.toml"),
+    include_str!("scenes/packed_strip.toml"),
+    include_str!("scenes/parallel_springs.toml"),
+    include_str!("scenes/planar_truss.toml"),
+    include_str!("scenes/stiff_pendulum.toml"),
+    include_str!("scenes/taut_string.toml"),
+    include_str!("scenes/tetrahedron.toml"),
+    include_str!("scenes/two_springs.toml"),
 ];
 
 /// The built-in scenes, and the hard states of the Jacobian's checks with a step that resolves their vibrations.

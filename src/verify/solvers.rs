@@ -179,6 +179,3 @@ fn dense(a: &CscMatrix<f64>, b: &[f64]) -> Attempt {
         Ok(factor.solve(&DVector::from_column_slice(b)).as_slice().to_vec())
     })
 }
-
-#[cfg(test)]
-mod tests;

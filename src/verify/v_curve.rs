@@ -311,6 +311,3 @@ pub fn v_curve(
     }));
     checks
 }
-
-#[cfg(test)]
-mod tests;

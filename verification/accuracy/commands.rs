@@ -31,9 +31,8 @@ impl Commands {
         if !build.success() {
             return Err("the program does not build".into());
         }
-        // The tool itself is an example, in a folder beside it.
-        let tool = std::env::current_exe()?;
-        let program = tool.parent().and_then(Path::parent).ok_or("in no folder")?.join("sprung");
+        // The tool itself is in the same folder.
+        let program = std::env::current_exe()?.with_file_name("sprung");
         Ok(Self { program, folder: tempfile::tempdir()? })
     }
 

@@ -81,8 +81,11 @@ fn rows(
 
 /// The scenes of the repository and those with names of the study.
 fn ready() -> Result<Vec<Scene>, Box<dyn Error>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/scenes");
-    let mut paths: Vec<_> = std::fs::read_dir(&folder)?.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = here.join("scenes");
+    let carried = std::fs::read_dir(here.join("../src/verify/scenes"))?;
+    let mut paths: Vec<_> =
+        std::fs::read_dir(&folder)?.chain(carried).filter_map(|entry| Some(entry.ok()?.path())).collect();
     paths.sort();
     paths.retain(|path| path.extension().is_some_and(|end| end == "toml" || end == "json"));
     let mut scenes = paths.iter().map(Scene::load).collect::<Result<Vec<_>, _>>()?;
@@ -96,7 +99,7 @@ fn ready() -> Result<Vec<Scene>, Box<dyn Error>> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments = Arguments::parse();
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().ok_or("in no folder")?;
     let store = Store::open(&root.join("target/study/references"))?;
     let commands = arguments.commands.map(|_| Commands::build(root)).transpose()?;
     let (mut lines, mut of_ready) = (String::new(), Vec::new());

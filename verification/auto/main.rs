@@ -103,7 +103,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     raced.sort_by_key(|one| one.cell.particles);
     let page = table::page(&raced)?;
     if arguments.write {
-        std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/auto.md"), &page)?;
+        std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join("auto.md"), &page)?;
     }
     print!("{page}");
     Ok(())

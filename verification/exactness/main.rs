@@ -34,7 +34,7 @@ struct Arguments {
     print: bool,
 
     /// Where references are kept
-    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/target/study"))]
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../target/study"))]
     folder: PathBuf,
 }
 
@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if arguments.print {
         print!("{page}");
     } else {
-        std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/verification/exactness.md"), page)?;
+        std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/exactness.md"), page)?;
     }
     Ok(())
 }

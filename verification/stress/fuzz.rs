@@ -12,7 +12,7 @@ pub fn search(target: &str, count: u64, seed: u64) -> bool {
         eprintln!("no such target: {target}");
         return false;
     };
-    let corpus = corpus(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus").join(target));
+    let corpus = corpus(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../fuzz/corpus").join(target));
     let mut random = Random(seed ^ 0x9e37_79b9_7f4a_7c15);
     let (mut fell, start) = (0u64, Instant::now());
     for index in 0..count {

@@ -32,10 +32,9 @@ const WAYS: [&str; 21] = [
     "--method dop853 --rtol 1e-6",
 ];
 
-/// The program, beside the folder of the examples.
+/// The program, in the folder of this one.
 fn program() -> Option<PathBuf> {
-    let folder = std::env::current_exe().ok()?.parent()?.parent()?.to_path_buf();
-    Some(folder.join("sprung"))
+    Some(std::env::current_exe().ok()?.with_file_name("sprung"))
 }
 
 /// Kills until there have been so many; returns whether all files agree.

@@ -8,7 +8,7 @@
 
 #[path = "../../fuzz/bodies/mod.rs"]
 mod bodies;
-#[path = "../../tests/common/mod.rs"]
+#[path = "../../tests/common/systems.rs"]
 mod common;
 mod fuzz;
 mod kills;

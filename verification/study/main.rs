@@ -63,7 +63,7 @@ struct Arguments {
     page: bool,
 
     /// Where references and records are kept
-    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/target/study"))]
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../target/study"))]
     folder: PathBuf,
 }
 
@@ -92,7 +92,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     print!("{page}");
     // A part of the study is not what the page is about, unless it is asked for.
     if arguments.write || records.iter().filter(|record| record.seed.is_some()).count() >= 1000 {
-        std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/study.md"), page)?;
+        std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join("study.md"), page)?;
     }
     Ok(())
 }

@@ -9,7 +9,7 @@ use std::path::Path;
 /// # Errors
 /// A file that cannot be read.
 pub fn scenes() -> sprung::Result<Vec<Scene>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("verification/scenes/hard");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hard");
     let mut files: Vec<_> = std::fs::read_dir(&folder)
         .map_err(|source| sprung::Error::Io { path: folder, source })?
         .flatten()

@@ -53,7 +53,7 @@ pub fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
 }
 
 /// The module that a file is: `a/mod.rs` and `a.rs` are `a`.
-fn module(file: &Path) -> Module {
+pub fn module(file: &Path) -> Module {
     let file = file.with_extension("");
     let parts = file.iter().map(|part| part.to_string_lossy().into_owned());
     let mut parts: Module = parts.collect();

@@ -1,6 +1,7 @@
 //! Tools for those who work on `sprung`: `cargo xtask --help`.
 
 mod circles;
+mod faults;
 mod guide;
 mod house;
 mod links;
@@ -21,6 +22,8 @@ enum Command {
     Links,
     /// Draw which module uses which, and fail where an arrow runs back or files use each other in a circle
     House,
+    /// Plant faults in a copy and record which tests catch each: verification/faults.md, src/report/faults.json; a quarter of an hour
+    Faults(faults::Chosen),
     #[command(flatten)]
     Tool(tools::Tool),
 }
@@ -31,6 +34,7 @@ fn main() -> Result<()> {
         Command::Guide => guide::build(&root),
         Command::Links => links::check(&root),
         Command::House => house::draw(&root),
+        Command::Faults(chosen) => faults::run(&root, &chosen),
         Command::Tool(tool) => tools::run(&root, &tool),
     }
 }

@@ -9,8 +9,6 @@ use std::process::Command;
 /// Which program.
 #[derive(Debug, Clone, Subcommand)]
 pub enum Tool {
-    /// Plant every fault and see which check catches it: verification/faults.json, faults.md; a quarter of an hour
-    Faults(Words),
     /// A thousand random scenes against an independent reference: verification/study.md; ten minutes
     Study(Words),
     /// Linear systems solved as exactly as the motion needs, on the scenes of the study: verification/exactness.md; ten minutes
@@ -46,22 +44,28 @@ pub struct Words {
     words: Vec<String>,
 }
 
+/// Where the tools of `verification/` are.
+const VERIFICATION: [&str; 4] = ["--package", "sprung-verification", "--features", "tools"];
+
 impl Tool {
     /// Program and words.
     fn command(&self) -> (&'static str, Vec<&'static str>) {
-        let example = |name| ("cargo", vec!["run", "--release", "--example", name, "--"]);
+        let tool = |name| {
+            let mut words = vec!["run", "--release"];
+            words.extend(VERIFICATION);
+            words.extend(["--bin", name, "--"]);
+            ("cargo", words)
+        };
         match self {
-            // A debug build: planting is text, and what is planted builds itself.
-            Self::Faults(_) => ("cargo", vec!["run", "--example", "faults", "--"]),
-            Self::Study(_) => example("study"),
-            Self::Exactness(_) => example("exactness"),
-            Self::Accuracy(_) => example("accuracy"),
-            Self::Motion(_) => example("motion"),
-            Self::Charts(_) => example("charts"),
-            Self::Auto(_) => example("auto"),
-            Self::MonitorCost(_) => example("monitor_cost"),
-            Self::Stress(_) => example("stress"),
-            Self::Picture(_) => example("lost_definiteness"),
+            Self::Study(_) => tool("study"),
+            Self::Exactness(_) => tool("exactness"),
+            Self::Accuracy(_) => tool("accuracy"),
+            Self::Motion(_) => tool("motion"),
+            Self::Charts(_) => tool("charts"),
+            Self::Auto(_) => tool("auto"),
+            Self::MonitorCost(_) => tool("monitor_cost"),
+            Self::Stress(_) => tool("stress"),
+            Self::Picture(_) => ("cargo", vec!["run", "--release", "--example", "lost_definiteness", "--"]),
             Self::Peers(_) => ("cargo", vec!["run", "--release", "--manifest-path", "benches/peers/Cargo.toml", "--"]),
             Self::Answers(_) => ("python3", vec!["verification/answers/derive/all.py"]),
             Self::Performance(_) => ("python3", vec!["benches/compare/run.py"]),
@@ -69,8 +73,7 @@ impl Tool {
     }
 
     fn words(&self) -> &[String] {
-        let (Self::Faults(given)
-        | Self::Study(given)
+        let (Self::Study(given)
         | Self::Exactness(given)
         | Self::Accuracy(given)
         | Self::Motion(given)
@@ -105,7 +108,7 @@ mod tests {
     #[test]
     fn every_tool_has_its_program() {
         let root = crate::root().unwrap();
-        let manifest = std::fs::read_to_string(root.join("Cargo.toml")).unwrap();
+        let manifest = std::fs::read_to_string(root.join("verification/Cargo.toml")).unwrap();
         let tools = Tool::augment_subcommands(clap::Command::new("xtask"));
         let names: Vec<String> = tools.get_subcommands().map(|tool| tool.get_name().to_owned()).collect();
         assert!(names.len() >= 10, "{names:?}");
@@ -117,39 +120,11 @@ mod tests {
             let known = match words.as_slice() {
                 [script] => root.join(script).exists(),
                 [.., "--manifest-path", manifest, "--"] => root.join(manifest).exists(),
-                [.., "--example", name, "--"] => {
-                    manifest.contains(&format!("name = \"{name}\""))
-                        || root.join(format!("examples/{name}.rs")).exists()
-                }
+                [.., "--bin", name, "--"] => manifest.contains(&format!("name = \"{name}\"")),
+                [.., "--example", name, "--"] => root.join(format!("examples/{name}.rs")).exists(),
                 _ => false,
             };
             assert!(known, "{tool:?}: {words:?}");
-        }
-    }
-    #[derive(serde::Deserialize)]
-    struct Faults {
-        fault: Vec<Fault>,
-    }
-
-    #[derive(serde::Deserialize)]
-    struct Fault {
-        name: String,
-        file: String,
-        find: String,
-        replace: String,
-    }
-
-    /// Planting takes a quarter of an hour, and seldom happens; that a fault has lost its place is seen at once.
-    #[test]
-    fn every_fault_has_its_place() {
-        let root = crate::root().unwrap();
-        let list = std::fs::read_to_string(root.join("verification/faults.toml")).unwrap();
-        let Faults { fault: faults } = toml::from_str(&list).unwrap();
-        assert!(faults.len() > 100);
-        for Fault { name, file, find, replace } in faults {
-            let source = std::fs::read_to_string(root.join(&file)).unwrap();
-            assert_eq!(source.matches(&find).count(), 1, "{name}: in {file}");
-            assert_ne!(find, replace, "{name}");
         }
     }
 }

@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn the_jacobian_is_the_derivative_of_the_rate() {
-        let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../verification/scenes");
+        let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../src/verify/scenes");
         let (system, start) = Scene::load(scenes.join("tetrahedron.toml")).unwrap().build().unwrap();
         assert!(system.is_damped());
         let motion = Motion::new(&system, &start, [0.0, 1.0]);

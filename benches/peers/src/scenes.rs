@@ -24,7 +24,7 @@ impl Subject {
 
 /// All ten, small ones first.
 pub fn all(verification: &Path) -> Result<Vec<Subject>, Failure> {
-    let load = |name: &str| Scene::load(verification.join("scenes").join(name));
+    let load = |name: &str| Scene::load(verification.join("../src/verify/scenes").join(name));
     let subject = |scene, frames, words| Subject { scene, words, frames };
     Ok(vec![
         subject(
@@ -44,6 +44,6 @@ pub fn all(verification: &Path) -> Result<Vec<Subject>, Failure> {
         subject(builtin(Kind::Cloth, 6)?, 12, "6 × 6 stiff particles that begin to swing down"),
         subject(builtin(Kind::Network, 60)?, 30, "60 particles in a random network, all values unequal"),
         subject(builtin(Kind::Lattice, 10)?, 12, "a block of 10³ particles, held at one face"),
-        subject(load("bunny.toml")?, 20, "a mesh of 1839 particles, so damped that damping is what is stiff"),
+        subject(Scene::load(verification.join("scenes/bunny.toml"))?, 20, "a mesh of 1839 particles, so damped that damping is what is stiff"),
     ])
 }

@@ -90,7 +90,7 @@ fn twins_are_freed_relaxed_or_put_into_space() {
 #[cfg(feature = "scene")]
 #[test]
 fn a_scene_says_its_step_or_leaves_it() {
-    let text = include_str!("../../../verification/scenes/two_springs.toml");
+    let text = include_str!("../scenes/two_springs.toml");
     let mut scene = crate::scene::Scene::from_toml(text).unwrap();
     scene.time.dt = Some(0.0625);
     assert_eq!(Subject::of_scene(&scene).unwrap().dt, 0.0625);

@@ -9,7 +9,7 @@ from mpmath import mp
 from answers import FOLDER
 from springs import System, cholesky_succeeds, norm, sub
 
-SCENES = FOLDER.parent / "scenes"
+SCENES = FOLDER.parent / "scenes", FOLDER.parents[1] / "src/verify/scenes"
 TABLES = {"name", "gravity", "particles", "springs", "mesh", "constraints", "time"}
 
 
@@ -55,7 +55,7 @@ def check(path):
 
 
 def main():
-    for path in sorted(Path(SCENES).glob("*.toml")):
+    for path in sorted(path for folder in SCENES for path in Path(folder).glob("*.toml")):
         check(path)
 
 

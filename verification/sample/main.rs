@@ -1,0 +1,13 @@
+//! The studies on a sample of their scenes, small enough for every test run.
+
+#[path = "exactness.rs"]
+mod exactness_sample;
+#[path = "study.rs"]
+mod study_sample;
+
+#[allow(dead_code, reason = "the sample uses a part of it")]
+#[path = "../exactness/pair.rs"]
+mod pair;
+#[allow(dead_code, reason = "the sample uses a part of it")]
+#[path = "../study/mod.rs"]
+mod study;

@@ -1,0 +1,238 @@
+//! Plants faults in a copy of the program, one after the other, and records which tests catch each.
+//!
+//! Every fault of `verification/faults.toml` is put into a copy below the target folder, and the verification suite runs on it, or the
+//! tests of a module where the fault is one that the suite cannot see. `src/report/faults.json` keeps what was caught for the reports of
+//! the suite, `verification/faults.md` for readers.
+
+mod copy;
+mod page;
+mod place;
+
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use place::Source;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Longest time that the suite may take on a faulty program; it takes some seconds on the right one.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// How many families of tests a record names.
+const NAMED: usize = 4;
+
+/// Which faults.
+#[derive(Debug, Clone, Args)]
+pub struct Chosen {
+    /// Parts of names: only these faults are planted, and only their rows renewed; without one, all
+    parts: Vec<String>,
+}
+
+impl Chosen {
+    fn has(&self, name: &str) -> bool {
+        self.parts.is_empty() || self.parts.iter().any(|part| name.contains(part.as_str()))
+    }
+}
+
+#[derive(Deserialize)]
+struct List {
+    fault: Vec<Fault>,
+}
+
+/// A fault: an expression in a function, and what is put in its place.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Fault {
+    name: String,
+    /// The function's path, or as much of its end as names no other; a constant's too.
+    function: String,
+    find: String,
+    replace: String,
+    /// Unit tests and tests of the library with this in their names are to catch it, as the suite does not see it.
+    tests: Option<String>,
+}
+
+/// A fault and the tests that failed because of it, by family.
+#[derive(Serialize, Deserialize)]
+struct Caught {
+    fault: String,
+    function: String,
+    /// Number of tests that failed.
+    tests: usize,
+    /// Number of families of these tests.
+    families: usize,
+    /// The largest families, each with the number of its tests.
+    by: Vec<(String, usize)>,
+}
+
+/// How tests ended on a program.
+enum Verdict {
+    Failed(Vec<String>),
+    Passed,
+    /// They did not start, or did not end in time.
+    Broke(&'static str),
+}
+
+/// The copy that faults are planted in.
+struct Copy {
+    program: PathBuf,
+    target: PathBuf,
+}
+
+/// Plants the chosen faults and renews their rows.
+///
+/// # Errors
+/// A fault that survives, does not compile or has lost its place.
+pub fn run(root: &Path, chosen: &Chosen) -> Result<()> {
+    let faults = list(root)?;
+    let target = copy::target(root).join("faults-planted");
+    let copy = Copy { program: target.join("program"), target };
+    copy::program(root, &copy.program)?;
+    copy::dependencies(root, &copy.target.join("build"))?;
+    let mut filters: Vec<_> = faults.iter().filter(|fault| chosen.has(&fault.name)).map(|fault| &fault.tests).collect();
+    filters.sort_unstable();
+    filters.dedup();
+    for filter in filters {
+        if let Verdict::Failed(tests) = copy.verdict(filter.as_deref())? {
+            anyhow::bail!("the program fails without a fault: {}", tests.join(", "));
+        }
+    }
+    let record = root.join("src/report/faults.json");
+    let mut caught: Vec<Caught> = serde_json::from_str(&fs::read_to_string(&record)?)?;
+    caught.retain(|row| !chosen.has(&row.fault) && faults.iter().any(|fault| fault.name == row.fault));
+    let source = Source::read(&copy.program.join("src"))?;
+    for fault in faults.iter().filter(|fault| chosen.has(&fault.name)) {
+        let started = Instant::now();
+        let row = copy.plant(fault, &source)?;
+        println!("{:>4} s  {}: {}", started.elapsed().as_secs(), row.fault, page::families(&row, "nothing"));
+        caught.push(row);
+    }
+    caught.sort_by_key(|row| faults.iter().position(|fault| fault.name == row.fault));
+    let rows = caught.iter().map(serde_json::to_string).collect::<Result<Vec<_>, _>>()?;
+    fs::write(record, format!("[\n{}\n]\n", rows.join(",\n")))?;
+    fs::write(root.join("verification/faults.md"), page::page(&caught))?;
+    let survived: Vec<&str> = caught.iter().filter(|row| row.tests == 0).map(|row| row.fault.as_str()).collect();
+    ensure!(survived.is_empty(), "{} of {} faults survived: {}", survived.len(), caught.len(), survived.join(", "));
+    println!("{} faults, all caught", caught.len());
+    Ok(())
+}
+
+fn list(root: &Path) -> Result<Vec<Fault>> {
+    let text = fs::read_to_string(root.join("verification/faults.toml"))?;
+    Ok(toml::from_str::<List>(&text)?.fault)
+}
+
+impl Copy {
+    /// Puts a fault into the copy, runs the tests, and takes the fault out again.
+    fn plant(&self, fault: &Fault, source: &Source) -> Result<Caught> {
+        let place = source.find(&fault.function, &fault.find).with_context(|| fault.name.clone())?;
+        let text = fs::read_to_string(&place.file)?;
+        let mut faulty = text.clone();
+        faulty.replace_range(place.bytes, &fault.replace);
+        fs::write(&place.file, faulty)?;
+        let verdict = self.verdict(fault.tests.as_deref());
+        fs::write(&place.file, text)?;
+        let tests = match verdict.with_context(|| fault.name.clone())? {
+            Verdict::Failed(tests) => tests,
+            Verdict::Passed => Vec::new(),
+            Verdict::Broke(how) => vec![format!("the suite {how}")],
+        };
+        let mut families = BTreeMap::<&str, usize>::new();
+        for test in &tests {
+            let family = match test.rsplit_once("::") {
+                Some((family, _)) if fault.tests.is_none() => family,
+                // Unit tests have names of their own.
+                _ => test.as_str(),
+            };
+            *families.entry(family).or_default() += 1;
+        }
+        let mut by: Vec<(String, usize)> =
+            families.iter().map(|(&family, &count)| (family.to_owned(), count)).collect();
+        by.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        by.truncate(NAMED);
+        let (fault, function) = (fault.name.clone(), fault.function.clone());
+        Ok(Caught { fault, function, tests: tests.len(), families: families.len(), by })
+    }
+
+    /// Builds the suite, or unit tests and tests of the library, and runs them.
+    fn verdict(&self, filter: Option<&str>) -> Result<Verdict> {
+        let chosen: &[&str] = match filter {
+            None => &["--package", "sprung-verification", "--test", "verification"],
+            Some(_) => &["--package", "sprung", "--lib", "--test", "library"],
+        };
+        let build = Command::new("cargo")
+            .args(["test", "--profile", "faults", "--no-run", "--message-format", "json"])
+            .args(chosen)
+            .arg("--target-dir")
+            .arg(self.target.join("build"))
+            .current_dir(&self.program)
+            .stderr(Stdio::null())
+            .output()?;
+        ensure!(build.status.success(), "the program in {} does not compile", self.program.display());
+        let messages = String::from_utf8(build.stdout)?;
+        let messages = messages.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+        let mut failed = Vec::new();
+        for message in messages.filter(|message| message["profile"]["test"] == true) {
+            let Some(program) = message["executable"].as_str() else { continue };
+            let mut command = Command::new(program);
+            command
+                .args(["--color", "never"])
+                .args(filter.map(|filter| format!("{filter}::")))
+                .current_dir(&self.program);
+            match outcome(&mut command, &self.target.join("output.txt"))? {
+                Verdict::Passed => {}
+                Verdict::Failed(tests) => failed.extend(tests),
+                broke @ Verdict::Broke(_) => return Ok(broke),
+            }
+        }
+        Ok(if failed.is_empty() { Verdict::Passed } else { Verdict::Failed(failed) })
+    }
+}
+
+/// Runs a program of tests.
+fn outcome(command: &mut Command, output: &Path) -> Result<Verdict> {
+    let mut child = command.stdout(fs::File::create(output)?).stderr(Stdio::null()).spawn()?;
+    let started = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait()? {
+            break status;
+        }
+        if started.elapsed() > PATIENCE {
+            child.kill()?;
+            child.wait()?;
+            return Ok(Verdict::Broke("does not end"));
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    let output = String::from_utf8_lossy(&fs::read(output)?).into_owned();
+    let failed = output.lines().filter(|line| line.starts_with("test ") && line.ends_with("FAILED"));
+    let tests: Vec<String> = failed.filter_map(|line| line.split_whitespace().nth(1).map(str::to_owned)).collect();
+    Ok(match (status.success(), tests.is_empty()) {
+        (true, _) => Verdict::Passed,
+        (false, false) => Verdict::Failed(tests),
+        (false, true) => Verdict::Broke("does not start"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{list, place::Source};
+
+    /// Planting takes a quarter of an hour, and seldom happens; that a fault has lost its place is seen at once.
+    #[test]
+    fn every_fault_has_its_place() {
+        let root = crate::root().unwrap();
+        let source = Source::read(&root.join("src")).unwrap();
+        let faults = list(&root).unwrap();
+        assert!(faults.len() > 100);
+        let lost: Vec<String> = faults
+            .iter()
+            .filter_map(|fault| Some(format!("{}: {:#}", fault.name, source.find(&fault.function, &fault.find).err()?)))
+            .collect();
+        assert!(lost.is_empty(), "{} have lost their place:\n{}", lost.len(), lost.join("\n"));
+        assert!(faults.iter().all(|fault| fault.find != fault.replace));
+    }
+}
