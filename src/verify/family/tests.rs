@@ -77,11 +77,12 @@ fn nothing_turns_along_a_line() {
 
 #[test]
 fn a_family_that_measures_nothing_fails() {
-    let nothing = family(Claim::Solvers, "nothing", always, |_| Ok(Vec::new()));
+    let nothing = family(Claim::Solvers, "nothing", always, of_steps, |_| Ok(Vec::new()));
     let checks = nothing.check(&pair(true, &[0]));
     assert_eq!((checks.len(), checks[0].why.as_str(), checks[0].passed()), (1, "nothing was measured", false));
-    let broken =
-        family(Claim::Solvers, "broken", always, |_| Err(crate::error::Error::Unsupported("not here".into()).into()));
+    let broken = family(Claim::Solvers, "broken", always, of_steps, |_| {
+        Err(crate::error::Error::Unsupported("not here".into()).into())
+    });
     assert!(broken.check(&pair(true, &[0]))[0].why.starts_with("could not be carried out: "));
 }
 
