@@ -33,8 +33,6 @@ pub struct LoadedScene {
     pub name: String,
     pub time: TimeSettings,
     pub system: System,
-    /// The system as it was before what cannot move was left out of it, if it was.
-    pub before_reduction: Option<System>,
     pub state: State,
     /// Of its mesh, to be shown.
     pub triangles: Vec<[u32; 3]>,
@@ -50,7 +48,7 @@ impl SceneFile {
         let built = scene.build_with_triangles();
         let (system, state, triangles) = built.map_err(|error| error.in_file(&file))?;
         let (name, time) = (scene.name, scene.time);
-        Ok(LoadedScene { file, name, time, system, before_reduction: None, state, triangles })
+        Ok(LoadedScene { file, name, time, system, state, triangles })
     }
 }
 
@@ -80,11 +78,6 @@ pub fn folder_of(name: &str) -> PathBuf {
 }
 
 impl LoadedScene {
-    /// The system with everything that the scene says.
-    pub fn whole(&self) -> &System {
-        self.before_reduction.as_ref().unwrap_or(&self.system)
-    }
-
     /// The value of an option, or the scene's own.
     ///
     /// # Errors

@@ -38,7 +38,7 @@ mod snapshot;
 mod values;
 mod write;
 
-pub use builtin::{Kind, builtin};
+pub use builtin::{Kind, builtin, refined};
 pub use mesh::MeshGeometry;
 #[cfg(feature = "report")]
 pub(crate) use npz::NpzWriter;
