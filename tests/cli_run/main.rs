@@ -204,7 +204,7 @@ fn json_is_alone_on_stdout_and_quiet_is_silent() {
     assert_eq!(answer.json()["status"], "completed");
 
     let answer = sandbox.sprung(&["run", "triangle.toml"]).ends_with(0);
-    for part in ["falling triangle: completed after 10 steps", "solver llt", "6 degrees of freedom"] {
+    for part in ["falling triangle: completed at t = 0.1 s after 10 steps", "solver llt"] {
         assert!(answer.stdout.contains(part), "{part:?} is not in {}", answer.stdout);
     }
 }
@@ -334,7 +334,7 @@ fn a_run_that_is_wrong_says_so() {
 
     // Without a step it is right, and says that too.
     let answer = sandbox.sprung(&run).ends_with(0);
-    assert_eq!(answer.stderr, "");
+    assert!(!answer.stderr.contains("warning"), "{}", answer.stderr);
     let estimate = sandbox.json("o/summary.json")["error"]["estimate"].as_f64().unwrap();
     assert!(estimate < 0.05, "{estimate}");
 }
