@@ -2,6 +2,7 @@
 
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
+use super::number::number;
 use super::recorder::{bar, progress_bar};
 use super::values::{choice, positive, whole};
 use super::{Exit, Stop, interrupt};
@@ -112,6 +113,7 @@ impl Inspect {
         let page = folder.join("inspect.html");
         console.result(&record, format!("{text}\n  pictures     {}", page.display()))?;
         if let Some(RunFailure { step, time, failure }) = arrival.failure {
+            let time = number(time);
             error(format_args!("{} in step {step}, at t = {time} s: {failure}", failure.status().name()));
             return Ok(Exit::Failed);
         }

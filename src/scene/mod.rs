@@ -36,6 +36,7 @@ mod row;
 mod schema;
 mod snapshot;
 mod values;
+mod words;
 mod write;
 
 pub use builtin::{Kind, builtin, refined};

@@ -19,8 +19,8 @@ const STIFFNESSES: f64 = 1e10;
 /// The ratio of the masses of particles that move.
 const MASSES: f64 = 1e10;
 
-/// The largest row of A over its smallest eigenvalue m/dt²: with rounding, a solution of three digits.
-const CONDITION: f64 = 1e12;
+/// The largest row of A over its smallest eigenvalue m/dt²: with rounding, a solution of six digits.
+const CONDITION: f64 = 1e9;
 
 /// Extents of the scene that a particle may go in a step: farther on nothing is left of where it was.
 const WAY: f64 = 1e4;

@@ -164,11 +164,11 @@ class Stepper:
         result = Result(self.system, handed)
         if result.status not in ("completed", "interrupted", "unconfirmed"):
             failure = result.summary["failure"]
-            where = f"{result.status} in step {failure['step']}, at t = {failure['time']} s"
+            where = f"{result.status} in step {failure['step']}, at t = {failure['time']:.6g} s"
             raise Breakdown(f"{where}: {failure['message']}", result.status, result)
         for warning in result.warnings:
             warnings.warn(warning, DoubtWarning, stacklevel=2)
         return result
 
     def __repr__(self) -> str:
-        return f"<Stepper of {self.system.name!r} at t = {self.state.time} s>"
+        return f"<Stepper of {self.system.name!r} at t = {self.state.time:.6g} s>"

@@ -94,3 +94,20 @@ fn a_pendulum_passes_every_family_that_applies() {
     let claims = results.by_claim();
     assert!(claims.iter().any(|(claim, _)| *claim == Claim::Jacobian) && claims.len() > 5);
 }
+
+/// A step that reports its failure is no accusation of anybody; scenes of the suite's own are all judged.
+#[test]
+fn reported_failures_are_not_judged() {
+    let reported =
+        family(Claim::Solvers, "reported", always, of_steps, |_| Err(crate::integrate::StepFailure::NonFinite.into()));
+    let checks = reported.check(&pair(true, &[0]));
+    assert!(!checks[0].is_judged && checks[0].why.contains("said so"), "{}", checks[0].why);
+}
+
+#[cfg(feature = "scene")]
+#[test]
+fn the_suite_has_no_scene_beyond_judgement() {
+    for subject in crate::verify::built_in().unwrap() {
+        assert_eq!(of_steps(&subject), None, "{}", subject.name);
+    }
+}
