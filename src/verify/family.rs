@@ -1,7 +1,7 @@
 //! The list of everything that can be checked on any scene.
 
 use super::measured::Measured;
-use super::range::{of_springs, of_steps};
+use super::range::{of_estimates, of_springs, of_steps};
 use super::{Check, Claim, Results, Subject};
 use super::{
     convergence, definiteness, derivatives, equilibrium, indicators, ledger, momentum, prescribed_motion, refusals,
@@ -73,7 +73,7 @@ pub const FAMILIES: &[Family] = &[
     family(Claim::Failure, "indefinite", refusals::applies, of_steps, refusals::indefinite),
     family(Claim::Failure, "conjugate_gradients", refusals::has_system, of_steps, refusals::conjugate_gradients),
     family(Claim::Failure, "broken_states", refusals::has_system, of_steps, refusals::broken_states),
-    family(Claim::Failure, "indicators", indicators::applies, of_steps, indicators::measure),
+    family(Claim::Failure, "indicators", indicators::applies, of_estimates, indicators::measure),
 ];
 
 const fn family(

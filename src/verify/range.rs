@@ -6,6 +6,7 @@
 
 use super::reference::{self, Link};
 use super::{Subject, U};
+use crate::force::Energy;
 
 /// The share of a spring that the rounding of its ends' coordinates may be: two digits above the square root of rounding, which differences
 /// of forces reach.
@@ -19,8 +20,11 @@ const STIFFNESSES: f64 = 1e10;
 /// The ratio of the masses of particles that move.
 const MASSES: f64 = 1e10;
 
-/// The largest row of A over its smallest eigenvalue m/dt²: with rounding, a solution of six digits.
-const CONDITION: f64 = 1e9;
+/// The largest row of A over its smallest eigenvalue m/dt², a bound of the condition number: with rounding, a solution of two digits.
+const CONDITION: f64 = 1e13;
+
+/// The share of the energy that is exchanged which rounding of the whole energy may be.
+const ENERGIES: f64 = 1e-9;
 
 /// Extents of the scene that a particle may go in a step: farther on nothing is left of where it was.
 const WAY: f64 = 1e4;
@@ -69,6 +73,26 @@ pub(super) fn of_steps(subject: &Subject) -> Option<String> {
     })
 }
 
+/// Why what a run says of its own error cannot be held against it; `None` where it can. A run looks for energy that comes or goes, and what
+/// rounding makes of the energy of everything, held particles included, must be small against what the motion has to exchange.
+pub(super) fn of_estimates(subject: &Subject) -> Option<String> {
+    if let Some(reason) = of_steps(subject) {
+        return Some(reason);
+    }
+    let Subject { system, state, .. } = subject;
+    let weight = |p: usize| system.masses()[p] * system.gravity().norm();
+    let heights: f64 = (0..system.particles()).map(|p| weight(p) * state.positions[p].norm()).sum();
+    let falls: f64 = reference::movers(system).map(|p| weight(p) * subject.extent()).sum();
+    let energy = Energy::of(system, state);
+    let exchanged = energy.kinetic + energy.elastic + falls;
+    (U * heights > ENERGIES * exchanged).then(|| {
+        format!(
+            "the energy of weights is {heights:.1e} J, whose rounding is more than {ENERGIES:.0e} of the {exchanged:.1e} J that the motion \
+             has to exchange"
+        )
+    })
+}
+
 fn farthest(links: &[Link], of: impl Fn(&Link) -> f64) -> Option<(usize, &Link)> {
     links.iter().enumerate().max_by(|(_, a), (_, b)| of(a).total_cmp(&of(b)))
 }
@@ -108,6 +132,14 @@ mod tests {
         assert_eq!(of_steps(&chain(|_| {})), None);
         // What is held may be as heavy as it likes.
         assert_eq!(of_steps(&chain(|scene| scene.masses[0] = 1e16)), None);
+        // But where its weight counts it hides every other energy.
+        let weighty = |scene: &mut SystemBuilder| {
+            (scene.masses[0], scene.gravity.y, scene.positions[0].x) = (1e16, -9.81, 0.1);
+        };
+        assert!(
+            of_steps(&chain(weighty)).is_none() && of_estimates(&chain(weighty)).unwrap().contains("energy of weights")
+        );
+        assert_eq!(of_estimates(&chain(|scene| scene.gravity.y = -9.81)), None);
         let far = chain(|scene| scene.positions[2].y = -4e9);
         assert!(of_springs(&far).unwrap().contains("spring 1"));
         type Change = fn(&mut SystemBuilder);
