@@ -3,6 +3,7 @@
 use super::trajectory::TRAJECTORY;
 use crate::error::{Error, Result};
 use crate::figure::{Animation, Binding, Cast, Track};
+use crate::report::number::typeset;
 use nalgebra::Vector3;
 use npyz::{Deserialize, NpyFile};
 use serde_json::Value;
@@ -135,9 +136,14 @@ pub fn describe(animation: &mut Animation, summary: Option<&Value>) {
     animation.remarks.extend([method, dt, status, apart].into_iter().flatten());
 }
 
-/// A number in at most five digits.
-fn digits(value: f64) -> f64 {
-    format!("{value:.4e}").parse().unwrap_or(value)
+/// A number in at most five digits, with a power of ten where it would be a row of zeros.
+fn digits(value: f64) -> String {
+    let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
+    if rounded == 0.0 || (1e-6..1e9).contains(&rounded.abs()) {
+        rounded.to_string()
+    } else {
+        typeset(&format!("{rounded:e}"))
+    }
 }
 
 /// Columns of `energy.csv` that go into one picture, in J: the energies, and where energy came from and went to.

@@ -125,7 +125,7 @@ async function start() {
   $("forward").addEventListener("click", () => (play(false), show(frame + 1)));
   $("fit").addEventListener("click", () => (resetCamera(), look()));
   for (const value of about.speeds) {
-    const label = value >= 1 ? `${number(value)}×` : `1/${number(1 / value)}×`;
+    const label = value >= 1 || value < 1e-5 ? `${number(value)}×` : `1/${number(1 / value)}×`;
     element("option", value === speed ? { value, selected: "" } : { value }, $("speed")).textContent = label;
   }
   $("speed").addEventListener("change", () => {
