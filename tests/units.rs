@@ -97,8 +97,8 @@ fn end(units: &Units, wishes: &Wishes, dt: Option<f64>, rtol: Option<f64>) -> (&
     let (system, mut state) = cloth(units);
     let duration = DURATION * units.time;
     let interval = dt.map_or(records_every(duration), |dt| dt * units.time);
-    let plan = wishes.plan(&system, &state, interval, rtol).unwrap();
-    let mut monitor = Monitor::new(&system, &state, plan.monitor(true)).unwrap();
+    let plan = wishes.plan(&system, &state, [interval, duration], rtol).unwrap();
+    let mut monitor = Monitor::new(&system, &state, plan.monitor(true, true)).unwrap();
     let mut stepper = plan.stepper(&system, &state).unwrap();
     let mut records = 0;
     let schedule = Schedule::duration(interval, duration);

@@ -70,7 +70,7 @@ mod tests {
     /// The end of the longest free diagonal after a time, in m.
     fn sags_to(scene: &Scene, duration: f64) -> Vector3<f64> {
         let (system, mut state) = scene.build().unwrap();
-        let plan = Wishes::default().plan(&system, &state, duration / 10.0, Some(1e-3)).unwrap();
+        let plan = Wishes::default().plan(&system, &state, [duration / 10.0, duration], Some(1e-3)).unwrap();
         let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
         let mut stepper = plan.stepper(&system, &state).unwrap();
         let schedule = Schedule::duration(duration / 10.0, duration);
