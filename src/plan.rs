@@ -71,24 +71,21 @@ pub struct Wishes {
 /// The step where one is needed and none is given, in s.
 pub const DEFAULT_STEP: f64 = 0.01;
 
-/// The interval of records of runs that choose their steps, in s: that of a screen, which no eye follows more often.
-const RECORDS_EVERY: f64 = 1.0 / 60.0;
+/// Records of a run that chooses its steps: a page that plays them in ten seconds shows thirty a second.
+pub const RECORDS: u32 = 300;
 
-/// Records of such a run at least.
-const RECORDS: f64 = 100.0;
-
-/// The interval at which a run of `duration` seconds is recorded that chooses its steps, in s.
+/// The interval at which a run of `duration` seconds is recorded that chooses its steps, in s: `duration/RECORDS`. It has no scale of its
+/// own, so that the files of a motion of microseconds and of one of years have the same size.
 ///
 /// # Examples
 /// ```
 /// use sprung::plan::records_every;
 ///
-/// // A hundred records of a short motion, sixty a second of a long one.
-/// assert!((records_every(0.1) - 0.001).abs() < 1e-15);
-/// assert!((records_every(30.0) - 1.0 / 60.0).abs() < 1e-15);
+/// assert!((records_every(30.0) - 0.1).abs() < 1e-15);
+/// assert!((records_every(3e-9) - 1e-11).abs() < 1e-25);
 /// ```
 pub fn records_every(duration: f64) -> f64 {
-    RECORDS_EVERY.min(duration / RECORDS)
+    duration / f64::from(RECORDS)
 }
 
 /// Degrees of freedom from which splitting a factorization pays: a cloth of about 10⁴ particles.

@@ -146,7 +146,8 @@ fn simulate(
 /// What the program chose.
 fn choice(pacing: &Pacing, plan: &Plan) -> Option<ChoiceReport> {
     let rtol = pacing.rtol;
-    let steps = rtol.filter(|_| pacing.is_chosen).map(|rtol| format!("no dt is given: adaptive steps, rtol {rtol:e}"));
+    let why = if pacing.is_chosen { "no dt is given: " } else { "" };
+    let steps = rtol.map(|rtol| format!("{why}adaptive steps, rtol {rtol:e}"));
     let reasons: Vec<String> = steps.into_iter().chain(plan.reason.clone()).collect();
     (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) })
 }

@@ -7,10 +7,10 @@ use crate::names;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use sprung::error::Invalid;
-use sprung::force::{DegenerateSpring, Energy, add_weight};
+use sprung::force::{DegenerateSpring, Energy, Reactions, add_weight};
 use sprung::nalgebra::Vector3;
 use sprung::output::AtomicFile;
-use sprung::scene::{Scene, TimeSettings, builtin};
+use sprung::scene::{Scene, TimeSettings, builtin, refined};
 use sprung::spring::Extension;
 use sprung::system::{Axes, Constraint, Motion};
 use sprung::{Error, Spring, State, SystemBuilder};
@@ -109,9 +109,11 @@ impl System {
 
     /// A ready scene.
     #[staticmethod]
-    fn ready(py: Python<'_>, kind: &str, size: Option<usize>) -> PyResult<Self> {
+    fn ready(py: Python<'_>, kind: &str, size: Option<usize>, refine: bool) -> PyResult<Self> {
         let kind = names::kind(kind)?;
-        py.detach(|| builtin(kind, size.unwrap_or(kind.default_size())).map_err(raised).and_then(Self::of_scene))
+        let size = size.unwrap_or(kind.default_size());
+        let scene = if refine { refined(kind, size) } else { builtin(kind, size) };
+        py.detach(|| scene.map_err(raised).and_then(Self::of_scene))
     }
 
     /// The system at a state as a scene file, `toml` or `json`.
@@ -240,6 +242,15 @@ impl System {
             Ok(force)
         })?;
         rows(py, &force.map_err(raised)?, system.dimension())
+    }
+
+    /// Forces with which constraints act at a state, in N: a row for every particle, zero along free axes.
+    fn reactions<'py>(&self, py: Python<'py>, given: Given<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let state = state(&self.system, &given)?;
+        let found = py.detach(|| Reactions::at(&self.system, &state)).map_err(|error| raised(error.into()))?;
+        let mut forces = vec![Vector3::zeros(); self.system.particles()];
+        found.particles.iter().zip(&found.forces).for_each(|(&p, force)| forces[p] = *force);
+        rows(py, &forces, self.system.dimension())
     }
 
     /// Kinetic, elastic and gravitational energy of a state, in J.

@@ -40,7 +40,7 @@ impl Pacing {
             return Err(invalid(Invalid::new("duration", duration, "must be finite and positive")));
         }
         let rtol = if dt.is_none() { wishes.rtol_without_step() } else { wishes.rtol };
-        let is_chosen = dt.is_none() && rtol.is_some();
+        let is_chosen = dt.is_none() && rtol.is_some() && wishes.rtol.is_none();
         let chosen = if rtol.is_some() || wishes.accuracy.is_some() { records_every(duration) } else { DEFAULT_STEP };
         let interval = dt.unwrap_or(chosen);
         Schedule::check(interval, duration).map_err(invalid)?;

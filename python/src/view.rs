@@ -3,26 +3,27 @@
 use crate::error::{invalid, raised};
 use crate::system::System;
 use numpy::{PyReadonlyArray1, PyReadonlyArray3};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use sprung::error::Invalid;
-use sprung::figure::{Animation, Cast, Track};
+use sprung::figure::{Animation, Cast};
 use sprung::nalgebra::Vector3;
+use sprung::output::{describe, energy_tracks};
 use sprung::report::view::within;
 
-/// Title, unit, times, and named curves.
-type GivenTrack = (String, String, Vec<f64>, Vec<(String, Vec<f64>)>);
-
-/// The page of frames of a system, with curves below; of at most so many bytes of data.
+/// The page of frames of a system, with what a run's summary says of them and its energies over the times of its records below; of at
+/// most so many bytes of data.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "one for each thing that the page shows")]
 pub fn view(
     py: Python<'_>,
     system: &System,
     title: String,
-    remarks: Vec<String>,
+    summary: Option<String>,
     times: PyReadonlyArray1<'_, f64>,
     positions: PyReadonlyArray3<'_, f64>,
-    tracks: Vec<GivenTrack>,
+    record_times: Vec<f64>,
+    energies: Vec<(String, Vec<f64>)>,
     limit: usize,
 ) -> PyResult<String> {
     let shape = positions.as_array().dim();
@@ -31,9 +32,7 @@ pub fn view(
         return Err(invalid(Invalid::new("positions", found, "must have a row for each time and particle")));
     }
     let mut animation = Animation::new(title, Cast::of(&system.system, &system.triangles));
-    animation.remarks = remarks;
-    animation.tracks =
-        tracks.into_iter().map(|(title, unit, times, curves)| Track { title, unit, times, curves }).collect();
+    animation.tracks = energy_tracks(&record_times, energies);
     for (&time, frame) in times.as_array().iter().zip(positions.as_array().outer_iter()) {
         let frame: Vec<Vector3<f64>> = frame
             .outer_iter()
@@ -45,6 +44,9 @@ pub fn view(
             .collect();
         animation.push(time, &frame);
     }
+    let summary = summary.map(|text| serde_json::from_str(&text)).transpose();
+    let summary: Option<serde_json::Value> = summary.map_err(|error| PyValueError::new_err(error.to_string()))?;
+    describe(&mut animation, summary.as_ref());
     let page = py.detach(|| within(&animation, limit));
     page.map_err(|source| raised(sprung::Error::io("view.html", source)))
 }

@@ -182,8 +182,11 @@ def test_motions_show_in_notebooks(tmp_path):
     system = tangle(dimension=2)
     result = sprung.Stepper(system, method="bdf2").run(0.1, dt=0.01)
     frame = result._repr_html_()
-    assert frame.startswith("<iframe srcdoc=") and "energies" in frame and "bdf2" in frame
+    assert frame.startswith("<iframe srcdoc=") and "kinetic" in frame and "bdf2, stiffness on-demand" in frame and "dt = 0.01 s" in frame
     page = result.to_html(tmp_path / "view.html")
     assert page == (tmp_path / "view.html").read_text(encoding="utf-8") and "<canvas" in page
-    assert "completed after 10 steps" in repr(result)
+    assert "completed at t = 0.1 s after 10 steps" in repr(result)
+    # As the command's page does: of a run that chose its steps dt is only the distance of its records.
+    adaptive = sprung.Stepper(system).run(0.1, rtol=1e-3).to_html()
+    assert "steps by rtol 0.001" in adaptive and "dt =" not in adaptive
     assert "iframe" in system._repr_html_()

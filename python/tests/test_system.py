@@ -221,3 +221,24 @@ def test_gather_and_scatter_are_inverse(system):
     reduced = system.gather(full)
     np.testing.assert_array_equal(system.scatter(reduced, full), full)
     np.testing.assert_array_equal(system.gather(system.scatter(reduced)), reduced)
+
+
+def test_constraints_act_with_what_the_motion_needs():
+    arrays = dict(positions=[[0, 0], [0, -1]], pairs=[[0, 1]], masses=[1, 2], stiffness=20, rest_lengths=0.5, gravity=[0, -10])
+    system = sprung.System(**arrays, constraints=[{"particles": [0]}])
+    # Its own weight and the pull of the spring, which is as long again as at rest.
+    np.testing.assert_allclose(system.reactions(), [[0, 30], [0, 0]], rtol=1e-15)
+    result = sprung.Stepper(system).run(0.1)
+    np.testing.assert_array_equal(result.reactions, system.reactions(result.state))
+
+
+@pytest.mark.parametrize("size", [-3, 0, 2.5, True])
+def test_ready_scenes_have_a_size(size):
+    with pytest.raises(ValueError, match="size = .*: must be a positive integer"):
+        sprung.System.ready("cloth", size)
+
+
+def test_ready_scenes_are_refined():
+    coarse, fine = sprung.System.ready("cloth", 20), sprung.System.ready("cloth", 39, refine=True)
+    widths = [np.ptp(system.initial_state().positions, axis=0) for system in (coarse, fine)]
+    np.testing.assert_allclose(*widths, rtol=1e-12)

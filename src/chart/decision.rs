@@ -7,6 +7,10 @@ use super::digits::short;
 use super::figures::best_of_each;
 use super::tail::tail;
 use super::{Run, WorkPrecision};
+use crate::integrate::percent;
+
+/// The largest error for which a run is recommended.
+const LEAST_ACCURACY: f64 = 0.1;
 
 /// What to use for an accuracy.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,9 +70,38 @@ impl WorkPrecision {
     pub fn recommendations(&self) -> Vec<String> {
         let mut all: Vec<String> = self.decisions().iter().filter_map(Decision::sentence).collect();
         if all.is_empty() {
-            all.push("No run ended with an error below 10 % from which on shorter steps did better: nothing can be recommended.".into());
+            all.push(format!("Nothing can be recommended: {}.", self.obstacle()));
         }
         all
+    }
+
+    /// Why there is no decision.
+    fn obstacle(&self) -> String {
+        let completed: Vec<f64> = self.runs.iter().filter_map(Run::useful_error).collect();
+        let best = completed.iter().copied().fold(f64::INFINITY, f64::min);
+        if self.floor() > LEAST_ACCURACY {
+            return format!(
+                "the reference is good to about {} only, so that errors below {} cannot be told from it; a larger budget or a \
+                 shorter motion makes a better one",
+                percent(self.reference.error_estimate),
+                percent(self.floor())
+            );
+        }
+        if self.runs.is_empty() {
+            return "there was no time for a run; a larger budget has some".into();
+        }
+        if completed.is_empty() {
+            return format!("none of {} runs came to a useful end; shorter steps may", self.runs.len());
+        }
+        if best > LEAST_ACCURACY {
+            return format!(
+                "the best of {} runs is wrong by {}; a larger budget or a shorter step to begin with makes finer ones",
+                self.runs.len(),
+                percent(best)
+            );
+        }
+        "in no method are errors below 10 % that shorter steps make smaller: what runs end with depends on chance"
+            .into()
     }
 
     /// The best configuration of each method, and up to which steps it can be relied on.

@@ -128,7 +128,7 @@ impl AccuracyCommand<'_> {
         let written = clear_frames(&claimed)
             .and_then(|()| records.publish(system, folder))
             .and_then(|()| files.clear_older(&claimed))
-            .and_then(|()| write_final_state(final_state, &summary.scene, system.dimension(), summary.steps, state))
+            .and_then(|()| write_final_state(final_state, &summary.scene, system, summary.steps, state))
             .and_then(|()| summary.write(folder.join("summary.json")));
         written.map_err(Stop::Broken)?;
         let names = files.show(folder).map_err(Stop::Broken)?;

@@ -8,8 +8,8 @@ use super::{Exit, Stop, interrupt};
 use indicatif::ProgressBar;
 use serde::Serialize;
 use sprung::Result;
-use sprung::chart::{Reference, Run, SizeRun, StabilityMap, SweepOptions, WorkPrecision};
-use sprung::integrate::Schedule;
+use sprung::chart::{Deadline, Reference, Run, SizeRun, StabilityMap, SweepOptions, WorkPrecision};
+use sprung::integrate::{Schedule, percent};
 use sprung::output::AtomicFile;
 use sprung::plan::parallelism;
 use sprung::report::{chart_html, plot, tiles};
@@ -28,7 +28,7 @@ pub struct Chart {
     #[command(flatten)]
     scene: SceneFile,
 
-    /// Time for all runs, in seconds
+    /// Time for all runs, in seconds; with --stability half of it is for the map, which is as fine as that allows
     #[arg(long, value_name = "S", default_value = "60", value_parser = positive)]
     budget: f64,
 
@@ -78,9 +78,11 @@ impl Chart {
         let folder = scene.folder(&self.out);
         interrupt::keep();
         let _claimed = check_writable(&folder, &FILES)?;
-        let budget = Duration::try_from_secs_f64(self.budget).unwrap_or(Duration::MAX / 16);
+        let budget = Duration::try_from_secs_f64(self.budget).unwrap_or(Duration::MAX / 16).min(Duration::MAX / 16);
         let request = interrupt::request();
-        let options = SweepOptions { duration, dt, budget, par: parallelism(&scene.system), interrupt: request };
+        let until = Deadline::after(budget, request);
+        let sweep = if self.stability { budget / 2 } else { budget };
+        let options = SweepOptions { duration, dt, budget: sweep, par: parallelism(&scene.system), interrupt: request };
         let bar = progress_bar(console, budget);
         let measured = self.threads.install(|| {
             let mut progress = |elapsed: Duration, what: &str| {
@@ -92,10 +94,10 @@ impl Chart {
         })?;
         let map = self.threads.install(|| {
             if !self.stability {
-                return Ok(StabilityMap { tiles: Vec::new() });
+                return Ok(StabilityMap { tiles: Vec::new(), missing: 0 });
             }
             let mut progress = |_: Duration, what: &str| bar.set_message(format!("stability of {what}"));
-            Ok(StabilityMap::until(RESOLUTION, &mut progress, request)?)
+            Ok(StabilityMap::within(RESOLUTION, &mut progress, until)?)
         })?;
         bar.finish_and_clear();
         let Some(chart) = measured else {
@@ -120,11 +122,15 @@ impl Chart {
         let failed = chart.runs.iter().filter(|run| run.cause().is_some()).count();
         let mut lines = vec![format!("{}: {} runs, {failed} of them failed", chart.scene, chart.runs.len())];
         let Reference { method, error_estimate, .. } = &chart.reference;
-        lines.push(format!("  reference  {method}, error about {error_estimate:.1e}"));
+        lines.push(format!("  reference  {method}, error about {}", percent(*error_estimate)));
         lines.extend(chart.conclusions().iter().map(|sentence| format!("  {sentence}")));
         lines.push(format!("  files      {} and chart/*.svg in {}", FILES.join(", "), folder.display()));
         let text = lines.join("\n");
         console.result(&report, text)?;
+        if map.missing > 0 && !interrupt::is_requested() {
+            let all = map.tiles.len() + map.missing;
+            console.note(format_args!("the budget was enough for {} of {all} maps of stability", map.tiles.len()));
+        }
         let mut outcome = Exit::Done;
         if interrupt::is_requested() {
             error("interrupted: the chart has the runs that were made until then");

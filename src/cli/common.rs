@@ -47,7 +47,8 @@ impl SceneFile {
         let (scene, file) = read_scene(&self.path)?;
         let built = scene.build_with_triangles();
         let (system, state, triangles) = built.map_err(|error| error.in_file(&file))?;
-        Ok(LoadedScene { file, name: scene.name, time: scene.time, system, state, triangles })
+        let (name, time) = (scene.name, scene.time);
+        Ok(LoadedScene { file, name, time, system, state, triangles })
     }
 }
 

@@ -15,6 +15,10 @@ pub struct Console {
     #[arg(short, long, global = true, display_order = 100)]
     pub quiet: bool,
 
+    /// Say everything that is known of a run: solvers, work, where the energy went
+    #[arg(short, long, global = true, display_order = 100, conflicts_with_all = ["quiet", "json"])]
+    pub verbose: bool,
+
     /// Print the result as one JSON object on stdout, and nothing else there
     #[arg(long, global = true, display_order = 101)]
     pub json: bool,
@@ -25,13 +29,14 @@ pub struct Console {
 }
 
 impl Console {
-    /// Prints a command's result on stdout: as JSON, as text for people, or, when quiet, not at all.
+    /// Prints a command's result on stdout: as JSON, as text for people, or, when quiet, not at all. Text that has a longer form has it as
+    /// its alternate one (`{:#}`).
     pub fn result(&self, result: &impl Serialize, text: impl Display) -> Result<(), Stop> {
         if self.json {
             let json = serde_json::to_string_pretty(result).map_err(|error| broken_stdout(error.into()))?;
             print(&json)
         } else if !self.quiet {
-            print(&text.to_string())
+            print(&if self.verbose { format!("{text:#}") } else { text.to_string() })
         } else {
             Ok(())
         }

@@ -1,6 +1,7 @@
 //! The files of a run, whatever way it goes, and its summary for people.
 
 use super::common::LoadedScene;
+use super::number::{count, number};
 use super::time::in_words;
 use super::values::positive_count;
 use super::view::{self, PAGE};
@@ -9,6 +10,7 @@ use sprung::integrate::{Balance, Schedule, percent};
 use sprung::output::{
     BUNDLE, ErrorKind, ErrorReport, Frames, OutputFolder, Summary, TRAJECTORY, clear_frames, playback,
 };
+use std::fmt::{self, Display};
 use std::num::NonZeroU64;
 use std::path::Path;
 
@@ -73,60 +75,106 @@ impl Files {
     }
 }
 
-/// The summary for people.
-pub fn text(summary: &Summary, folder: &Path, files: &[&str]) -> String {
-    let Summary { scene, method, stiffness, solver, steps, time, wall_seconds, energy, statistics, .. } = summary;
-    let Summary { particles, springs, dofs, .. } = summary;
-    let work = &statistics.work;
-    let status = summary.status.name();
-    let mut lines =
-        vec![format!("{scene}: {status} after {steps} steps, at t = {time} s, in {}", in_words(*wall_seconds))];
-    lines.push(format!("  system    {particles} particles, {springs} springs, {dofs} degrees of freedom"));
-    if *solver == "none" {
-        lines.push(format!("  method    {method}, {} force evaluations", work.force_evaluations));
-    } else {
-        let with =
-            if summary.preconditioner == "none" { String::new() } else { format!(" with {}", summary.preconditioner) };
-        lines.push(format!("  method    {method}, stiffness {stiffness}, solver {solver}{with}"));
-        if let Some(choice) = &summary.solver_choice {
-            lines.push(format!("  chosen    {choice}"));
+/// The summary for people: what a person wants to know first, or (`{:#}`) everything.
+pub fn text<'a>(summary: &'a Summary, folder: &'a Path, files: &'a [&'static str]) -> impl Display + 'a {
+    Account { summary, folder, files }
+}
+
+struct Account<'a> {
+    summary: &'a Summary,
+    folder: &'a Path,
+    files: &'a [&'static str],
+}
+
+impl Display for Account<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { summary, folder, files } = self;
+        let Summary { scene, status, steps, time, wall_seconds, .. } = summary;
+        let (status, steps, time) = (status.name(), count(*steps, "step"), number(*time));
+        writeln!(f, "{scene}: {status} at t = {time} s after {steps}, in {}", in_words(*wall_seconds))?;
+        if let Some(error) = &summary.error {
+            writeln!(f, "  error     {}", error_line(error))?;
         }
-        lines.push(format!(
-            "  work      {} solves, {} factorizations, {} CG iterations, {} Newton iterations",
-            work.solves, work.factorizations, work.cg_iterations, work.newton_iterations,
-        ));
-        let asked = statistics.max_tolerance;
-        let asked = if asked > 0.0 { format!("; asked for {asked:.1e} or less") } else { String::new() };
-        lines.push(format!(
-            "  residual  at most {:.1e} of the right-hand side{asked}",
-            statistics.max_relative_residual
-        ));
+        writeln!(f, "  method    {}", method(summary))?;
+        if f.alternate() {
+            self.bookkeeping(f)?;
+        }
+        writeln!(f, "  files     {} in {}", files.join(", "), folder.display())?;
+        if files.contains(&PAGE) {
+            write!(f, "open {}", folder.join(PAGE).display())
+        } else {
+            write!(f, "  motion    not kept; with --view the run writes a page that plays it")
+        }
     }
-    if let Some(choice) = &summary.choice {
-        lines.push(format!("  chosen    {}", choice.reason));
+}
+
+/// How wrong a run is, and how well that is known.
+fn error_line(error: &ErrorReport) -> String {
+    let how = match error.kind {
+        ErrorKind::Confirmed => "confirmed",
+        ErrorKind::Indicator => "an estimate: right to about ten times",
+    };
+    format!("about {} of the extent ({how})", percent(error.estimate))
+}
+
+/// The method, and the matrices that it takes.
+fn method(summary: &Summary) -> String {
+    let Summary { method, stiffness, solver, preconditioner, .. } = summary;
+    if *solver == "none" {
+        return (*method).to_owned();
     }
-    if statistics.rejected_steps > 0 {
-        lines.push(format!("  rejected  {} steps with too large an error", statistics.rejected_steps));
+    let with = if *preconditioner == "none" { String::new() } else { format!(" with {preconditioner}") };
+    format!("{method}, stiffness {stiffness}, solver {solver}{with}")
+}
+
+impl Account<'_> {
+    /// What the computation took and why it was done so, and where the energy went.
+    fn bookkeeping(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Summary { solver, energy, statistics, particles, springs, dofs, .. } = self.summary;
+        let work = &statistics.work;
+        let mut line = |name: &str, text: String| writeln!(f, "  {name:<9} {text}");
+        let [particles, springs] =
+            [(particles, "particle"), (springs, "spring")].map(|(&n, noun)| count(n as u64, noun));
+        line("system", format!("{particles}, {springs}, {dofs} degrees of freedom"))?;
+        if let Some(choice) = &self.summary.choice {
+            line("chosen", choice.reason.clone())?;
+        }
+        if let Some(choice) = &self.summary.solver_choice {
+            line("chosen", choice.clone())?;
+        }
+        if *solver == "none" {
+            line("work", count(work.force_evaluations, "force evaluation"))?;
+        } else {
+            let counts = [
+                (work.solves, "solve"),
+                (work.factorizations, "factorization"),
+                (work.cg_iterations, "CG iteration"),
+                (work.newton_iterations, "Newton iteration"),
+            ];
+            line("work", counts.map(|(n, noun)| count(n, noun)).join(", "))?;
+            let asked = statistics.max_tolerance;
+            let asked = if asked > 0.0 { format!("; asked for {asked:.1e} or less") } else { String::new() };
+            let residual = statistics.max_relative_residual;
+            line("residual", format!("at most {residual:.1e} of the right-hand side{asked}"))?;
+        }
+        if statistics.rejected_steps > 0 {
+            line("rejected", format!("{} with too large an error", count(statistics.rejected_steps, "step")))?;
+        }
+        if statistics.softened_solves > 0 {
+            let each = statistics.dropped_terms as f64 / statistics.softened_solves as f64;
+            let solves = count(statistics.softened_solves, "solve");
+            line("dropped", format!("{each:.1} transverse terms on average in {solves} where A was indefinite"))?;
+        }
+        line("energy", format!("{} J at the start, {} J at the end", number(energy.initial), number(energy.last)))?;
+        let Balance { work, dissipated, imbalance } = energy.balance;
+        line(
+            "balance",
+            format!(
+                "{} J of work by moving constraints, {} J dissipated, {} J unexplained",
+                number(work),
+                number(dissipated),
+                number(imbalance)
+            ),
+        )
     }
-    if statistics.softened_solves > 0 {
-        let each = statistics.dropped_terms as f64 / statistics.softened_solves as f64;
-        lines.push(format!(
-            "  dropped   {each:.1} transverse terms on average in {} solves where A was indefinite",
-            statistics.softened_solves
-        ));
-    }
-    lines.push(format!("  energy    {:.6e} J at the start, {:.6e} J at the end", energy.initial, energy.last));
-    if let Some(ErrorReport { estimate, kind }) = summary.error {
-        let how = match kind {
-            ErrorKind::Confirmed => "confirmed",
-            ErrorKind::Indicator => "an estimate: right to about ten times",
-        };
-        lines.push(format!("  error     about {} of the extent ({how})", percent(estimate)));
-    }
-    let Balance { work, dissipated, imbalance } = energy.balance;
-    lines.push(format!(
-        "  balance   {work:.3e} J of work by moving constraints, {dissipated:.3e} J dissipated, {imbalance:.3e} J unexplained"
-    ));
-    lines.push(format!("  files     {} in {}", files.join(", "), folder.display()));
-    lines.join("\n")
 }

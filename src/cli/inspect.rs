@@ -2,8 +2,9 @@
 
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
+use super::number::number;
 use super::recorder::{bar, progress_bar};
-use super::values::{choice, count, positive};
+use super::values::{choice, positive, whole};
 use super::{Exit, Stop, interrupt};
 use faer::Par;
 use sprung::inspect::{AFFORDABLE, FirstLosses, Follower, Inspection, Part, Pictures};
@@ -37,7 +38,7 @@ pub struct Inspect {
     dt: Option<f64>,
 
     /// Follow a run for so many steps first (with on-demand stiffness)
-    #[arg(long, value_name = "N", value_parser = count, default_value = "0")]
+    #[arg(long, value_name = "N", value_parser = whole, default_value = "0")]
     steps: u64,
 
     /// Which part of every spring's stiffness enters the matrix that is examined
@@ -112,6 +113,7 @@ impl Inspect {
         let page = folder.join("inspect.html");
         console.result(&record, format!("{text}\n  pictures     {}", page.display()))?;
         if let Some(RunFailure { step, time, failure }) = arrival.failure {
+            let time = number(time);
             error(format_args!("{} in step {step}, at t = {time} s: {failure}", failure.status().name()));
             return Ok(Exit::Failed);
         }

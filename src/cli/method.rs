@@ -27,7 +27,7 @@ pub struct MethodArguments {
     /// times their distance from their centroid, as a rule by much less, unless the motion itself magnifies differences, as folding and
     /// toppling do; rodas4 warns of that. --dt is then the first step to try and the interval of records, which --frames counts.
     /// For methods with an error estimate: bdf2, w2, rodas4, dop853 [default: 1e-2 where no dt is given, neither here nor in the
-    /// scene, with records every 1/60 s, or every hundredth of shorter runs]
+    /// scene, with 300 records, whatever the duration]
     #[arg(long, value_name = "R", value_parser = fraction)]
     rtol: Option<f64>,
 

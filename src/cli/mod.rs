@@ -14,6 +14,7 @@ mod man;
 mod matrix;
 mod method;
 mod new;
+mod number;
 mod parts;
 mod recorder;
 mod run;

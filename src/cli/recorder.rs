@@ -1,6 +1,7 @@
 //! What is written and shown while a run is under way.
 
 use super::console::Console;
+use super::number;
 use super::time::roughly;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use sprung::integrate::{Monitor, Schedule};
@@ -91,7 +92,7 @@ impl Recorder {
         }
         if !self.progress.is_hidden() {
             self.progress.set_position(number);
-            self.progress.set_message(format!("t = {:.4} s", state.time));
+            self.progress.set_message(format!("t = {} s", number::number(state.time)));
         }
         Ok(())
     }

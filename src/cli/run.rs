@@ -7,9 +7,10 @@ use super::doubts::doubts;
 use super::failure::Failed;
 use super::files::{FILES, Files, text};
 use super::method::{MethodArguments, repeat};
+use super::number::{count, number};
 use super::parts::{Checkpoints, Ended, Parts};
 use super::recorder::Recorder;
-use super::values::{count, positive, positive_count};
+use super::values::{positive, positive_count, whole};
 use super::view;
 use super::{Exit, Stop, interrupt};
 use sprung::accuracy::AccuracyOptions;
@@ -20,8 +21,9 @@ use sprung::output::{
 };
 use sprung::plan::{DEFAULT_STEP, Plan, records_every};
 use sprung::{Error, Result};
+use std::fmt::{self, Display};
 use std::num::NonZeroU64;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 /// Simulate a scene
@@ -47,7 +49,7 @@ pub struct Run {
     duration: Option<f64>,
 
     /// Length of the run, in steps; wins over a duration
-    #[arg(long, value_name = "N", value_parser = count)]
+    #[arg(long, value_name = "N", value_parser = whole)]
     steps: Option<u64>,
 
     #[command(flatten)]
@@ -69,7 +71,8 @@ pub struct Run {
     checkpoint: Option<NonZeroU64>,
 
     /// Go on in the output folder from its last checkpoint: every file in the end is that of a run that nothing interrupted, with
-    /// the same arguments. Where there is none yet and --checkpoint is given the run begins anew
+    /// the same arguments. Where there is none yet and --checkpoint is given the run begins anew; so it does where a run has come to its
+    /// end, and says so
     #[arg(long)]
     resume: bool,
 
@@ -118,8 +121,8 @@ impl Run {
             (None, None) => Err(Error::Usage("neither steps nor an accuracy are given".into()).into()),
         })?;
         if summary.statistics.indefinite_solves > 0 {
-            let solves = summary.statistics.indefinite_solves;
-            console.note(format_args!("A was indefinite in {solves} solves: the motion may look right and be wrong"));
+            let solves = count(summary.statistics.indefinite_solves, "solve");
+            console.note(format_args!("A was indefinite in {solves}: the motion may look right and be wrong"));
         }
         Ok(if summary.status == Status::Completed { Exit::Done } else { Exit::Failed })
     }
@@ -128,13 +131,20 @@ impl Run {
     fn pace(&self, console: &Console, scene: &LoadedScene) -> Result<Pacing> {
         let adaptive =
             if self.steps.is_some() { self.method.wishes().rtol } else { self.method.wishes().rtol_without_step() };
-        if let (None, None, Some(rtol)) = (self.dt, scene.time.dt, adaptive) {
+        let asked = self.method.wishes().rtol.is_some();
+        let given = self.dt.or(scene.time.dt.filter(|_| !asked));
+        if let (Some(dt), true, None) = (scene.time.dt, asked, self.dt) {
+            let dt = number(dt);
+            console.note(format_args!("--rtol: steps are adaptive; the scene's dt of {dt} s is not used"));
+        }
+        if let (None, Some(rtol)) = (given, adaptive) {
             let duration = match self.steps {
                 Some(steps) => steps as f64 * DEFAULT_STEP,
                 None => scene.or_given(self.duration, scene.time.duration, "duration")?,
             };
-            let interval = records_every(duration);
-            return Ok(Pacing { schedule: scene.schedule(interval, duration)?, rtol: Some(rtol), is_chosen: true });
+            // A motion without a length is its start alone.
+            let interval = if duration > 0.0 { records_every(duration) } else { DEFAULT_STEP };
+            return Ok(Pacing { schedule: scene.schedule(interval, duration)?, rtol: Some(rtol), is_chosen: !asked });
         }
         let duration = |dt| -> Result<Schedule> {
             scene.schedule(dt, scene.or_given(self.duration, scene.time.duration, "duration")?)
@@ -158,7 +168,8 @@ impl Run {
         let Pacing { schedule, rtol, is_chosen } = pace;
         let lengths = [schedule.dt(), schedule.elapsed(schedule.len())];
         let plan = self.method.wishes().plan(system, state, lengths, rtol).map_err(|error| error.in_file(file))?;
-        let steps = rtol.filter(|_| is_chosen).map(|rtol| format!("no dt is given: adaptive steps, rtol {rtol:e}"));
+        let why = if is_chosen { "no dt is given: " } else { "" };
+        let steps = rtol.map(|rtol| format!("{why}adaptive steps, rtol {rtol:e}"));
         let reasons: Vec<String> = steps.into_iter().chain(plan.reason.clone()).collect();
         let choice =
             (!reasons.is_empty()).then(|| ChoiceReport { rtol, ..ChoiceReport::of_preset(reasons.join("; ")) });
@@ -193,9 +204,17 @@ impl Run {
         let LoadedScene { file, name, system, state: start, triangles, .. } = scene;
         let found = if self.resume { Checkpoint::read(&folder)? } else { None };
         let every = self.checkpoint.or_else(|| NonZeroU64::new(found.as_ref()?.every));
-        if self.resume && every.is_none() {
-            let folder = folder.display();
-            return Err(Error::Usage(format!("{folder}: no checkpoint to resume from: give --checkpoint N")).into());
+        let before = if found.is_none() { Before::of(&folder) } else { None };
+        match before {
+            Some(before) if self.resume => {
+                console.note(format_args!("{before} and left nothing to go on from: this run starts again"));
+            }
+            Some(before) => console.note(format_args!("{before}: this run replaces its files")),
+            None if self.resume && every.is_none() => {
+                let folder = folder.display();
+                return Err(Error::Usage(format!("{folder}: no checkpoint to resume from: give --checkpoint N")).into());
+            }
+            None => {}
         }
         let parts = Parts {
             system: &system,
@@ -256,9 +275,7 @@ impl Run {
         let summary = ran.summary();
         let written = recorder
             .finish(&system)
-            .and_then(|()| {
-                write_final_state(folder.join("final.json"), &summary.scene, system.dimension(), summary.steps, &state)
-            })
+            .and_then(|()| write_final_state(folder.join("final.json"), &summary.scene, &system, summary.steps, &state))
             .and_then(|()| self.files.clear_older(&claimed))
             .and_then(|()| summary.write(folder.join("summary.json")))
             .and_then(|()| if summary.status == Status::Completed { forget_checkpoint(&claimed) } else { Ok(()) });
@@ -270,10 +287,11 @@ impl Run {
         console.result(&summary, text(&summary, &folder, &names))?;
         summary.warnings.iter().for_each(warning);
         if let Some(FailureReport { step, time, message }) = &summary.failure {
+            let time = number(*time);
             error(format_args!("{} in step {step}, at t = {time} s: {message}", summary.status.name()));
         }
         if summary.status == Status::Unstable {
-            let kept = format_args!("step {}, t = {} s", summary.steps, summary.time);
+            let kept = format!("step {}, t = {} s", summary.steps, number(summary.time));
             help(format_args!("the state kept is from before that ({kept}); --allow-unstable goes on"));
         }
         if summary.status == Status::Indefinite {
@@ -295,6 +313,33 @@ impl Run {
             "{configuration:?} {rtol:?} {schedule:?} {:?} {} {} {}",
             self.files.frames, self.files.view, self.allow_unstable, self.no_error_estimate
         )
+    }
+}
+
+/// The run whose results are in a folder.
+struct Before {
+    folder: PathBuf,
+    method: String,
+    status: String,
+    time: f64,
+}
+
+impl Before {
+    /// As its summary says; `None` where there is none that can be read.
+    fn of(folder: &Path) -> Option<Self> {
+        let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
+        let summary: serde_json::Value = serde_json::from_str(&text).ok()?;
+        let text = |key: &str| summary.get(key)?.as_str().map(str::to_owned);
+        let time = summary.get("time")?.as_f64()?;
+        Some(Self { folder: folder.into(), method: text("method")?, status: text("status")?, time })
+    }
+}
+
+impl Display for Before {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { folder, method, status, time } = self;
+        let (folder, time) = (folder.display(), number(*time));
+        write!(f, "{folder}: a run by {method} ended here, {status} at t = {time} s")
     }
 }
 

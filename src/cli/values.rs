@@ -14,7 +14,7 @@ pub fn fraction(text: &str) -> Result<f64, String> {
 }
 
 /// A whole number.
-pub fn count(text: &str) -> Result<u64, String> {
+pub fn whole(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| "must be a whole number, not negative".to_owned())
 }
 

@@ -1,12 +1,13 @@
 //! `sprung view`: the motion of a run as a page that plays it.
 
-use super::common::SceneFile;
+use super::common::{SceneFile, folder_of};
 use super::console::Console;
 use super::{Exit, Stop};
 use serde::Serialize;
 use sprung::figure::{Animation, Cast};
 use sprung::integrate::Schedule;
 use sprung::output::{AtomicFile, Checkpoint, Frames, TRAJECTORY, playback};
+use sprung::plan::RECORDS;
 use sprung::report::view::html;
 use sprung::{Error, Result, System};
 use std::io::Write;
@@ -42,6 +43,9 @@ struct Written<'a> {
 
 impl View {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
+        if self.subject.as_os_str() != "-" && !self.subject.exists() {
+            return Err(missing(&self.subject).into());
+        }
         let (animation, folder) = if self.subject.is_dir() {
             (motion(&self.subject)?, self.subject.clone())
         } else {
@@ -52,11 +56,22 @@ impl View {
         let page = self.output.clone().unwrap_or_else(|| folder.join(PAGE));
         let bytes = write(&page, &animation).map_err(Stop::Broken)?;
         let frames = animation.times.len();
-        let of_what = if frames == 1 { "the scene".to_owned() } else { format!("{frames} frames") };
-        let text = format!("{}: {of_what} in {} ({:.1} MB)", animation.title, page.display(), bytes as f64 / 1e6);
+        let of_what = if frames == 1 { "the scene at rest".to_owned() } else { format!("{frames} frames") };
+        let megabytes = bytes as f64 / 1e6;
+        let text = format!("{}: {of_what}, {megabytes:.1} MB\nopen {}", animation.title, page.display());
         console.result(&Written { page: &page, frames, bytes }, text)?;
         Ok(Exit::Done)
     }
+}
+
+/// Neither a run nor a scene; perhaps the name of one.
+fn missing(subject: &Path) -> Error {
+    let of_scene = subject.file_stem().map(|name| folder_of(&name.to_string_lossy())).filter(|folder| folder.is_dir());
+    let instead = match of_scene {
+        Some(folder) => format!("did you mean {}?", folder.display()),
+        None => "give the output folder of a run, out/<scene name> as a rule, or a scene file".into(),
+    };
+    Error::Usage(format!("{}: there is nothing of this name; {instead}", subject.display()))
 }
 
 /// The motion in a folder, or which option keeps one.
@@ -71,7 +86,7 @@ fn motion(folder: &Path) -> Result<Animation> {
 }
 
 /// Frames of a page where nothing else is asked for, bytes that they may take while they wait, and the fewest there are then.
-const SMOOTH: usize = 300;
+const SMOOTH: usize = RECORDS as usize;
 const SPACE: usize = 1_000_000_000;
 const FEWEST: usize = 30;
 

@@ -7,12 +7,14 @@ pub(crate) mod batch;
 mod energy;
 mod extensions;
 mod pairs;
+mod reaction;
 pub(crate) mod run;
 mod total;
 
 pub use crate::error::DegenerateSpring;
 pub use energy::{Energy, angular_momentum, linear_momentum};
 pub use extensions::Extensions;
+pub use reaction::Reactions;
 use total::has_only_active;
 pub use total::set_total_force;
 pub(crate) use total::{coincide, first_degenerate, set_other_forces};

@@ -26,7 +26,7 @@ pub use final_state::write_final_state;
 pub use folder::OutputFolder;
 pub use frames::{Frames, clear_frames};
 pub use matrix_market::{write_dofs, write_symmetric, write_vector};
-pub use playback::playback;
+pub use playback::{describe, energy_tracks, playback};
 pub use ran::Ran;
 pub use summary::{ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, Summary};
 pub use trajectory::{TRAJECTORY, Trajectory, WAITING};

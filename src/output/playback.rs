@@ -3,6 +3,7 @@
 use super::trajectory::TRAJECTORY;
 use crate::error::{Error, Result};
 use crate::figure::{Animation, Binding, Cast, Track};
+use crate::report::number::typeset;
 use nalgebra::Vector3;
 use npyz::{Deserialize, NpyFile};
 use serde_json::Value;
@@ -21,12 +22,8 @@ pub fn playback(folder: &Path) -> Result<Animation> {
     let path = folder.join(TRAJECTORY);
     let file = File::open(&path).map_err(|source| Error::io(&path, source))?;
     let mut animation = read(folder, file).map_err(|error| Error::Format { file: path, message: error.to_string() })?;
-    if let Some(Value::Object(summary)) = json(&folder.join("summary.json")) {
-        describe(&mut animation, &summary);
-    }
-    if let [first, second, ..] = animation.times[..] {
-        animation.remarks.push(format!("a frame every {} s", digits(second - first)));
-    }
+    let summary = json(&folder.join("summary.json"));
+    describe(&mut animation, summary.as_ref());
     animation.tracks = energies(&folder.join("energy.csv")).unwrap_or_default();
     Ok(animation)
 }
@@ -111,9 +108,10 @@ fn json(path: &Path) -> Option<Value> {
     serde_json::from_str(&text).ok()
 }
 
-/// The scene's name, how it was computed and how it ended.
-fn describe(animation: &mut Animation, summary: &serde_json::Map<String, Value>) {
-    let text = |key: &str| summary.get(key).and_then(Value::as_str).map(str::to_owned);
+/// The scene's name, how it was computed and how it ended, as a `summary.json` says, and how far frames are apart.
+pub fn describe(animation: &mut Animation, summary: Option<&Value>) {
+    let value = |key: &str| summary.and_then(|summary| summary.get(key));
+    let text = |key: &str| value(key).and_then(Value::as_str).map(str::to_owned);
     if let Some(scene) = text("scene") {
         animation.title = scene;
     }
@@ -122,28 +120,37 @@ fn describe(animation: &mut Animation, summary: &serde_json::Map<String, Value>)
         _ => method,
     });
     // Of a run that chose its steps dt is only the distance of its records.
-    let number = |key: &str| summary.get(key).and_then(Value::as_f64).map(digits);
+    let number = |key: &str| value(key).and_then(Value::as_f64).map(digits);
     let dt = match (number("rtol"), number("dt")) {
         (Some(rtol), _) => Some(format!("steps by rtol {rtol}")),
         (None, dt) => dt.map(|dt| format!("dt = {dt} s")),
     };
     let status = text("status").filter(|status| status != "completed").map(|status| {
-        let message = summary.get("failure").and_then(|failure| failure.get("message")).and_then(Value::as_str);
+        let message = value("failure").and_then(|failure| failure.get("message")).and_then(Value::as_str);
         format!("the run ended {status}{}", message.map(|message| format!(": {message}")).unwrap_or_default())
     });
-    animation.remarks.extend([method, dt, status].into_iter().flatten());
+    let apart = match animation.times[..] {
+        [first, second, ..] => Some(format!("a frame every {} s", digits(second - first))),
+        _ => None,
+    };
+    animation.remarks.extend([method, dt, status, apart].into_iter().flatten());
 }
 
-/// A number in at most five digits.
-fn digits(value: f64) -> f64 {
-    format!("{value:.4e}").parse().unwrap_or(value)
+/// A number in at most five digits, with a power of ten where it would be a row of zeros.
+fn digits(value: f64) -> String {
+    let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
+    if rounded == 0.0 || (1e-6..1e9).contains(&rounded.abs()) {
+        rounded.to_string()
+    } else {
+        typeset(&format!("{rounded:e}"))
+    }
 }
 
 /// Columns of `energy.csv` that go into one picture, in J: the energies, and where energy came from and went to.
 const ENERGIES: [&str; 4] = ["kinetic", "elastic", "gravitational", "total"];
 const BALANCE: [&str; 3] = ["work", "dissipated", "imbalance"];
 
-/// The curves of `energy.csv`: the energies together, their balance together, every other column by itself.
+/// The curves of `energy.csv`.
 fn energies(path: &Path) -> Option<Vec<Track>> {
     let mut reader = csv::Reader::from_path(path).ok()?;
     let names: Vec<String> = reader.headers().ok()?.iter().map(str::to_owned).collect();
@@ -155,15 +162,33 @@ fn energies(path: &Path) -> Option<Vec<Track>> {
         }
     }
     let mut columns = names.into_iter().zip(columns);
-    let (_, times) = columns.next().filter(|(name, values)| name == "time" && values.len() > 1)?;
-    let (energies, others): (Vec<_>, Vec<_>) = columns.partition(|(name, _)| ENERGIES.contains(&name.as_str()));
-    let track = |title: String, unit: &str, curves| Track { title, unit: unit.into(), times: times.clone(), curves };
-    let (balance, others): (Vec<_>, Vec<_>) =
-        others.into_iter().partition(|(name, _)| BALANCE.contains(&name.as_str()));
-    let mut tracks = vec![track("energy".into(), "J", energies)];
+    let (_, times) = columns.next().filter(|(name, _)| name == "time")?;
+    Some(energy_tracks(&times, columns))
+}
+
+/// Curves of named columns over times in s: the energies together, their balance together, every other column by itself; none of a single
+/// moment.
+///
+/// The zero of gravitational energy means nothing, and where a scene stands high above its origin every exchange of energy would be
+/// a flat line far below it: gravitational and total energy are counted from the lowest gravitational energy of the motion.
+pub fn energy_tracks(times: &[f64], columns: impl IntoIterator<Item = (String, Vec<f64>)>) -> Vec<Track> {
+    if times.len() < 2 {
+        return Vec::new();
+    }
+    let among = |names: &'static [&str]| move |(name, _): &(String, Vec<f64>)| names.contains(&name.as_str());
+    let (mut energies, others): (Vec<_>, Vec<_>) = columns.into_iter().partition(among(&ENERGIES));
+    let (balance, others): (Vec<_>, Vec<_>) = others.into_iter().partition(among(&BALANCE));
+    let gravitational = energies.iter().filter(|(name, _)| name == "gravitational").flat_map(|(_, values)| values);
+    let lowest = gravitational.copied().filter(|value| value.is_finite()).reduce(f64::min).unwrap_or(0.0);
+    for (_, values) in energies.iter_mut().filter(|curve| among(&["gravitational", "total"])(curve)) {
+        values.iter_mut().for_each(|value| *value -= lowest);
+    }
+    let title = if lowest == 0.0 { "energy" } else { "energy, gravitational from its lowest" };
+    let track = |title: String, unit: &str, curves| Track { title, unit: unit.into(), times: times.to_vec(), curves };
+    let mut tracks = vec![track(title.into(), "J", energies)];
     if !balance.is_empty() {
         tracks.push(track("balance of energy".into(), "J", balance));
     }
     tracks.extend(others.into_iter().map(|(name, values)| track(name.replace('_', " "), "", vec![(name, values)])));
-    Some(tracks)
+    tracks
 }

@@ -17,6 +17,7 @@ pub fn html(results: &Results) -> String {
         (banner(results))
         @if !claims.is_empty() { (filter(&claims, &scenes)) }
         (contents(&claims))
+        (not_judged(results))
         (reading(results))
         @for (claim, checks) in &claims {
             (claim_section(*claim, checks, &scenes))
@@ -90,7 +91,9 @@ fn failed(checks: &[(usize, &Check)]) -> usize {
 fn banner(results: &Results) -> Markup {
     let total = results.checks.len();
     html! {
-        @if total == 0 {
+        @if total == 0 && !results.not_judged.is_empty() {
+            div.banner.passed { strong { "Nothing could be judged" } p { "The numbers of the scene are the reason, see below." } }
+        } @else if total == 0 {
             div.banner.failed { strong { "✗ Nothing was checked" } }
         } @else if results.failed() == 0 {
             div.banner.passed {
@@ -137,6 +140,26 @@ fn contents(claims: &[(Claim, Numbered<'_>)]) -> Markup {
                     }
                 }
             }
+        }
+    }
+}
+
+/// What the numbers of a scene do not allow to be judged.
+fn not_judged(results: &Results) -> Markup {
+    let body = html! {
+        p { "On these scenes these checks say nothing, neither that something is right nor that it is wrong; the reason is a number of the scene." }
+        table.full {
+            thead { tr { th scope="col" { "check" } th scope="col" { "scene" } th scope="col" { "reason" } } }
+            tbody {
+                @for check in &results.not_judged {
+                    tr { td { (check.name) } td { (check.scene) } td { (number::typeset(&check.why)) } }
+                }
+            }
+        }
+    };
+    html! {
+        @if !results.not_judged.is_empty() {
+            (page::section("not-judged", &html! { "What was not judged" }, &body))
         }
     }
 }

@@ -5,7 +5,8 @@ use serde::Serialize;
 use std::io;
 
 /// The results as the content of `report.json`:
-/// `{"passed", "failed", "checks": [{"name", "scene", "claim", "value", "bound", "passed", "why"}…]}`.
+/// `{"passed", "failed", "checks": [{"name", "scene", "claim", "value", "bound", "passed", "why"}…], "not_judged": [{"name", "scene", "claim",
+/// "why"}…]}`; what could not be judged counts neither as passed nor as failed.
 ///
 /// Numbers are in the shortest form that reads back to the same double. NaN and infinity are no JSON numbers: they
 /// become `null`, such a check has failed, and its `why` begins with what the number was.
@@ -14,7 +15,8 @@ use std::io;
 /// What the serializer reports; none is known for this data.
 pub fn json(results: &Results) -> io::Result<String> {
     let checks = results.checks.iter().map(Record::of).collect();
-    let document = Document { passed: results.passed(), failed: results.failed(), checks };
+    let not_judged = results.not_judged.iter().map(LeftOut::of).collect();
+    let document = Document { passed: results.passed(), failed: results.failed(), checks, not_judged };
     Ok(serde_json::to_string_pretty(&document)? + "\n")
 }
 
@@ -23,6 +25,21 @@ struct Document<'a> {
     passed: usize,
     failed: usize,
     checks: Vec<Record<'a>>,
+    not_judged: Vec<LeftOut<'a>>,
+}
+
+#[derive(Serialize)]
+struct LeftOut<'a> {
+    name: &'a str,
+    scene: &'a str,
+    claim: &'static str,
+    why: &'a str,
+}
+
+impl<'a> LeftOut<'a> {
+    fn of(check: &'a Check) -> Self {
+        Self { name: &check.name, scene: &check.scene, claim: check.claim.id(), why: &check.why }
+    }
 }
 
 #[derive(Serialize)]

@@ -1,13 +1,13 @@
 //! The results as a short table for the terminal.
 
-use super::number::{pair, plain, share};
+use super::number::{count, pair, plain, share};
 use crate::verify::{Check, Entry, Results, worst};
 use std::fmt::Write;
 
 /// How many of a check's entries a failure lists.
 const LISTED: usize = 5;
 
-/// A line per claim with the check nearest to its bound, then every failure with its numbers and worst entries.
+/// A line per claim with the check nearest to its bound, then every failure with its numbers and worst entries, and what could not be judged.
 pub fn text(results: &Results) -> String {
     let mut lines = format!("{:<60} {:>6} {:>6} {:>17}  verdict\n", "claim", "checks", "failed", "worst value/bound");
     for (claim, checks) in results.by_claim() {
@@ -19,7 +19,15 @@ pub fn text(results: &Results) -> String {
     for check in results.failures() {
         let _ = write!(lines, "\nFAILED {}", failure(check));
     }
-    let _ = writeln!(lines, "\n{} checks passed, {} failed", results.passed(), results.failed());
+    let _ = write!(lines, "\n{} passed, {} failed", count(results.passed(), "check"), results.failed());
+    if results.not_judged.is_empty() {
+        lines.push('\n');
+        return lines;
+    }
+    let _ = writeln!(lines, ", {} not judged:", results.not_judged.len());
+    for check in &results.not_judged {
+        let _ = writeln!(lines, "  {} [{}]: {}", check.name, check.scene, check.why);
+    }
     lines
 }
 

@@ -1,6 +1,7 @@
 //! From text to a [`Scene`], with errors that say where in the text.
 
 use super::read::{check_name, table};
+use super::words::plain;
 use super::{Scene, npz};
 use crate::error::{Error, Invalid, Result};
 use crate::memory;
@@ -122,7 +123,7 @@ fn with_key<'de, D: serde::Deserializer<'de>>(
 ) -> Result<Scene, String> {
     let mut track = serde_path_to_error::Track::new();
     table(serde_path_to_error::Deserializer::new(deserializer, &mut track)).map_err(|error| {
-        let message = with_suggestion(describe(&error));
+        let message = plain(&with_suggestion(describe(&error)));
         let key = track.path();
         if key.iter().len() == 0 { message } else { format!("{key}: {message}") }
     })

@@ -36,9 +36,10 @@ mod row;
 mod schema;
 mod snapshot;
 mod values;
+mod words;
 mod write;
 
-pub use builtin::{Kind, builtin};
+pub use builtin::{Kind, builtin, refined};
 pub use mesh::MeshGeometry;
 #[cfg(feature = "report")]
 pub(crate) use npz::NpzWriter;

@@ -29,6 +29,8 @@ pub struct Check {
     pub curves: Vec<Plot>,
     /// The scene with the springs that matter, where that helps to find the fault.
     pub drawing: Option<Drawing>,
+    /// Whether the scene's numbers allow a judgement; where they do not, `why` says the reason, and value and bound mean nothing.
+    pub is_judged: bool,
 }
 
 impl Check {
@@ -51,7 +53,18 @@ impl Check {
             table: Vec::new(),
             curves: Vec::new(),
             drawing: None,
+            is_judged: true,
         }
+    }
+
+    /// What cannot be judged on a scene, and the reason.
+    pub fn not_judged(
+        claim: Claim,
+        name: impl Into<String>,
+        scene: impl Into<String>,
+        reason: impl Into<String>,
+    ) -> Self {
+        Self { is_judged: false, ..Self::new(claim, name, scene, 0.0, 0.0, reason) }
     }
 
     /// Adds the table of worst entries.
@@ -187,8 +200,10 @@ pub fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
 /// The outcome of a suite: its checks, in the order in which they ran.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Results {
-    /// The checks.
+    /// The checks that were made.
     pub checks: Vec<Check>,
+    /// What could not be judged on a scene, each with the reason in `why`.
+    pub not_judged: Vec<Check>,
 }
 
 impl Results {
@@ -207,9 +222,9 @@ impl Results {
         self.checks.iter().filter(|check| !check.passed())
     }
 
-    /// Whether something was checked and all of it passed.
+    /// Whether something was checked, or said to be beyond judgement, and nothing failed.
     pub fn all_passed(&self) -> bool {
-        !self.checks.is_empty() && self.failed() == 0
+        !(self.checks.is_empty() && self.not_judged.is_empty()) && self.failed() == 0
     }
 
     /// The claims that have a check, in the order of [`Claim::ALL`], each with its checks.
@@ -221,13 +236,16 @@ impl Results {
 
 impl FromIterator<Check> for Results {
     fn from_iter<I: IntoIterator<Item = Check>>(checks: I) -> Self {
-        Self { checks: checks.into_iter().collect() }
+        let (checks, not_judged) = checks.into_iter().partition(|check| check.is_judged);
+        Self { checks, not_judged }
     }
 }
 
 impl Extend<Check> for Results {
     fn extend<I: IntoIterator<Item = Check>>(&mut self, checks: I) {
+        let Self { checks, not_judged } = checks.into_iter().collect();
         self.checks.extend(checks);
+        self.not_judged.extend(not_judged);
     }
 }
 

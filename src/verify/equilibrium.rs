@@ -29,7 +29,7 @@ fn follow(subject: &Subject, name: &str) -> Result<Vec<Check>, Unfinished> {
         let dt = way.step(subject);
         let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
         let share = states.iter().enumerate().skip(1).map(|(n, state)| share(subject, dt, n as f64, state));
-        let why = "over 30 units of rounding: u k (|x_i| + |x_j|)/l0 of each spring, as a force on the lightest particle \
+        let why = "over 30 units of rounding: u k (|x_i| + |x_j|)/l0 and u b (|v_i| + |v_j|) of each spring, as a force on the lightest particle \
                    for the time, and u |x|";
         let name = format!("{name}, {}", way.name());
         checks.push(Check::new(Claim::Conservation, name, &subject.name, worst(share), 1.0, why));
@@ -41,8 +41,10 @@ fn follow(subject: &Subject, name: &str) -> Result<Vec<Check>, Unfinished> {
 fn share(subject: &Subject, dt: f64, n: f64, state: &State) -> f64 {
     let Subject { system, state: start, .. } = subject;
     let links = reference::links(system, &state.positions);
-    let force = reference::magnitude(&links, reference::Link::magnitude, &state.positions);
-    let masses = system.masses().iter().copied().fold(f64::INFINITY, f64::min);
+    let elastic = reference::magnitude(&links, reference::Link::magnitude, &state.positions);
+    let damping = reference::magnitude(&links, |link| link.damping, &state.velocities);
+    let force: Vec<f64> = elastic.iter().zip(&damping).map(|(elastic, damping)| elastic + damping).collect();
+    let masses = reference::movers(system).map(|p| system.masses()[p]).fold(f64::INFINITY, f64::min);
     // ‖δx‖ ≤ dt²/m ‖f‖ in the Euclidean norm, since A ≥ M/dt²; velocities, and with them later steps, add up.
     let force = force.iter().map(|f| f * f).sum::<f64>().sqrt();
     let drift = n * n * dt * dt / masses * U * force;

@@ -7,7 +7,7 @@ use super::entries::{entry_of, for_each_entry};
 use super::extrapolation::{Estimate, steps};
 use super::force_error::ForceError;
 use super::measurement::{Measurement, representable};
-use super::verdict::{TABLE_ROWS, WorstEntries, of_block};
+use super::verdict::{CANNOT_BE_MEASURED, TABLE_ROWS, WorstEntries, of_block};
 use crate::error::{Invalid, Result};
 use crate::force::Extensions;
 use crate::system::{State, System};
@@ -64,6 +64,13 @@ impl JacobianReport {
     /// Whether every entry agrees.
     pub fn passed(&self) -> bool {
         self.value <= 1.0
+    }
+
+    /// Why nothing can be said of the matrix: every entry that does not agree is one whose derivative cannot be measured.
+    pub(super) fn unmeasurable(&self) -> Option<String> {
+        let wrong = self.worst.get(..self.wrong).filter(|wrong| !wrong.is_empty())?;
+        let all = wrong.iter().all(|entry| entry.verdict == CANNOT_BE_MEASURED);
+        all.then(|| format!("the derivatives of {} entries are lost in the rounding of forces", self.wrong))
     }
 
     /// As a check of the suite.

@@ -9,7 +9,7 @@ use crate::linear::SolveFailure;
 /// The checks of a family, or why they could not be carried out.
 pub(super) type Measured = Result<Vec<Check>, Unfinished>;
 
-/// Why a check could not be carried out: counts as failed.
+/// Why a check could not be carried out.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Unfinished {
     #[error(transparent)]
@@ -20,4 +20,12 @@ pub(super) enum Unfinished {
     Solve(#[from] SolveFailure),
     #[error(transparent)]
     Degenerate(#[from] DegenerateSpring),
+}
+
+impl Unfinished {
+    /// Whether a step or a solver has reported that it cannot do what was asked, as it should where the numbers of a scene do not allow it:
+    /// then nothing is wrong, and nothing is known either. Whatever else prevents a check counts as failed.
+    pub fn is_reported(&self) -> bool {
+        matches!(self, Self::Step(_) | Self::Solve(_))
+    }
 }

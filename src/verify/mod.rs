@@ -37,6 +37,7 @@ mod momentum;
 mod orders;
 mod prescribed_motion;
 mod products;
+mod range;
 mod reduced;
 mod reference;
 mod refusals;

@@ -142,7 +142,8 @@ fn rounding(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
     let extent = after.positions.iter().map(|x| (x - subject.centre()).amax()).fold(subject.extent(), f64::max);
     let inertia = system.masses().iter().zip(before.velocities.iter().zip(&after.velocities));
     let inertia = inertia.map(|(m, (v, w))| m * (v.amax() + w.amax()) / dt).fold(0.0, f64::max);
-    let weight = system.masses().iter().fold(0.0_f64, |heaviest, m| heaviest.max(*m)) * system.gravity().amax();
+    let heaviest = reference::movers(system).map(|p| system.masses()[p]).fold(0.0, f64::max);
+    let weight = heaviest * system.gravity().amax();
     let links = reference::links(system, &before.positions);
     let pull = links.iter().map(|link| link.elastic_force().amax()).fold(0.0, f64::max);
     // x × v: the arm may be as long as the scene has become.

@@ -28,6 +28,27 @@ impl ErrorCurve {
     }
 }
 
+impl ErrorCurve {
+    /// Why the curve says nothing of the order: errors do not fall with one power yet, or with a higher one than the leading term has,
+    /// which then vanishes. `None` where the last two slopes agree.
+    pub(super) fn unclear(&self) -> Option<String> {
+        let slopes: Vec<f64> =
+            self.points.windows(2).map(|pair| (pair[0].1 / pair[1].1).ln() / (pair[0].0 / pair[1].0).ln()).collect();
+        let [.., before, last] = slopes[..] else { return None };
+        let order = f64::from(self.order);
+        if (last - order).abs() <= TOLERANCE {
+            return None;
+        }
+        if last > order {
+            return Some(format!(
+                "errors fall with the power {last:.1} of the step: the leading term, of order {order}, vanishes"
+            ));
+        }
+        ((last - before).abs() > 0.5 * TOLERANCE)
+            .then(|| format!("errors do not fall with one power of the step yet: slopes of {before:.2} and {last:.2}"))
+    }
+}
+
 /// One check a curve: the distance of the observed order from theory. For each order the plot of all its curves goes with
 /// the check that is farthest off.
 pub fn order_checks(name: &str, scene: &str, error: &str, curves: Vec<ErrorCurve>) -> Vec<Check> {

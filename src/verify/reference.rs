@@ -5,7 +5,7 @@
 
 use super::Subject;
 use crate::spring::Stiffness;
-use crate::system::{State, System};
+use crate::system::{Axes, State, System};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// One spring at a configuration: its ends, `n`, `l`, and the numbers k, l0, b.
@@ -136,7 +136,7 @@ pub(super) fn dense_step_matrix(subject: &Subject, option: Stiffness, dt: f64) -
     DMatrix::from_fn(free.len(), free.len(), |row, column| whole[(free[row], free[column])])
 }
 
-/// The largest sum of magnitudes in a row of A: at least `‖A‖∞`.
+/// The largest sum of magnitudes in a row of A: at least `‖A‖∞`. Rows are those of particles that move: what is held is in no matrix, however heavy.
 pub(super) fn step_matrix_norm(subject: &Subject, state: &State, dt: f64) -> f64 {
     let system = &subject.system;
     let mut rows: Vec<f64> = system.masses().iter().map(|mass| mass / (dt * dt)).collect();
@@ -145,7 +145,12 @@ pub(super) fn step_matrix_norm(subject: &Subject, state: &State, dt: f64) -> f64
         let size = 2.0 * 3f64.sqrt() * (link.magnitude() + link.damping / dt);
         link.ends.iter().for_each(|&p| rows[p] += size);
     }
-    rows.into_iter().fold(0.0, f64::max)
+    movers(system).map(|p| rows[p]).fold(0.0, f64::max)
+}
+
+/// Particles with a free coordinate.
+pub(super) fn movers(system: &System) -> impl Iterator<Item = usize> + '_ {
+    (0..system.particles()).filter(|&p| system.dofs().free_axes(p) != Axes::NONE)
 }
 
 /// A field of vectors without symmetry, the same at every call: no component along a modelled axis is zero, no two are

@@ -6,6 +6,9 @@ use nalgebra::{Matrix3, Vector3};
 /// How many entries a table shows.
 pub(super) const TABLE_ROWS: usize = 10;
 
+/// The verdict on an entry whose derivative is lost in rounding.
+pub(super) const CANNOT_BE_MEASURED: &str = "cannot be measured";
+
 /// Keeps the entries with the largest error for what is allowed, worst first.
 #[derive(Debug, Clone)]
 pub(super) struct WorstEntries {
@@ -62,7 +65,7 @@ impl WorstEntries {
             let entry = in_plain_words(Entry::new(row, column, analytic, numeric, allowed));
             let entry = Entry { spring, ..entry };
             let unsure = !allowed.is_finite() && analytic.is_finite() && numeric.is_finite();
-            let entry = if unsure { entry.with_verdict("cannot be measured") } else { entry };
+            let entry = if unsure { entry.with_verdict(CANNOT_BE_MEASURED) } else { entry };
             self.ranked.insert(place, (ratio, entry));
             self.ranked.truncate(self.limit);
         }

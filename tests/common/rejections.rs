@@ -22,7 +22,7 @@ macro_rules! rejections {
             mass_for_all_nan: "[1.0, 2.0, 3.0]", "nan" => "particles.masses = NaN: must be finite";
             masses_too_few: "[1.0, 2.0, 3.0]", "[1.0, 2.0]" => "particles.masses = a list of 2: must have one entry for each of the 3 particles";
             masses_absent: "masses = [1.0, 2.0, 3.0]", "" => "particles.masses = absent: must be given, one number for all or one for each of the 3 particles";
-            masses_text: "[1.0, 2.0, 3.0]", "\"heavy\"" => "particles.masses: invalid type: string \"heavy\", expected a number or a list of numbers at line 8 column 10";
+            masses_text: "[1.0, 2.0, 3.0]", "\"heavy\"" => "particles.masses: is the text \"heavy\", must be a number or a list of numbers at line 8 column 10";
 
             stiffness_zero: "[100.0, 200.0]", "[100.0, 0]" => "springs.stiffness[1] = 0: must be finite and positive";
             stiffness_negative: "[100.0, 200.0]", "[-1e-3, 200.0]" => "springs.stiffness[0] = -0.001: must be finite and positive";
@@ -43,15 +43,15 @@ macro_rules! rejections {
             damping_too_many: "[0.3, 0.0]", "[0.3, 0.0, 0.0]" => "springs.damping = a list of 3: must have one entry for each of the 2 springs";
 
             pair_out_of_range: "[[0, 1], [1, 2]]", "[[0, 1], [1, 3]]" => "springs.pairs[1] = [1, 3]: names a particle that does not exist (there are 3)";
-            pair_negative: "[[0, 1], [1, 2]]", "[[0, -1], [1, 2]]" => "springs.pairs[0][1]: invalid value: integer `-1`, expected u32 at line 11 column 14";
+            pair_negative: "[[0, 1], [1, 2]]", "[[0, -1], [1, 2]]" => "springs.pairs[0][1]: is -1, must be a whole number, not negative at line 11 column 14";
             pair_of_one_particle: "[[0, 1], [1, 2]]", "[[0, 1], [2, 2]]" => "springs.pairs[1] = [2, 2]: joins a particle to itself";
-            pair_of_three: "[[0, 1], [1, 2]]", "[[0, 1], [0, 1, 2]]" => "springs.pairs[1]: invalid length 3, expected a pair of particle numbers at line 11 column 18";
-            pair_of_one: "[[0, 1], [1, 2]]", "[[0], [1, 2]]" => "springs.pairs[0]: invalid length 1, expected a pair of particle numbers at line 11 column 10";
+            pair_of_three: "[[0, 1], [1, 2]]", "[[0, 1], [0, 1, 2]]" => "springs.pairs[1]: has 3 entries, must be a pair of particle numbers at line 11 column 18";
+            pair_of_one: "[[0, 1], [1, 2]]", "[[0], [1, 2]]" => "springs.pairs[0]: has 1 entry, must be a pair of particle numbers at line 11 column 10";
             spring_of_zero_length: "[1.1, 0, 0]", "[0, 0, 0]" => "springs.pairs[0] = [0, 1]: is a spring of zero current length";
 
             positions_ragged: "[1.1, 0, 0]", "[1.1, 0]" => "particles.positions[1] = [1.1, 0.0]: must have length 3, as the scene's other rows";
-            position_empty: "[1.1, 0, 0]", "[]" => "particles.positions[1]: invalid length 0, expected a row of 1, 2 or 3 numbers at line 6 column 25";
-            position_of_four: "[1.1, 0, 0]", "[1.1, 0, 0, 0]" => "particles.positions[1]: invalid length 4, expected a row of 1, 2 or 3 numbers at line 6 column 25";
+            position_empty: "[1.1, 0, 0]", "[]" => "particles.positions[1]: has 0 entries, must be a row of 1, 2 or 3 numbers at line 6 column 25";
+            position_of_four: "[1.1, 0, 0]", "[1.1, 0, 0, 0]" => "particles.positions[1]: has 4 entries, must be a row of 1, 2 or 3 numbers at line 6 column 25";
             position_nan: "[1.1, 0, 0]", "[1.1, nan, 0]" => "particles.positions[1] = [1.1, NaN, 0.0]: must be finite";
             position_infinite: "[1.5, 0.9, 0.2]", "[1.5, 0.9, -inf]" => "particles.positions[2] = [1.5, 0.9, -inf]: must be finite";
             position_beyond_double: "[1.1, 0, 0]", "[1.1, 1e999, 0]" => "particles.positions[1][1]: floating-point number overflowed at line 6 column 31";
@@ -62,8 +62,8 @@ macro_rules! rejections {
             gravity_infinite: "[0.0, -9.81, 0.0]", "[0.0, -inf, 0.0]" => "gravity = [0.0, -inf, 0.0]: must be finite";
 
             constraint_of_no_particle: "particles = [1, 2]", "particles = [1, 3]" => "constraints[1].particles[1] = 3: names a particle that does not exist (there are 3)";
-            constraint_without_particles: "particles = [1, 2]", "" => "constraints[1]: missing field `particles` at line 21 column 1";
-            constraint_axis_unknown: "[\"x\", \"y\"]", "[\"x\", \"w\"]" => "constraints[0].axes[1]: invalid value: string \"w\", expected \"x\", \"y\" or \"z\" at line 18 column 14";
+            constraint_without_particles: "particles = [1, 2]", "" => "constraints[1]: missing key particles at line 21 column 1";
+            constraint_axis_unknown: "[\"x\", \"y\"]", "[\"x\", \"w\"]" => "constraints[0].axes[1]: is the text \"w\", must be \"x\", \"y\" or \"z\" at line 18 column 14";
             constraint_velocity_planar: "[0, 0, 0.5]", "[0, 0.5]" => "constraints[0].velocity = [0.0, 0.5]: must have length 3, as the scene's other rows";
             constraint_velocity_nan: "[0, 0, 0.5]", "[nan, 0, 0.5]" => "constraints[0].velocity = [NaN, 0.0, 0.5]: must be finite";
             constraint_of_two_motions: "particles = [1, 2]", "particles = [1, 2]\nvelocity = [1, 0, 0]" => "constraints[1] = velocity and path: must have at most one of the two";
@@ -76,13 +76,13 @@ macro_rules! rejections {
             path_offsets_ragged: "[0, 0.2, 0]", "[0, 0.2]" => "constraints[1].path.offsets[1] = [0.0, 0.2]: must have length 3, as the scene's other rows";
             path_offset_nan: "[0, 0.2, 0]", "[0, nan, 0]" => "constraints[1].path.offsets[1] = [0.0, NaN, 0.0]: must be finite";
 
-            unknown_key: "name =", "colour = 3\nname =" => "colour: unknown field `colour`, expected one of `name`, `gravity`, `particles`, `springs`, `mesh`, `constraints`, `time` at line 2 column 1";
-            unknown_key_of_particles: "masses =", "mass =" => "particles.mass: unknown field `mass`, expected one of `positions`, `velocities`, `masses` at line 8 column 1; did you mean masses?";
-            unknown_key_of_springs: "damping =", "friction =" => "springs.friction: unknown field `friction`, expected one of `pairs`, `stiffness`, `rest_lengths`, `damping` at line 14 column 1";
-            unknown_key_of_constraint: "particles = [1, 2]", "particles = [1, 2]\naxis = \"x\"" => "constraints[1].axis: unknown field `axis`, expected one of `particles`, `axes`, `velocity`, `path` at line 23 column 1; did you mean axes?";
-            unknown_key_of_path: "times = [0, 1],", "times = [0, 1], loop = true," => "constraints[1].path.loop: unknown field `loop`, expected `times` or `offsets` at line 23 column 26";
-            unknown_key_of_time: "duration =", "end =" => "time.end: unknown field `end`, expected `dt` or `duration` at line 27 column 1";
-            unknown_key_of_mesh: "[time]", "[mesh]\nfile = \"a.obj\"\nunit = 1\n[time]" => "mesh.unit: unknown field `unit`, expected `file` or `scale` at line 27 column 1";
+            unknown_key: "name =", "colour = 3\nname =" => "colour: unknown key colour, must be one of name, gravity, particles, springs, mesh, constraints, time at line 2 column 1";
+            unknown_key_of_particles: "masses =", "mass =" => "particles.mass: unknown key mass, must be one of positions, velocities, masses at line 8 column 1; did you mean masses?";
+            unknown_key_of_springs: "damping =", "friction =" => "springs.friction: unknown key friction, must be one of pairs, stiffness, rest_lengths, damping at line 14 column 1";
+            unknown_key_of_constraint: "particles = [1, 2]", "particles = [1, 2]\naxis = \"x\"" => "constraints[1].axis: unknown key axis, must be one of particles, axes, velocity, path at line 23 column 1; did you mean axes?";
+            unknown_key_of_path: "times = [0, 1],", "times = [0, 1], loop = true," => "constraints[1].path.loop: unknown key loop, must be times or offsets at line 23 column 26";
+            unknown_key_of_time: "duration =", "end =" => "time.end: unknown key end, must be dt or duration at line 27 column 1";
+            unknown_key_of_mesh: "[time]", "[mesh]\nfile = \"a.obj\"\nunit = 1\n[time]" => "mesh.unit: unknown key unit, must be file or scale at line 27 column 1";
 
             dt_zero: "dt = 0.01", "dt = 0" => "time.dt = 0: must be positive";
             dt_nan: "dt = 0.01", "dt = nan" => "time.dt = NaN: must be finite";

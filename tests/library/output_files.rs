@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use proptest::prelude::*;
-use sprung::force::Energy;
+use sprung::force::{Energy, Reactions};
 use sprung::integrate::Balance;
 use sprung::output::{
     AtomicFile, EnergyLog, Frames, write_dofs, write_final_state, write_frame, write_symmetric, write_vector,
@@ -137,7 +137,7 @@ fn final_states_have_rows_as_long_as_the_scene_has_axes() {
         let (system, mut state) = triangle(dimension);
         state.time = 0.1 + 0.2;
         let target = folder.path().join("final.json");
-        write_final_state(&target, "a \"quoted\" name", system.dimension(), 7, &state).unwrap();
+        write_final_state(&target, "a \"quoted\" name", &system, 7, &state).unwrap();
 
         let read: serde_json::Value = serde_json::from_str(&fs::read_to_string(&target).unwrap()).unwrap();
         assert_eq!(read["scene"], "a \"quoted\" name");
@@ -147,6 +147,10 @@ fn final_states_have_rows_as_long_as_the_scene_has_axes() {
             let rows: Vec<&[f64]> = rows.iter().map(|row| &row.as_slice()[..dimension]).collect();
             assert_eq!(read[key], serde_json::json!(rows), "{key} in {dimension} dimensions");
         }
+        let reactions = Reactions::at(&system, &state).unwrap();
+        assert_eq!(read["reactions"]["particles"], serde_json::json!(reactions.particles));
+        let rows: Vec<&[f64]> = reactions.forces.iter().map(|row| &row.as_slice()[..dimension]).collect();
+        assert_eq!(read["reactions"]["forces"], serde_json::json!(rows));
     }
 }
 

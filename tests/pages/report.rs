@@ -41,7 +41,7 @@ fn json_has_the_agreed_keys_and_exact_numbers() {
     let results = mixed();
     let document: Value = serde_json::from_str(&report::json(&results).unwrap()).unwrap();
     let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
-    assert_eq!(keys(&document), ["checks", "failed", "passed"]);
+    assert_eq!(keys(&document), ["checks", "failed", "not_judged", "passed"]);
     assert_eq!(document["passed"], results.passed());
     assert_eq!(document["failed"], 6);
     let checks = document["checks"].as_array().unwrap();
@@ -78,6 +78,26 @@ fn text_names_every_failure_with_its_numbers() {
     assert!(table.contains("value 1.000001e-12, bound 1e-12"), "numbers that differ look different: {table}");
     assert!(table.ends_with("46 checks passed, 6 failed\n"), "{table}");
     assert!(!report::text(&passing()).contains("FAIL"));
+}
+
+/// What cannot be judged is in every report with its reason, and in no count of what passed or failed.
+#[test]
+fn what_is_not_judged_is_said() {
+    let mut results: Results = [check(0.5, 1.0)].into_iter().collect();
+    results.extend([Check::not_judged(Claim::Jacobian, "jacobian", "far away", "coordinates are rounded too much")]);
+    assert_eq!((results.passed(), results.failed(), results.not_judged.len()), (1, 0, 1));
+    assert!(results.all_passed());
+    let document: Value = serde_json::from_str(&report::json(&results).unwrap()).unwrap();
+    assert_eq!((&document["passed"], &document["failed"]), (&1.into(), &0.into()));
+    let expected = serde_json::json!({"name": "jacobian", "scene": "far away", "claim": "jacobian", "why": "coordinates are rounded too much"});
+    assert_eq!(document["not_judged"], serde_json::json!([expected]));
+    let text = report::text(&results);
+    assert!(text.contains("1 check passed, 0 failed, 1 not judged:\n  jacobian [far away]: coordinates are"), "{text}");
+    let suites = report::junit(&results).unwrap();
+    assert!(suites.contains("skipped=\"1\"") && suites.contains("coordinates are rounded too much"), "{suites}");
+    let page = report::html(&results);
+    assert!(page.contains("What was not judged") && page.contains("coordinates are rounded too much"));
+    assert!(!report::html(&passing()).contains("What was not judged"));
 }
 
 #[test]

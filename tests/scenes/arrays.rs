@@ -140,11 +140,11 @@ fn what_is_wrong_is_named() {
         ),
         ("springs.damping", doubles("(9223372036854775807, 9)", &[0.0]), "speaks of more numbers than there can be"),
         ("scene", doubles("()", &[0.0]), "must be text"),
-        ("scene", text("[1]"), "invalid type: sequence, expected a table at line 1 column 0"),
+        ("scene", text("[1]"), "is a list, must be a table at line 1 column 0"),
         (
             "scene",
             text(r#"{"gravty": 1}"#),
-            "gravty: unknown field `gravty`, expected one of `name`, `gravity`, `particles`, `springs`, `mesh`, `constraints`, `time` at line 1 column 9; did you mean gravity?",
+            "gravty: unknown key gravty, must be one of name, gravity, particles, springs, mesh, constraints, time at line 1 column 9; did you mean gravity?",
         ),
     ];
     for (name, array, expected) in cases {

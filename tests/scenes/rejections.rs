@@ -46,17 +46,17 @@ fn json_is_rejected_with_the_same_words() {
     let overflow = "s.json: particles.masses: number out of range at line 1 column 55";
     assert_eq!(message("s.json", &scene("1e999")), overflow);
     // JavaScript and others write NaN as null.
-    let null = "s.json: particles.masses[1]: invalid type: null, expected f64 at line 1 column 58";
+    let null = "s.json: particles.masses[1]: is null, must be a number at line 1 column 58";
     assert_eq!(message("s.json", &scene("[1, null]")), null);
     assert_eq!(message("s.json", "{} {}"), "s.json: trailing characters at line 1 column 4");
 }
 
 #[test]
 fn a_table_is_not_a_list() {
-    let expected = "s.json: time: invalid type: sequence, expected a table at line 1 column 9";
+    let expected = "s.json: time: is a list, must be a table at line 1 column 9";
     assert_eq!(message("s.json", r#"{"time": [0.1, 1.0]}"#), expected);
-    assert_eq!(message("s.json", "[]"), "s.json: invalid type: sequence, expected a table at line 1 column 0");
-    let entry = "s.json: constraints[0]: invalid type: sequence, expected a table at line 1 column 17";
+    assert_eq!(message("s.json", "[]"), "s.json: is a list, must be a table at line 1 column 0");
+    let entry = "s.json: constraints[0]: is a list, must be a table at line 1 column 17";
     assert_eq!(message("s.json", r#"{"constraints": [[[0]]]}"#), entry);
 }
 

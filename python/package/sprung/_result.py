@@ -80,6 +80,11 @@ class Result:
         return self.summary["warnings"]
 
     @property
+    def reactions(self) -> Floats:
+        """Forces with which constraints act at the end, in N, shape (particles, dimension); see ``System.reactions``."""
+        return self.system.reactions(self.state)
+
+    @property
     def work(self) -> dict[str, int]:
         """Counts of force evaluations, assemblies, factorizations, solves and iterations."""
         return self.summary["work"]
@@ -120,20 +125,17 @@ class Result:
         limit : int
             Bytes that the frames may take; where they would take more, some are left out, and the page says so.
         """
-        summary = self.summary
-        method = summary["method"]
-        if summary["stiffness"] != "none":
-            method += f", stiffness {summary['stiffness']}"
-        remarks = [method, f"dt = {float(format(summary['dt'], '.4e'))} s"]
-        if self.status != "completed":
-            remarks.append(f"the run ended {self.status}")
-        tracks = []
-        times = self.energies["time"].tolist()
-        if len(times) > 1:
-            for title, names in (("energies", _COLUMNS[:4]), ("balance of energy", _COLUMNS[4:])):
-                tracks.append((title, "J", times, [(name, self.energies[name].tolist()) for name in names]))
-        native = self.system._native
-        page = _native.view(native, self.system.name, remarks, self.times, self.positions, tracks, limit)
+        energies = [(name, self.energies[name].tolist()) for name in _COLUMNS]
+        page = _native.view(
+            self.system._native,
+            self.system.name,
+            json.dumps(self.summary),
+            self.times,
+            self.positions,
+            self.energies["time"].tolist(),
+            energies,
+            limit,
+        )
         if path is not None:
             with open(path, "w", encoding="utf-8") as file:
                 file.write(page)
@@ -145,6 +147,7 @@ class Result:
     def __repr__(self) -> str:
         error = "" if self.error is None else f", error about {self.error:.1e} ({self.error_kind})"
         return (
-            f"<Result of {self.system.name!r}: {self.status} after {self.steps} steps, at t = {self.state.time} s, "
+            f"<Result of {self.system.name!r}: {self.status} at t = {self.state.time:.6g} s after {self.steps} "
+            f"step{'' if self.steps == 1 else 's'}, "
             f"{len(self.times)} frames{error}>"
         )

@@ -75,4 +75,4 @@ class State:
         return State._of((positions.copy(), velocities.copy(), time))
 
     def __repr__(self) -> str:
-        return f"<State of {len(self.positions)} particles at t = {self.time} s>"
+        return f"<State of {len(self.positions)} particles at t = {self.time:.6g} s>"

@@ -114,7 +114,7 @@ class Stepper:
         dt : float, optional
             Length of the steps, in s; with ``rtol`` the first step to try, and the interval of records, which lie
             between the method's own steps (dense output). With neither, steps are adaptive with ``rtol=1e-2``, and
-            records are 1/60 s apart, or a hundredth of shorter runs.
+            there are 300 records, whatever the duration.
         rtol : float, optional
             Adaptive steps whose local errors are so small that positions at the end are wrong by about ``rtol`` times
             their distance from their centroid. For ``"bdf2"``, ``"w2"``, ``"rodas4"`` and ``"dop853"``.
@@ -164,11 +164,11 @@ class Stepper:
         result = Result(self.system, handed)
         if result.status not in ("completed", "interrupted", "unconfirmed"):
             failure = result.summary["failure"]
-            where = f"{result.status} in step {failure['step']}, at t = {failure['time']} s"
+            where = f"{result.status} in step {failure['step']}, at t = {failure['time']:.6g} s"
             raise Breakdown(f"{where}: {failure['message']}", result.status, result)
         for warning in result.warnings:
             warnings.warn(warning, DoubtWarning, stacklevel=2)
         return result
 
     def __repr__(self) -> str:
-        return f"<Stepper of {self.system.name!r} at t = {self.state.time} s>"
+        return f"<Stepper of {self.system.name!r} at t = {self.state.time:.6g} s>"

@@ -125,16 +125,21 @@ class System:
         return cls._of(_native.System.parse(text, format))
 
     @classmethod
-    def ready(cls, kind: str, size: int | None = None) -> System:
-        """A ready scene, as ``sprung new KIND --size N`` prints it.
+    def ready(cls, kind: str, size: int | None = None, refine: bool = False) -> System:
+        """A ready scene, as ``sprung new KIND --size N`` or ``--size N --refine`` prints it.
 
         Parameters
         ----------
         kind : {"chain", "cloth", "lattice", "column", "pendulum", "string", "network"}
         size : int, optional
-            Particles along a side, links, joints or bobs; absent: one that shows what the kind is about.
+            Particles along a side, links, joints or bobs; absent: one that shows what the kind is about. They are as
+            far apart as ever: a larger size makes a larger scene.
+        refine : bool
+            Keep the extent, the mass and the elasticity of the scene of the default size, and make its mesh finer.
         """
-        return cls._of(_native.System.ready(kind, size))
+        if size is not None and (isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 1):
+            raise ValueError(f"size = {size!r}: must be a positive integer")
+        return cls._of(_native.System.ready(kind, size, bool(refine)))
 
     def to_toml(self, state: State | None = None) -> str:
         """The system as a scene file that starts at a state, by default the initial one."""
@@ -247,6 +252,18 @@ class System:
         """Energies of a state, by default the initial one, in J."""
         return Energy(*self._native.energy(self._given(state)))
 
+    def reactions(self, state: State | None = None) -> Floats:
+        """The forces with which constraints act on particles at a state, by default the initial one, in N.
+
+        Along every prescribed coordinate ``m a - (f_el + f_d + m g)`` with a = 0, as prescribed motions are straight between the
+        kinks of their paths; zero along free coordinates.
+
+        Returns
+        -------
+        ndarray, shape (particles, dimension)
+        """
+        return self._native.reactions(self._given(state))
+
     def matrices(self, state: State | None = None, dt: float | None = None, stiffness: str = "full") -> Matrices:
         """Everything of the linear system ``A dx = b`` of a step, over the free coordinates.
 
@@ -306,5 +323,5 @@ class System:
 
     def _repr_html_(self) -> str:
         start = self.initial_state()
-        page = _native.view(self._native, self.name, [], np.zeros(1), start.positions[np.newaxis], [], 4_000_000)
+        page = _native.view(self._native, self.name, None, np.zeros(1), start.positions[np.newaxis], [], [], 4_000_000)
         return framed(page, 480)

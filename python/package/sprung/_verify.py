@@ -21,6 +21,8 @@ class Verification:
         Numbers of checks.
     checks : list of dict
         ``name``, ``claim``, ``value``, ``bound``, ``passed`` and ``why`` the bound is what it is.
+    not_judged : list of dict
+        ``name``, ``claim`` and ``why``: what the numbers of this system do not allow to be judged, with the reason.
     dt : float
         The step with which the system was checked, in s.
     """
@@ -30,6 +32,7 @@ class Verification:
         self.passed: int = report["passed"]
         self.failed: int = report["failed"]
         self.checks: list[dict[str, Any]] = report["checks"]
+        self.not_judged: list[dict[str, Any]] = report["not_judged"]
         self.dt: float = handed["dt"]
         self._text: str = handed["text"]
         self._html: str = handed["html"]

@@ -148,7 +148,22 @@ fn decisions_are_the_least_of_what_can_be_relied_on() {
     assert!(only.ends_with("; linear-backward-euler needs 2 times the work."), "{only}");
     others.runs.clear();
     assert_eq!(others.recommendations().len(), 1);
-    assert!(others.recommendations()[0].contains("nothing can be recommended"));
+    assert_eq!(
+        others.recommendations(),
+        ["Nothing can be recommended: there was no time for a run; a larger budget has some."]
+    );
+    // With a reference that is hardly one, the cause is told.
+    let mut unsure = chart.clone();
+    unsure.reference.error_estimate = 9.5e-2;
+    let said = unsure.recommendations().concat();
+    assert!(said.contains("the reference is good to about 9.5 % only, so that errors below 28 %"), "{said}");
+    // With runs that are all far off, or broke down.
+    let (far, none) = (Some(0.4), None);
+    for (error, part) in [(far, "the best of 2 runs is wrong by 40 %"), (none, "none of 2 runs came to a useful end")] {
+        others.runs = [0.1, 0.05].map(|dt| run((EULER, "full", "llt"), dt, 1.0 / dt, error)).into();
+        let said = others.recommendations().concat();
+        assert!(said.contains(part), "{said}");
+    }
 }
 
 #[test]

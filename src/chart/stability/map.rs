@@ -4,7 +4,7 @@ use super::experiment::{TileVerdict, experiment};
 use super::limits::{Limit, Prediction, limits, prediction};
 use super::turning;
 use crate::accuracy::Configuration;
-use crate::chart::{Progress, configurations};
+use crate::chart::{Deadline, Progress, configurations};
 use crate::error::Result;
 use crate::integrate::{Method, StiffnessPolicy};
 use crate::interrupt::Interrupt;
@@ -13,7 +13,7 @@ use crate::verify::{Check, Claim};
 use faer::Par;
 use rayon::prelude::*;
 use serde::Serialize;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What the rows of a tile stand for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -93,7 +93,20 @@ pub struct Tile {
 pub struct StabilityMap {
     /// Over the stretch, then over damping, then over turning.
     pub tiles: Vec<Tile>,
+    /// Tiles for which there was no time.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub missing: usize,
 }
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
+/// Columns of a map that shows where limits are, and how long finer ones take.
+const COARSE: usize = 9;
+
+/// The part of the time left that a finer map may be expected to take.
+const RESERVE: f64 = 0.8;
 
 /// Numbers from `low` to `high` with equal ratios.
 fn geometric(low: f64, high: f64, count: usize) -> Vec<f64> {
@@ -107,14 +120,33 @@ impl StabilityMap {
     /// # Errors
     /// None is known: the model is always a valid system.
     pub fn measure(resolution: usize, progress: &mut dyn Progress) -> Result<Self> {
-        Self::until(resolution, progress, Interrupt::NEVER)
+        Self::until(resolution, progress, Deadline::after(Duration::MAX / 16, Interrupt::NEVER))
     }
 
-    /// As [`measure`](Self::measure), with the tiles that are complete when someone interrupts it.
+    /// As [`measure`](Self::measure), until a deadline: with as many columns up to `resolution` as time allows. Where it does not
+    /// even allow a coarse map, some tiles are missing.
     ///
     /// # Errors
     /// None is known: the model is always a valid system.
-    pub fn until(resolution: usize, progress: &mut dyn Progress, interrupt: Interrupt) -> Result<Self> {
+    pub fn within(resolution: usize, progress: &mut dyn Progress, deadline: Deadline) -> Result<Self> {
+        let begin = Instant::now();
+        let coarse = Self::until(resolution.min(COARSE), progress, deadline)?;
+        // Every cell takes as long, and a map has two thirds of the square of its columns.
+        let times = deadline.left().as_secs_f64() / begin.elapsed().as_secs_f64();
+        let affordable = COARSE as f64 * (RESERVE * times).sqrt();
+        let columns = resolution.min(affordable as usize / 3 * 3);
+        if coarse.missing > 0 || columns <= COARSE {
+            return Ok(coarse);
+        }
+        let fine = Self::until(columns, progress, deadline)?;
+        Ok(if fine.missing == 0 { fine } else { coarse })
+    }
+
+    /// As [`measure`](Self::measure), with the tiles that are complete at a deadline.
+    ///
+    /// # Errors
+    /// None is known: the model is always a valid system.
+    pub fn until(resolution: usize, progress: &mut dyn Progress, deadline: Deadline) -> Result<Self> {
         let begin = Instant::now();
         let columns = geometric(0.1, 10.0, resolution.max(4));
         // An odd number of rows has one at λ = 1.
@@ -125,17 +157,19 @@ impl StabilityMap {
             (Varied::Damping, geometric(0.01, 10.0, count)),
             (Varied::Turning, geometric(0.003, 1.0, count)),
         ];
+        let mut missing = 0;
         for (axis, rows) in all {
             let methods = configurations(Par::Seq).into_iter().filter(|c| c.options.linear.solver == SolverChoice::Llt);
             for configuration in methods {
-                if interrupt.is_requested() {
-                    return Ok(Self { tiles });
+                if !deadline.allows(Duration::ZERO) {
+                    missing += 1;
+                    continue;
                 }
                 progress.at(begin.elapsed(), configuration.method.name());
                 tiles.push(Tile::measure(&configuration, axis, &columns, &rows)?);
             }
         }
-        Ok(Self { tiles })
+        Ok(Self { tiles, missing })
     }
 
     /// One check a tile: not one cell in which map and formula contradict each other.
@@ -253,12 +287,27 @@ mod tests {
     fn an_interrupted_map_has_the_tiles_that_are_complete() {
         static STOP: AtomicBool = AtomicBool::new(false);
         let mut progress = |_, _: &str| STOP.store(true, Ordering::Relaxed);
-        let map = StabilityMap::until(12, &mut progress, Interrupt::on(&STOP)).unwrap();
+        let map =
+            StabilityMap::until(12, &mut progress, Deadline::after(Duration::MAX / 16, Interrupt::on(&STOP))).unwrap();
         let [tile] = &map.tiles[..] else { panic!("{} tiles", map.tiles.len()) };
+        assert_eq!(map.missing, 3 * 19 - 1);
         assert_eq!((tile.method, tile.stiffness, tile.axis), ("linear-backward-euler", "full", Varied::Stretch));
         assert_eq!((tile.columns.len(), tile.rows.len()), (12, 9));
         assert!((tile.rows[4] - 1.0).abs() < 1e-14);
         assert_eq!(map.agreement(), (tile.predicted, 0));
+    }
+
+    /// A moment is not enough for one tile, and a long time is for all columns asked for.
+    #[test]
+    fn a_map_is_as_fine_as_its_time_allows() {
+        let within = |columns, time| {
+            let deadline = Deadline::after(time, Interrupt::NEVER);
+            StabilityMap::within(columns, &mut |_, _: &str| {}, deadline).unwrap()
+        };
+        let nothing = within(12, Duration::ZERO);
+        assert_eq!((nothing.tiles.len(), nothing.missing), (0, 3 * 19));
+        let all = within(12, Duration::MAX / 16);
+        assert_eq!((all.tiles.len(), all.missing, all.tiles[0].columns.len()), (3 * 19, 0, 12));
     }
 
     #[test]
@@ -293,7 +342,8 @@ mod tests {
         let limited = vec![vec![limit("a", 0.9), limit("b", 1.0), limit("c", 1.5), limit("d", 2.0), limit("e", 2.1)]];
         let curves = Tile { limits: limited, ..tile.clone() }.figure().curves;
         assert_eq!(curves.iter().map(|curve| curve.name.as_str()).collect::<Vec<_>>(), ["b", "c", "d"]);
-        let map = StabilityMap { tiles: vec![tile.clone(), Tile { predicted: 4, contradictions: Vec::new(), ..tile }] };
+        let tiles = vec![tile.clone(), Tile { predicted: 4, contradictions: Vec::new(), ..tile }];
+        let map = StabilityMap { tiles, missing: 0 };
         assert_eq!(map.agreement(), (11, 2));
         let checks = map.checks();
         assert!(checks[0].why.ends_with("; the first that does is z = 2.000, stretch 0.500"), "{}", checks[0].why);

@@ -49,11 +49,12 @@ function fitCamera() {
       high[k] = Math.max(high[k], value);
     }
   }
-  const [wide, tall] = [0, 1].map((k) => Math.max(high[k] - low[k], 1e-300));
+  const [wide, tall] = [0, 1].map((k) => high[k] - low[k]);
   // Room for the legend and the scale bar, where the picture is wide enough for it.
   const [beside, above] = [camera.width > 700 ? 40 : 24, camera.width > 700 ? 40 : 92];
-  camera.fit = Math.min((camera.width - 2 * beside) / wide, (camera.height - 2 * above) / tall, 1e12);
-  if (!(camera.fit > 0)) camera.fit = 1;
+  camera.fit = Math.min((camera.width - 2 * beside) / wide, (camera.height - 2 * above) / tall);
+  // Of a single place every scale shows everything.
+  if (!(camera.fit > 0 && camera.fit < Infinity)) camera.fit = 1;
   camera.centre = [0, 1].map((k) => (low[k] + high[k]) / 2);
 }
 

@@ -2,7 +2,6 @@
 
 const $ = (id) => document.getElementById(id);
 const canvas = $("picture");
-const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50];
 
 function say(text) {
   $("message").textContent = text;
@@ -125,8 +124,8 @@ async function start() {
   $("back").addEventListener("click", () => (play(false), show(frame - 1)));
   $("forward").addEventListener("click", () => (play(false), show(frame + 1)));
   $("fit").addEventListener("click", () => (resetCamera(), look()));
-  for (const value of SPEEDS) {
-    const label = value >= 1 ? `${value}×` : `1/${Math.round(1 / value)}×`;
+  for (const value of about.speeds) {
+    const label = value >= 1 || value < 1e-5 ? `${number(value)}×` : `1/${number(1 / value)}×`;
     element("option", value === speed ? { value, selected: "" } : { value }, $("speed")).textContent = label;
   }
   $("speed").addEventListener("change", () => {

@@ -8,7 +8,8 @@ const SHADES = 16;
 // How wide springs and particles are, in pixels: as wide as they are far apart, within what reads well.
 function looks(scale) {
   const spacing = about.spacing * scale;
-  const dot = Math.min(9, spacing / 5);
+  // A place alone is far from all others.
+  const dot = spacing > 0 ? Math.min(9, spacing / 5) : 9;
   return {
     line: Math.min(5, Math.max(1.25, spacing / 14)),
     dot: dot < 2.5 ? 0 : dot,

@@ -42,6 +42,8 @@ pub(super) struct About {
     pub times: Vec<f64>,
     /// Seconds of motion in one second of playing.
     pub speed: f64,
+    /// Speeds to choose from, ascending.
+    pub speeds: Vec<f64>,
     pub origin: [f64; 3],
     pub quantum: f64,
     pub bounds: Bounds,
@@ -140,6 +142,7 @@ fn with_frames(animation: &Animation, every: usize) -> Encoded {
     let strain = append(&mut bytes, &levels, springs, scale.levels > 127);
 
     let times: Vec<f64> = kept.iter().filter_map(|&k| animation.times.get(k).copied()).collect();
+    let speed = speed(&times);
     let about = About {
         dimension: cast.dimension,
         depthless: high.z - low.z <= 1e-6 * widest,
@@ -149,7 +152,8 @@ fn with_frames(animation: &Animation, every: usize) -> Encoded {
         frames,
         marks: cast.bindings.iter().filter(|&&binding| binding != Binding::Free).count(),
         merged: animation.thinning().is_some(),
-        speed: speed(&times),
+        speed,
+        speeds: speeds(speed),
         times,
         origin: low.into(),
         quantum,
@@ -183,21 +187,35 @@ fn strain_scale<'a>(strains: impl Iterator<Item = &'a f32>, fine: bool) -> Strai
     StrainScale { levels: if fine { 32767 } else { 127 }, largest, shown }
 }
 
-/// The next larger of 1, 2 and 5 times a power of ten.
+/// The next larger of 1, 2 and 5 times a power of ten, for a positive value.
 fn round_up(value: f64) -> f64 {
-    let power = 10f64.powf(value.log10().floor());
-    [1.0, 2.0, 5.0].into_iter().map(|k| k * power).find(|&round| round >= 0.999 * value).unwrap_or(10.0 * power)
+    let power = value.log10().floor() as i32;
+    [1, 2, 5]
+        .into_iter()
+        .map(|k| decimal(k, power))
+        .find(|&round| round >= 0.999 * value)
+        .unwrap_or(decimal(1, power + 1))
 }
 
-/// Real time where that lasts between 2 and 30 s; else a simple factor with which it lasts about 8 s.
+/// `digit · 10^power` as it is read from text, so that equal decimals are equal numbers.
+fn decimal(digit: u32, power: i32) -> f64 {
+    format!("{digit}e{power}").parse().unwrap_or(f64::INFINITY)
+}
+
+/// Seconds that a motion plays for which real time is too short or too long.
+const PLAYS: f64 = 8.0;
+
+/// Real time where that lasts between 2 and 30 s; else the next larger of 1, 2 and 5 times a power of ten with which it lasts about
+/// [`PLAYS`].
 fn speed(times: &[f64]) -> f64 {
-    const FACTORS: [f64; 15] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0];
     let length = times.last().zip(times.first()).map_or(0.0, |(last, first)| last - first);
-    if length <= 0.0 || (2.0..=30.0).contains(&length) {
-        return 1.0;
-    }
-    let off = |factor: f64| (factor * 8.0 / length).ln().abs();
-    FACTORS.into_iter().min_by(|&a, &b| off(a).total_cmp(&off(b))).unwrap_or(1.0)
+    if length <= 0.0 || (2.0..=30.0).contains(&length) { 1.0 } else { round_up(length / PLAYS) }
+}
+
+/// Speeds to choose from: 1, 2 and 5 times powers of ten, from a thousandth of the one that the page begins with to ten times it and more.
+fn speeds(first: f64) -> Vec<f64> {
+    let power = first.log10().floor() as i32;
+    (power - 3..=power + 1).flat_map(|power| [1, 2, 5].map(|k| decimal(k, power))).collect()
 }
 
 /// The median length of the springs in the first frame, of at most some thousands.
@@ -205,11 +223,7 @@ fn spacing(pairs: &[[u32; 2]], positions: &[Vector3<f64>], widest: f64) -> f64 {
     let length = |&[i, j]: &[u32; 2]| Some((positions.get(i as usize)? - positions.get(j as usize)?).norm());
     let mut lengths: Vec<f64> = pairs.iter().step_by(pairs.len() / 4096 + 1).filter_map(length).collect();
     let middle = lengths.len() / 2;
-    if middle < lengths.len() {
-        *lengths.select_nth_unstable_by(middle, f64::total_cmp).1
-    } else {
-        widest.max(1e-9) / 10.0
-    }
+    if middle < lengths.len() { *lengths.select_nth_unstable_by(middle, f64::total_cmp).1 } else { widest / 10.0 }
 }
 
 fn words(values: impl Iterator<Item = u32>) -> Vec<u8> {

@@ -8,6 +8,7 @@ mod column;
 mod lattice;
 mod network;
 mod pendulum;
+mod refined;
 mod string;
 
 pub use chain::chain;
@@ -16,6 +17,7 @@ pub use column::column;
 pub use lattice::lattice;
 pub use network::network;
 pub use pendulum::pendulum;
+pub use refined::refined;
 pub use string::string;
 
 use super::{ConstraintEntry, Row, Scene, TimeSettings};

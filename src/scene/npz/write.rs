@@ -4,7 +4,7 @@ use super::TEXT;
 use crate::scene::{Row, Scene, Values};
 use npyz::WriterBuilder;
 use std::io::{self, BufWriter, Write};
-use zip::write::SimpleFileOptions;
+use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
 impl Scene {
@@ -76,13 +76,42 @@ impl<'a> Rows<'a> {
     }
 }
 
+/// A writer of which the first failure alone is told: a zip that is given up then ends in silence, where it would print what it
+/// could not write.
+pub(crate) struct FailsOnce<W> {
+    file: W,
+    has_failed: bool,
+}
+
+impl<W: Write> FailsOnce<W> {
+    fn attempt<T>(&mut self, act: impl FnOnce(&mut W) -> io::Result<T>, pretended: T) -> io::Result<T> {
+        if self.has_failed {
+            return Ok(pretended);
+        }
+        let outcome = act(&mut self.file);
+        // An interrupted attempt is made again.
+        self.has_failed = outcome.as_ref().is_err_and(|error| error.kind() != io::ErrorKind::Interrupted);
+        outcome
+    }
+}
+
+impl<W: Write> Write for FailsOnce<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.attempt(|file| file.write(bytes), bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.attempt(W::flush, ())
+    }
+}
+
 /// A zip of arrays, written from front to back.
-pub(crate) struct NpzWriter<W: Write>(ZipWriter<zip::write::StreamWriter<W>>);
+pub(crate) struct NpzWriter<W: Write>(ZipWriter<StreamWriter<FailsOnce<W>>>);
 
 impl<W: Write> NpzWriter<W> {
     /// Begins a zip.
     pub(crate) fn new(file: W) -> Self {
-        Self(ZipWriter::new_stream(file))
+        Self(ZipWriter::new_stream(FailsOnce { file, has_failed: false }))
     }
 
     /// Begins an array. Sizes are 64-bit, and the date is always the same one: equal values give equal files.
@@ -121,11 +150,7 @@ impl<W: Write> NpzWriter<W> {
 
     /// Begins an array of doubles of this shape, whose bytes, least significant first, are written to what is returned.
     #[cfg(feature = "report")]
-    pub(crate) fn doubles(
-        &mut self,
-        name: &str,
-        shape: &[u64],
-    ) -> io::Result<&mut ZipWriter<zip::write::StreamWriter<W>>> {
+    pub(crate) fn doubles(&mut self, name: &str, shape: &[u64]) -> io::Result<&mut (impl Write + use<W>)> {
         self.start(name)?;
         let options = npyz::WriteOptions::new_header_only().dtype(<f64 as npyz::AutoSerialize>::default_dtype());
         options.shape(shape).writer(&mut self.0).write_header_only()?;
@@ -134,6 +159,7 @@ impl<W: Write> NpzWriter<W> {
 
     /// Ends the zip.
     pub(crate) fn finish(self) -> io::Result<()> {
-        self.0.finish().map_err(io::Error::from).map(drop)
+        let file = self.0.finish().map_err(io::Error::from)?.into_inner();
+        if file.has_failed { Err(io::Error::other("what was written before is not whole")) } else { Ok(()) }
     }
 }

@@ -77,11 +77,12 @@ fn nothing_turns_along_a_line() {
 
 #[test]
 fn a_family_that_measures_nothing_fails() {
-    let nothing = family(Claim::Solvers, "nothing", always, |_| Ok(Vec::new()));
+    let nothing = family(Claim::Solvers, "nothing", always, of_steps, |_| Ok(Vec::new()));
     let checks = nothing.check(&pair(true, &[0]));
     assert_eq!((checks.len(), checks[0].why.as_str(), checks[0].passed()), (1, "nothing was measured", false));
-    let broken =
-        family(Claim::Solvers, "broken", always, |_| Err(crate::error::Error::Unsupported("not here".into()).into()));
+    let broken = family(Claim::Solvers, "broken", always, of_steps, |_| {
+        Err(crate::error::Error::Unsupported("not here".into()).into())
+    });
     assert!(broken.check(&pair(true, &[0]))[0].why.starts_with("could not be carried out: "));
 }
 
@@ -92,4 +93,21 @@ fn a_pendulum_passes_every_family_that_applies() {
     assert!(results.all_passed(), "{:?}", results.failures().map(|check| &check.name).collect::<Vec<_>>());
     let claims = results.by_claim();
     assert!(claims.iter().any(|(claim, _)| *claim == Claim::Jacobian) && claims.len() > 5);
+}
+
+/// A step that reports its failure is no accusation of anybody; scenes of the suite's own are all judged.
+#[test]
+fn reported_failures_are_not_judged() {
+    let reported =
+        family(Claim::Solvers, "reported", always, of_steps, |_| Err(crate::integrate::StepFailure::NonFinite.into()));
+    let checks = reported.check(&pair(true, &[0]));
+    assert!(!checks[0].is_judged && checks[0].why.contains("said so"), "{}", checks[0].why);
+}
+
+#[cfg(feature = "scene")]
+#[test]
+fn the_suite_has_no_scene_beyond_judgement() {
+    for subject in crate::verify::built_in().unwrap() {
+        assert_eq!(of_steps(&subject), None, "{}", subject.name);
+    }
 }

@@ -101,12 +101,15 @@ fn sizes_that_do_not_fit_fail() {
 #[test]
 fn a_condition_is_held_to_the_dense_inverse() {
     let a = CscMatrix::from(&DMatrix::from_diagonal(&vec![4.0, 16.0, 2.0].into()));
-    let value = |inverse_norm| condition_is_right(&a, &Condition { norm: 16.0, inverse_norm }, "s").value;
+    let check = |inverse_norm| condition_is_right(&a, &Condition { norm: 16.0, inverse_norm }, "s");
+    let value = |inverse_norm| check(inverse_norm).value;
     let slack = 1.0 + 10.0 * 3.0 * U * 8.0;
     for (inverse_norm, expected) in
-        [(0.5, 1.0 / slack), (0.25, 2.0 / 3.0 / slack), (0.125, 4.0 / 3.0 / slack), (1.0, 2.0 / slack)]
+        [(0.5, 1.0 / slack), (0.25, 2.0 / 3.0 / slack), (5e-5, 1e4 / 3.0 / slack), (1.0, 2.0 / slack)]
     {
         let value = value(inverse_norm);
-        assert!((value / expected - 1.0).abs() < 1e-15, "{value} {expected}");
+        assert!((value / expected - 1.0).abs() < 1e-12, "{value} {expected}");
     }
+    // Four times too low is what some matrices do to any estimate of this kind.
+    assert!(!check(0.125).is_judged && check(0.25).is_judged);
 }

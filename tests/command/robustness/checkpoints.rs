@@ -150,7 +150,14 @@ fn interrupted_runs_are_resumed() {
     let resume = fixed.split(' ').chain(["o", "--resume"]).collect::<Vec<_>>();
     sandbox.sprung(&resume).ends_with(0);
     same("interrupted", &files(&sandbox.path("whole")), &files(&sandbox.path("o")));
-    sandbox.sprung(&resume).ends_with(2).complains(&["o: no checkpoint to resume from"]);
+    // There is nothing to go on from any more: the run begins again, and says so.
+    let again = "run cloth.toml --dt 1e-5 --steps 20 --out o --resume".split(' ').collect::<Vec<_>>();
+    let answer = sandbox.sprung(&again).ends_with(0);
+    answer.complains(&[
+        "o: a run by linear-backward-euler ended here, completed at t = 0.06 s and left nothing to go on from",
+        "starts again",
+    ]);
+    assert_eq!(sandbox.json("o/summary.json")["steps"], 20);
 }
 
 /// What does not fit is refused, and nothing is touched.

@@ -1,0 +1,169 @@
+//! What a person reads first: whether a run worked, how right it is, where its picture is, and what it takes the place of.
+
+mod command;
+
+use command::{Answer, Sandbox};
+
+/// A spring that swings on a hook, with a step of its own.
+const SPRING: &str = r#"
+gravity = [0.0, -9.81]
+[particles]
+positions = [[0, 0], [0, -1]]
+masses = 0.3
+[springs]
+pairs = [[0, 1]]
+stiffness = 40.0
+damping = 0.1
+[[constraints]]
+particles = [0]
+[time]
+dt = 0.003
+duration = 1
+"#;
+
+fn sandbox() -> Sandbox {
+    let sandbox = Sandbox::new();
+    sandbox.put("spring.toml", SPRING);
+    sandbox
+}
+
+fn run(sandbox: &Sandbox, more: &[&str]) -> Answer {
+    sandbox.sprung(&[&["run", "spring.toml", "--out", "o"], more].concat()).ends_with(0)
+}
+
+/// The last line opens the page; without one it says how to get it. Bookkeeping is for those who ask.
+#[test]
+fn the_first_lines_are_what_a_person_wants_to_know() {
+    let sandbox = sandbox();
+    let plain = run(&sandbox, &[]).stdout;
+    assert!(plain.lines().count() <= 6, "{plain}");
+    assert!(plain.starts_with("spring: completed at t = 1 s after 334 steps, in "), "{plain}");
+    assert!(plain.lines().nth(1).unwrap().starts_with("  error "), "{plain}");
+    assert!(plain.trim_end().lines().last().unwrap().contains("--view"), "{plain}");
+    assert!(!plain.contains("unexplained") && !plain.contains("residual"), "{plain}");
+    let seen = run(&sandbox, &["--view"]).stdout;
+    let page = sandbox.path("o/view.html");
+    assert_eq!(seen.trim_end().lines().last().unwrap(), "open o/view.html");
+    assert!(page.is_file());
+    let full = run(&sandbox, &["--view", "--verbose"]).stdout;
+    for part in ["unexplained", "residual", "2 particles, 1 spring, 2 degrees of freedom", "J at the end"] {
+        assert!(full.contains(part), "{part:?} is not in {full}");
+    }
+    assert_eq!(full.trim_end().lines().last().unwrap(), "open o/view.html");
+    let one = run(&sandbox, &["--steps", "1"]).stdout;
+    assert!(one.contains("after 1 step, in"), "{one}");
+    let viewed = sandbox.sprung(&["view", "spring.toml", "-o", "rest.html"]).ends_with(0).stdout;
+    assert_eq!(viewed.trim_end().lines().last().unwrap(), "open rest.html");
+}
+
+/// No number for people has more than six digits, nor a line more than two hundred letters.
+#[test]
+fn numbers_are_short() {
+    let sandbox = sandbox();
+    for more in
+        [&["--verbose"][..], &["--verbose", "--duration", "1.6666666666666667"], &["--verbose", "--rtol", "1e-3"]]
+    {
+        let text = run(&sandbox, more).stdout;
+        for word in text.split(|c: char| !c.is_ascii_digit() && !".e-".contains(c)) {
+            let mantissa = word.split('e').next().unwrap_or_default().trim_start_matches(['-', '0', '.']);
+            let digits = mantissa.chars().filter(char::is_ascii_digit).count();
+            assert!(digits <= 6, "{word:?} in {text}");
+        }
+        assert!(text.lines().all(|line| line.chars().count() <= 200), "{text}");
+    }
+}
+
+#[test]
+fn a_second_run_says_what_it_replaces() {
+    let sandbox = sandbox();
+    assert_eq!(run(&sandbox, &["--method", "bdf2"]).stderr, "");
+    run(&sandbox, &["--method", "w2"])
+        .complains(&["note: o: a run by bdf2 ended here, completed at t = 1 s: this run replaces its files"]);
+    assert_eq!(run(&sandbox, &["--quiet"]).stderr, "");
+}
+
+/// A run that was complete left nothing to go on from: with a longer duration it begins again, and says so.
+#[test]
+fn resuming_what_is_complete_starts_again() {
+    let sandbox = sandbox();
+    run(&sandbox, &["--checkpoint", "50"]);
+    for more in [&["--duration", "2", "--resume"][..], &["--duration", "3", "--resume", "--checkpoint", "50"]] {
+        run(&sandbox, more).complains(&["completed at t = ", "left nothing to go on from: this run starts again"]);
+        assert_eq!(sandbox.json("o/summary.json")["time"].as_f64().unwrap().to_string(), more[1]);
+    }
+    assert_eq!(sandbox.csv("o/energy.csv").len(), 1001);
+}
+
+/// The scene has a step, and the command has the last word.
+#[test]
+fn a_tolerance_wins_over_the_step_of_a_scene() {
+    let sandbox = sandbox();
+    let answer = run(&sandbox, &["--rtol", "1e-4"]);
+    assert!(
+        answer.stderr.contains("--rtol: steps are adaptive; the scene's dt of 0.003 s is not used"),
+        "{}",
+        answer.stderr
+    );
+    let summary = sandbox.json("o/summary.json");
+    assert_eq!((&summary["method"], &summary["rtol"]), (&"rodas4".into(), &1e-4.into()));
+    assert_eq!(sandbox.csv("o/energy.csv").len(), 301);
+    // A step beside it is the interval of records.
+    run(&sandbox, &["--rtol", "1e-4", "--dt", "0.1"]);
+    assert_eq!(sandbox.csv("o/energy.csv").len(), 11);
+}
+
+#[test]
+fn what_is_neither_a_run_nor_a_scene_is_said_to_be_missing() {
+    let sandbox = sandbox();
+    sandbox
+        .sprung(&["view", "out/none"])
+        .ends_with(2)
+        .complains(&["out/none: there is nothing of this name", "output folder"]);
+    sandbox.sprung(&["run", "spring.toml", "--view"]).ends_with(0);
+    sandbox.sprung(&["view", "spring"]).ends_with(2).complains(&["did you mean out/spring?"]);
+}
+
+/// A cloth of twice as many particles along a side is twice as wide, but for --refine, which wants a size.
+#[test]
+fn sizes_enlarge_and_refining_does_not() {
+    let sandbox = sandbox();
+    let width = |arguments: &[&str]| {
+        let scene = sandbox.sprung(&[&["new", "cloth", "--json"], arguments].concat()).ends_with(0).json();
+        let positions = scene["particles"]["positions"].as_array().unwrap();
+        (positions.len(), positions.last().unwrap()[0].as_f64().unwrap())
+    };
+    let (count, whole) = width(&[]);
+    assert_eq!(count, 400);
+    let (larger, refined) = (width(&["--size", "39"]), width(&["--size", "39", "--refine"]));
+    assert_eq!((larger.0, refined.0), (39 * 39, 39 * 39));
+    assert!((larger.1 / whole - 2.0).abs() < 1e-12 && (refined.1 / whole - 1.0).abs() < 1e-12);
+    sandbox.sprung(&["new", "cloth", "--refine"]).ends_with(2).complains(&["--size"]);
+    sandbox.sprung(&["new", "network", "--size", "9", "--refine"]).ends_with(2).complains(&["network"]);
+    let help = sandbox.sprung(&["new", "--help"]).ends_with(0).stdout;
+    assert!(help.contains("larger scene") && help.contains("--refine"), "{help}");
+}
+
+/// A budget is one for the map of stability too, which has what there was time for.
+#[test]
+fn charts_keep_to_their_budget() {
+    let sandbox = sandbox();
+    let began = std::time::Instant::now();
+    let chart = ["chart", "spring.toml", "--budget", "6", "--stability", "--duration", "0.1", "--out", "c"];
+    let answer = sandbox.sprung(&chart);
+    // What is under way is finished: a run, a tile, the pages.
+    assert!(began.elapsed().as_secs_f64() < 18.0, "{:?}: {}", began.elapsed(), answer.stderr);
+    assert!(sandbox.json("c/chart.json")["stability"]["tiles"].is_array());
+}
+
+/// Forces of the hook, in the file of the end: its weight and what hangs on it, which still swings.
+#[test]
+fn final_states_have_reactions() {
+    let sandbox = sandbox();
+    run(&sandbox, &[]);
+    let end = sandbox.json("o/final.json");
+    assert_eq!(end["reactions"]["particles"], serde_json::json!([0]));
+    let [force, weight] = [end["reactions"]["forces"][0][1].as_f64().unwrap(), 0.3 * 9.81];
+    let [y, v] = ["positions", "velocities"].map(|key| end[key][1][1].as_f64().unwrap());
+    let tension = 40.0 * (-y - 1.0) - 0.1 * v;
+    assert!((force - weight - tension).abs() < 1e-12, "{force} {tension}");
+}
