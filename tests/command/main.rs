@@ -7,6 +7,7 @@ mod rejected;
 mod sandbox;
 
 mod breakdown;
+mod first_minute;
 mod inspect;
 mod interrupt;
 mod manners;
@@ -16,4 +17,5 @@ mod rejected_scenes;
 mod robustness;
 mod run;
 mod snapshots;
+mod units;
 mod verify;

@@ -34,6 +34,7 @@ mod products;
 mod spectrum;
 mod tame_cloth;
 mod turning;
+mod verify_any_scene;
 mod verify_jacobian;
 mod verify_solvers;
 mod work_counts;

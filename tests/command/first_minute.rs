@@ -1,8 +1,6 @@
 //! What a person reads first: whether a run worked, how right it is, where its picture is, and what it takes the place of.
 
-mod command;
-
-use command::{Answer, Sandbox};
+use crate::sandbox::{Answer, Sandbox};
 
 /// A spring that swings on a hook, with a step of its own.
 const SPRING: &str = r#"

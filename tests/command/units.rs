@@ -1,8 +1,6 @@
 //! No scale of its own: a scene in other units of length, time and mass moves in the same way, and its files are of the same size.
 
-mod command;
-
-use command::Sandbox;
+use crate::sandbox::Sandbox;
 use nalgebra::Vector3;
 use sprung::integrate::{Method, Monitor, Schedule};
 use sprung::plan::{MethodChoice, RECORDS, Wishes, records_every};
