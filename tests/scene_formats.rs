@@ -145,7 +145,7 @@ fn entry(dimension: usize) -> impl Strategy<Value = ConstraintEntry> {
 fn scene() -> impl Strategy<Value = Scene> {
     let name = "[^/\\\\\\p{Cc}]{0,8}[a-z\"'\\[#éß😀]";
     let positive = || prop::option::of(1e-300..1e300);
-    let mesh = ("\\PC{1,8}", positive()).prop_map(|(file, scale)| Mesh { file, scale });
+    let mesh = ("\\PC{1,8}", positive(), positive()).prop_map(|(file, scale, weld)| Mesh { file, scale, weld });
     (1usize..=3).prop_flat_map(move |dimension| {
         (
             (name, prop::option::of(row(dimension)), prop::option::of(mesh.clone()), positive(), positive()),

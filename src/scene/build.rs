@@ -13,6 +13,19 @@ use nalgebra::Vector3;
 const PARTICLE: u64 = 400;
 const SPRING: u64 = 160;
 
+/// A scene that has been built.
+#[derive(Debug, Clone)]
+pub struct Built {
+    /// The system.
+    pub system: System,
+    /// Its state at time zero.
+    pub state: State,
+    /// The triangles of its mesh, to be shown; none where there is no mesh.
+    pub triangles: Vec<[u32; 3]>,
+    /// Lines for people on what may surprise in the mesh.
+    pub notes: Vec<String>,
+}
+
 impl Scene {
     /// Checks every value and builds the system and its state at time zero.
     ///
@@ -28,11 +41,20 @@ impl Scene {
     /// # Errors
     /// As for [`build`](Self::build).
     pub fn build_with_triangles(&self) -> Result<(System, State, Vec<[u32; 3]>)> {
-        let parts = self.parts().and_then(|(builder, triangles)| {
+        self.build_with_notes().map(|Built { system, state, triangles, .. }| (system, state, triangles))
+    }
+
+    /// As [`build`](Self::build), with the triangles of the mesh, and notes on what may surprise in it: loose parts, coincident and unused
+    /// vertices, faces that were left out.
+    ///
+    /// # Errors
+    /// As for [`build`](Self::build).
+    pub fn build_with_notes(&self) -> Result<Built> {
+        let built = self.parts().and_then(|(builder, triangles, notes)| {
             let (system, state) = builder.build()?;
-            Ok((system, state, triangles))
+            Ok(Built { system, state, triangles, notes })
         });
-        parts.map_err(|error| match &self.file {
+        built.map_err(|error| match &self.file {
             Some(file) => error.in_file(file),
             None => error,
         })
@@ -43,11 +65,12 @@ impl Scene {
     /// # Errors
     /// As for [`build`](Self::build), without the checks that the builder makes.
     pub fn builder(&self) -> Result<SystemBuilder> {
-        self.parts().map(|(builder, _)| builder)
+        self.parts().map(|(builder, ..)| builder)
     }
 
-    fn parts(&self) -> Result<(SystemBuilder, Vec<[u32; 3]>)> {
-        let (dimension, MeshGeometry { vertices: positions, edges: pairs, triangles }) = self.geometry()?;
+    fn parts(&self) -> Result<(SystemBuilder, Vec<[u32; 3]>, Vec<String>)> {
+        let (dimension, mesh) = self.geometry()?;
+        let (positions, pairs) = (&mesh.vertices, &mesh.edges);
         let n = positions.len();
         memory::ensure(PARTICLE * n as u64 + SPRING * pairs.len() as u64, "the scene")?;
         let velocities = match &self.particles.velocities {
@@ -57,7 +80,8 @@ impl Scene {
         check_length("particles.velocities", velocities.len(), n, "particles")?;
         let gravity = self.gravity.as_ref().map(|row| vector("gravity", None, row, dimension)).transpose()?;
         let masses = Quantity { key: "particles.masses", count: n, of: "particles", rule: Rule::Positive };
-        let springs = self.springs(&positions, &pairs)?;
+        let springs = self.springs(positions, pairs)?;
+        self.check_edges(&mesh, &springs)?;
         let masses = masses.required(self.particles.masses.as_ref())?;
         let constraints = self.constraints.iter().enumerate();
         let constraints = constraints.map(|(index, entry)| constraint(index, entry, dimension));
@@ -67,11 +91,11 @@ impl Scene {
             velocities,
             masses: (0..n).map(|p| masses.get(p)).collect(),
             constraints: constraints.collect::<Result<_, _>>()?,
-            positions,
-            pairs,
+            positions: mesh.vertices,
+            pairs: mesh.edges,
             springs,
         };
-        Ok((builder, triangles))
+        Ok((builder, mesh.triangles, mesh.notes))
     }
 
     /// Dimension, and positions and pairs from the lists or from the mesh.
@@ -80,7 +104,7 @@ impl Scene {
         let Some(mesh) = &self.mesh else {
             let dimension = positions.first().or(self.gravity.as_ref()).map_or(3, Row::dimension);
             let vertices = vectors("particles.positions", positions, dimension)?;
-            return Ok((dimension, MeshGeometry { vertices, edges: pairs.clone(), triangles: Vec::new() }));
+            return Ok((dimension, MeshGeometry::of_lists(vertices, pairs.clone())));
         };
         for (key, length) in [("particles.positions", positions.len()), ("springs.pairs", pairs.len())] {
             if length > 0 {
@@ -91,8 +115,29 @@ impl Scene {
         Rule::Positive.check("mesh.scale", scale)?;
         let folder = self.file.as_deref().and_then(std::path::Path::parent).unwrap_or("".as_ref());
         let named = |error: Error| Invalid::new("mesh.file", format!("{:?}", mesh.file), error.to_string());
-        let mesh = MeshGeometry::load(&folder.join(&mesh.file)).map_err(named)?;
-        Ok((3, MeshGeometry { vertices: mesh.vertices.into_iter().map(|x| x * scale).collect(), ..mesh }))
+        let mut geometry = MeshGeometry::load(&folder.join(&mesh.file)).map_err(named)?;
+        geometry.vertices.iter_mut().for_each(|x| *x *= scale);
+        if let Some(weld) = mesh.weld {
+            Rule::NotNegative.check("mesh.weld", weld)?;
+            geometry.weld(weld);
+        }
+        geometry.note_surprises();
+        Ok((3, geometry))
+    }
+
+    /// Names the place in a mesh of a spring that the builder would refuse by its number, which nobody has written.
+    fn check_edges(&self, geometry: &MeshGeometry, springs: &[Spring]) -> Result<(), Invalid> {
+        let Some(mesh) = &self.mesh else { return Ok(()) };
+        let has_length = |pair: &[u32; 2]| distance(&geometry.vertices, pair) > 0.0;
+        let may_lie = |(pair, spring): (&[u32; 2], &Spring)| has_length(pair) || spring.rest_length == 0.0;
+        let Some(edge) = geometry.edges.iter().zip(springs).position(|edge| !may_lie(edge)) else {
+            return Ok(());
+        };
+        let rule = format!(
+            "{} that lie at one place: a spring of zero current length (mesh.weld = 0 joins such vertices)",
+            geometry.place(edge)
+        );
+        Err(Invalid::new("mesh.file", format!("{:?}", mesh.file), rule))
     }
 
     fn springs(&self, positions: &[Vector3<f64>], pairs: &[[u32; 2]]) -> Result<Vec<Spring>, Invalid> {

@@ -38,6 +38,7 @@ mod snapshot;
 mod values;
 mod write;
 
+pub use build::Built;
 pub use builtin::{Kind, builtin};
 pub use mesh::MeshGeometry;
 #[cfg(feature = "report")]

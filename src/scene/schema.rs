@@ -92,15 +92,18 @@ pub struct Springs {
     pub damping: Option<Values>,
 }
 
-/// The table `[mesh]`: vertices become particles, every edge of a face becomes a spring.
+/// The table `[mesh]`: vertices become particles, every edge once becomes a spring.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mesh {
-    /// Wavefront OBJ file, relative to the scene file's folder.
+    /// OBJ, PLY, STL, VTK or Gmsh MSH file, relative to the scene file's folder; see [`MeshGeometry`](super::MeshGeometry).
     pub file: String,
     /// Length of the mesh's unit, in m; absent: 1.
     #[serde(default, deserialize_with = "read::some", skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
+    /// Vertices no farther apart than this are one, in m; absent: none are joined.
+    #[serde(default, deserialize_with = "read::some", skip_serializing_if = "Option::is_none")]
+    pub weld: Option<f64>,
 }
 
 /// One `[[constraints]]` entry. With neither a velocity nor a path, the coordinates are held.

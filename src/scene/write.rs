@@ -32,10 +32,13 @@ impl Scene {
 
     fn write_mesh(&self, toml: &mut Toml) {
         if let Some(mesh) = &self.mesh {
-            toml.header("[mesh]", "vertices become particles, each edge of a face once becomes a spring");
+            toml.header("[mesh]", "vertices become particles, each edge once becomes a spring");
             toml.text("file", &mesh.file);
             if let Some(scale) = mesh.scale {
                 toml.line("scale", &number(scale), "m per unit of the mesh");
+            }
+            if let Some(weld) = mesh.weld {
+                toml.line("weld", &number(weld), "m: nearer vertices are one");
             }
         }
     }
