@@ -2,11 +2,14 @@
 
 use super::MeshGeometry;
 use super::schema::{AxisName, ConstraintEntry, TimeSettings};
+use super::{Flags, Gravity};
 use super::{Row, Scene, Values};
 use crate::error::{Error, Invalid, Result};
 use crate::memory;
 use crate::spring::{Extension, Spring};
-use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder, check_length};
+use crate::system::{
+    Actuation, Axes, Behaviour, Constraint, Curve, Loads, Motion, State, System, SystemBuilder, check_length,
+};
 use nalgebra::Vector3;
 
 /// Bytes of a particle and of a spring, with what checking and sorting holds beside them.
@@ -51,7 +54,9 @@ impl Scene {
     /// As for [`build`](Self::build).
     pub fn build_with_notes(&self) -> Result<Built> {
         let built = self.parts().and_then(|(builder, triangles, notes)| {
+            let (behaviour, loads) = (self.behaviour(builder.pairs.len())?, self.loads(&builder)?);
             let (system, state) = builder.build()?;
+            let system = system.with_behaviour(behaviour)?.with_loads(loads)?;
             Ok(Built { system, state, triangles, notes })
         });
         built.map_err(|error| match &self.file {
@@ -60,7 +65,8 @@ impl Scene {
         })
     }
 
-    /// The description of the system, with meshes read, single numbers spread and absent values filled in.
+    /// The description of the system, with meshes read, single numbers spread and absent values filled in. Loads, drag, gravity in time and springs
+    /// of other kinds are no part of it.
     ///
     /// # Errors
     /// As for [`build`](Self::build), without the checks that the builder makes.
@@ -78,7 +84,10 @@ impl Scene {
             None => vec![Vector3::zeros(); n],
         };
         check_length("particles.velocities", velocities.len(), n, "particles")?;
-        let gravity = self.gravity.as_ref().map(|row| vector("gravity", None, row, dimension)).transpose()?;
+        let gravity = match &self.gravity {
+            Some(Gravity::Constant(row)) => vector("gravity", None, row, dimension)?,
+            Some(Gravity::Path(_)) | None => Vector3::zeros(),
+        };
         let masses = Quantity { key: "particles.masses", count: n, of: "particles", rule: Rule::Positive };
         let springs = self.springs(positions, pairs)?;
         self.check_edges(&mesh, &springs)?;
@@ -87,7 +96,7 @@ impl Scene {
         let constraints = constraints.map(|(index, entry)| constraint(index, entry, dimension));
         let builder = SystemBuilder {
             dimension,
-            gravity: gravity.unwrap_or_default(),
+            gravity,
             velocities,
             masses: (0..n).map(|p| masses.get(p)).collect(),
             constraints: constraints.collect::<Result<_, _>>()?,
@@ -102,7 +111,11 @@ impl Scene {
     fn geometry(&self) -> Result<(usize, MeshGeometry)> {
         let (positions, pairs) = (&self.particles.positions, &self.springs.pairs);
         let Some(mesh) = &self.mesh else {
-            let dimension = positions.first().or(self.gravity.as_ref()).map_or(3, Row::dimension);
+            let dimension = positions
+                .first()
+                .map(Row::dimension)
+                .or(self.gravity.as_ref().and_then(Gravity::dimension))
+                .unwrap_or(3);
             let vertices = vectors("particles.positions", positions, dimension)?;
             return Ok((dimension, MeshGeometry::of_lists(vertices, pairs.clone())));
         };
@@ -140,17 +153,76 @@ impl Scene {
         Err(Invalid::new("mesh.file", format!("{:?}", mesh.file), rule))
     }
 
+    /// Springs that do not push or change their rest lengths.
+    fn behaviour(&self, springs: usize) -> Result<Behaviour, Invalid> {
+        let tension_only = match &self.springs.tension_only {
+            None => Vec::new(),
+            Some(Flags::Uniform(flag)) => vec![*flag; springs],
+            Some(Flags::Each(flags)) => {
+                check_length("springs.tension_only", flags.len(), springs, "springs")?;
+                flags.clone()
+            }
+        };
+        let actuation = self.springs.actuation.iter().map(|entry| Actuation {
+            springs: entry.springs.iter().map(|&spring| spring as usize).collect(),
+            factors: Curve { times: entry.path.times.clone(), values: entry.path.factors.clone() },
+        });
+        Ok(Behaviour { tension_only, actuation: actuation.collect() })
+    }
+
+    /// Constant loads, drag, and gravity that changes.
+    fn loads(&self, builder: &SystemBuilder) -> Result<Loads, Invalid> {
+        let (count, dimension) = (builder.positions.len(), builder.dimension);
+        let mut forces = vec![Vector3::zeros(); if self.forces.is_empty() { 0 } else { count }];
+        for (index, entry) in self.forces.iter().enumerate() {
+            let value = vector(&format!("forces[{index}].value"), None, &entry.value, dimension)?;
+            if !State::is_finite_vector(&value) {
+                let rule = "must be finite and at most 1e150 in size";
+                return Err(Invalid::new(format!("forces[{index}].value"), format!("{:?}", entry.value), rule));
+            }
+            for (at, &particle) in entry.particles.iter().enumerate() {
+                let Some(force) = forces.get_mut(particle as usize) else {
+                    let rule = format!("names a particle that does not exist (there are {count})");
+                    return Err(Invalid::new(format!("forces[{index}].particles"), particle, rule).at(at));
+                };
+                *force += value;
+            }
+        }
+        let drag = match &self.drag {
+            None => Vec::new(),
+            Some(drag) => {
+                let key = "drag.coefficient";
+                let quantity = Quantity { key, count, of: "particles", rule: Rule::NotNegative };
+                let each = quantity.checked(&drag.coefficient)?;
+                (0..count).map(|p| each.get(p)).collect()
+            }
+        };
+        let gravity = match &self.gravity {
+            Some(Gravity::Path(path)) => {
+                let values = vectors("gravity.values", &path.values, dimension)?;
+                Some(Curve { times: path.times.clone(), values })
+            }
+            _ => None,
+        };
+        Ok(Loads { forces, drag, gravity })
+    }
+
     fn springs(&self, positions: &[Vector3<f64>], pairs: &[[u32; 2]]) -> Result<Vec<Spring>, Invalid> {
         let quantity = |key, rule| Quantity { key, count: pairs.len(), of: "springs", rule };
         let stiffness = quantity("springs.stiffness", Rule::Positive).required(self.springs.stiffness.as_ref())?;
         let rest_lengths = self.springs.rest_lengths.as_ref();
-        let rest_lengths =
-            rest_lengths.map(|values| quantity("springs.rest_lengths", Rule::Positive).checked(values)).transpose()?;
+        let rest_lengths = rest_lengths
+            .map(|values| quantity("springs.rest_lengths", Rule::NotNegative).checked(values))
+            .transpose()?;
         let damping = self.springs.damping.as_ref().unwrap_or(&Values::Uniform(0.0));
         let damping = quantity("springs.damping", Rule::NotNegative).checked(damping)?;
         let spring = |(s, pair): (usize, &[u32; 2])| Spring {
             stiffness: stiffness.get(s),
-            rest_length: rest_lengths.as_ref().map_or_else(|| distance(positions, pair), |lengths| lengths.get(s)),
+            rest_length: rest_lengths.as_ref().map_or_else(
+                // Of ends that coincide there is none to take.
+                || Some(distance(positions, pair)).filter(|&length| length > 0.0).unwrap_or(f64::NAN),
+                |lengths| lengths.get(s),
+            ),
             damping: damping.get(s),
         };
         Ok(pairs.iter().enumerate().map(spring).collect())

@@ -28,6 +28,7 @@
 
 mod build;
 pub mod builtin;
+mod entries;
 mod load;
 mod mesh;
 mod npz;
@@ -40,6 +41,7 @@ mod write;
 
 pub use build::Built;
 pub use builtin::{Kind, builtin};
+pub use entries::{ActuationEntry, Drag, FactorPath, Flags, ForceEntry, Gravity, GravityPath};
 pub use mesh::MeshGeometry;
 #[cfg(feature = "report")]
 pub(crate) use npz::NpzWriter;

@@ -16,7 +16,7 @@ pub(super) fn braked(system: &System, extensions: &Extensions, velocities: &[Vec
         let v = velocities[i] - velocities[j];
         let across = v.norm_squared() - at.direction.dot(&v).powi(2);
         let lift = 0.5 * h * h * across / at.length;
-        let half = 0.5 * spring.stiffness / spring.rest_length;
+        let half = 0.5 * spring.axial_stiffness();
         half * lift * lift * half * (inverse(i) + inverse(j)) * lift * h * h / at.length
     });
     let taken = BRAKE * taken.sum::<f64>();

@@ -18,7 +18,7 @@ pub use network::network;
 pub use pendulum::pendulum;
 pub use string::string;
 
-use super::{ConstraintEntry, Row, Scene, TimeSettings};
+use super::{ConstraintEntry, Gravity, Scene, TimeSettings};
 use crate::error::{Error, Result};
 use std::ops::RangeInclusive;
 
@@ -133,7 +133,7 @@ fn links(count: usize) -> Vec<[u32; 2]> {
     (0..count as u32).map(|i| [i, i + 1]).collect()
 }
 
-fn gravity() -> Option<Row> {
+fn gravity() -> Option<Gravity> {
     Some(GRAVITY.into())
 }
 
