@@ -144,7 +144,7 @@ fn what_is_wrong_is_named() {
         (
             "scene",
             text(r#"{"gravty": 1}"#),
-            "gravty: unknown field `gravty`, expected one of `name`, `gravity`, `particles`, `springs`, `mesh`, `constraints`, `time` at line 1 column 9; did you mean gravity?",
+            "gravty: unknown field `gravty`, expected one of `name`, `gravity`, `particles`, `springs`, `mesh`, `constraints`, `forces`, `drag`, `time` at line 1 column 9; did you mean gravity?",
         ),
     ];
     for (name, array, expected) in cases {

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use sprung::scene::{
-    AxisName, ConstraintEntry, Kind, Mesh, Particles, Path, Row, Scene, Springs, TimeSettings, Values, builtin,
+    AxisName, ConstraintEntry, Gravity, Kind, Mesh, Particles, Path, Row, Scene, Springs, TimeSettings, Values, builtin,
 };
 use std::io::Cursor;
 
@@ -24,6 +24,7 @@ fn valid_in_code() -> Scene {
             stiffness: Some(vec![100.0, 200.0].into()),
             rest_lengths: Some(vec![1.0, 1.2].into()),
             damping: Some(vec![0.3, 0.0].into()),
+            ..Springs::default()
         },
         mesh: None,
         constraints: vec![
@@ -159,12 +160,13 @@ fn scene() -> impl Strategy<Value = Scene> {
                 Scene {
                     name,
                     file: None,
-                    gravity,
+                    gravity: gravity.map(Gravity::Constant),
                     particles: Particles { positions, velocities, masses },
-                    springs: Springs { pairs, stiffness, rest_lengths, damping },
+                    springs: Springs { pairs, stiffness, rest_lengths, damping, ..Springs::default() },
                     mesh,
                     constraints,
                     time: TimeSettings { dt, duration },
+                    ..Scene::default()
                 }
             })
     })

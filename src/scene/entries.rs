@@ -160,3 +160,108 @@ impl<'de> Deserialize<'de> for Flags {
         deserializer.deserialize_any(FlagsVisitor)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::scene::Scene;
+    use std::io::Cursor;
+
+    const EVERY_KEY: &str = r#"
+        name = "every key"
+        gravity = { times = [0, 2], values = [[0, -9.81], [0, 0]] }
+        [particles]
+        positions = [[0, 0], [0, 0], [1, 0]]
+        masses = 1.0
+        [springs]
+        pairs = [[0, 1], [1, 2]]
+        stiffness = [10, 20]
+        rest_lengths = [0, 0.5]
+        tension_only = [false, true]
+        [[springs.actuation]]
+        springs = [1]
+        path = { times = [0, 1], factors = [1.0, 0.7] }
+        [[constraints]]
+        particles = [0]
+        [[forces]]
+        particles = [1, 2]
+        value = [0, -100.0]
+        [[forces]]
+        particles = [2]
+        value = [1, 1]
+        [drag]
+        coefficient = [0.1, 0.2, 0.3]
+    "#;
+
+    /// Every form reads what it wrote, and so does a snapshot of the system, whose curves go on from its time.
+    #[test]
+    fn every_key_is_written_and_read() {
+        let scene = Scene::from_toml(EVERY_KEY).unwrap();
+        assert_eq!(Scene::from_toml(&scene.to_toml()).unwrap(), scene, "{}", scene.to_toml());
+        assert_eq!(Scene::from_json(&scene.to_json()).unwrap(), scene);
+        let mut file = Vec::new();
+        scene.write_npz(&mut file).unwrap();
+        assert_eq!(Scene::from_npz(Cursor::new(file)).unwrap(), scene);
+        let (system, mut state) = scene.build().unwrap();
+        assert_eq!(system.loads().forces[2].as_slice(), [1.0, -99.0, 0.0]);
+        assert_eq!((system.loads().drag[1], system.gravity().y), (0.2, -9.81));
+        state.time = 0.5;
+        let (again, _) = Scene::snapshot("later", &system, &state).build().unwrap();
+        assert_eq!(again.loads().forces, system.loads().forces);
+        assert_eq!(again.behaviour().tension_only, [false, true]);
+        let curves =
+            [again.loads().gravity.clone().unwrap().times, again.behaviour().actuation[0].factors.times.clone()];
+        assert_eq!(curves, [vec![-0.5, 1.5], vec![-0.5, 0.5]]);
+    }
+
+    #[test]
+    fn wrong_entries_are_named() {
+        for (from, to, expected) in [
+            ("[0, -100.0]", "[0]", "forces[0].value = [0.0]: must have length 2, as the scene's other rows"),
+            (
+                "particles = [1, 2]",
+                "particles = [1, 3]",
+                "forces[0].particles[1] = 3: names a particle that does not exist (there are 3)",
+            ),
+            ("[0.1, 0.2, 0.3]", "[0.1, -0.2, 0.3]", "drag.coefficient[1] = -0.2: must be finite and not negative"),
+            (
+                "[0.1, 0.2, 0.3]",
+                "[0.1]",
+                "drag.coefficient = a list of 1: must have one entry for each of the 3 particles",
+            ),
+            (
+                "[false, true]",
+                "[true]",
+                "springs.tension_only = a list of 1: must have one entry for each of the 2 springs",
+            ),
+            ("springs = [1]", "springs = [0]", "springs.actuation[0].springs[0] = 0: has no rest length to change"),
+            (
+                "springs = [1]",
+                "springs = [2]",
+                "springs.actuation[0].springs[0] = 2: names a spring that does not exist (there are 2)",
+            ),
+            (
+                "[1.0, 0.7]",
+                "[1.0, 0.0]",
+                "springs.actuation[0].path.factors[1] = 0: must be finite and positive, and so must the rest lengths that it makes",
+            ),
+            ("[0, 1], factors", "[1, 1], factors", "springs.actuation[0].path.times[1] = 1: times must increase"),
+            (
+                "times = [0, 2]",
+                "times = [0]",
+                "gravity.values = a list of 2: must have one entry for each of the 1 times",
+            ),
+            (
+                "[0, 0]] }",
+                "[nan, 0]] }",
+                "gravity.values[1] = [NaN, 0.0, 0.0]: must be finite, at most 1e150 in size, and zero along axes that are not modelled",
+            ),
+            ("rest_lengths = [0, 0.5]", "", "springs.pairs[0] = [0, 1]: is a spring of zero current length"),
+            ("[0, 0.5]", "[0, -0.5]", "springs.rest_lengths[1] = -0.5: must be finite and not negative"),
+        ] {
+            let text = EVERY_KEY.replacen(from, to, 1);
+            assert_ne!(text, EVERY_KEY, "{from}");
+            let message = Scene::from_toml(&text).unwrap().build().unwrap_err().to_string();
+            assert_eq!(message, expected);
+        }
+    }
+}

@@ -183,12 +183,10 @@ impl SystemBuilder {
                 return Err(wrong("is a spring of zero current length".into()));
             }
             check_positive("springs.stiffness", s, spring.stiffness)?;
-            if spring.rest_length != 0.0 {
-                check_positive("springs.rest_lengths", s, spring.rest_length)?;
-            }
-            if !(spring.damping.is_finite() && spring.damping >= 0.0) {
-                let rule = "must be finite and not negative";
-                return Err(Invalid::new("springs.damping", spring.damping, rule).at(s));
+            for (key, value) in [("springs.rest_lengths", spring.rest_length), ("springs.damping", spring.damping)] {
+                if !(value.is_finite() && value >= 0.0) {
+                    return Err(Invalid::new(key, value, "must be finite and not negative").at(s));
+                }
             }
         }
         Ok(())
