@@ -61,7 +61,7 @@ pub trait ExternalForce: Debug + Send + Sync {
         false
     }
 
-    /// Adds ∂f/∂x and ∂f/∂v of every particle.
+    /// Adds ∂f/∂x and ∂f/∂v of every particle. Where they are not symmetric, as those of a magnetic field, `rodas4` loses its order.
     fn add_derivatives(&self, _: &Moment<'_>, _: &mut [Derivatives]) {}
 
     /// Adds ∂f/∂t at fixed positions and velocities, in N/s: nothing where the force does not depend on time itself.

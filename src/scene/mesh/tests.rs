@@ -108,14 +108,10 @@ fn legacy_vtk_is_read_in_all_versions() {
         words()
     ));
     let ints = |numbers: &[i32]| -> Vec<u8> { numbers.iter().flat_map(|n| n.to_be_bytes()).collect() };
-    let binary = [
-        start("3.0", "BINARY", "UNSTRUCTURED_GRID").as_bytes(),
-        &doubles(f64::to_be_bytes),
-        b"\nMETADATA\nINFORMATION 0\n\nCELLS 1 5\n",
-        &ints(&[4, 0, 1, 2, 3]),
-        b"\nCELL_TYPES 1\n",
-        &ints(&[9]),
-    ];
+    let (beginning, places) = (start("3.0", "BINARY", "UNSTRUCTURED_GRID"), doubles(f64::to_be_bytes));
+    let (cell, kind) = (ints(&[4, 0, 1, 2, 3]), ints(&[9]));
+    let binary =
+        [beginning.as_bytes(), &places, b"\nMETADATA\nINFORMATION 0\n\nCELLS 1 5\n", &cell, b"\nCELL_TYPES 1\n", &kind];
     assert_square(binary.concat());
     let solid = format!("{grid}{}\nCELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n10\n", words());
     assert_eq!(read(&solid).unwrap().edges.len(), 6);
@@ -212,18 +208,10 @@ fn gmsh_is_read_in_versions_two_and_four() {
     assert_square(
         [&format("2.2")[..], b"4\n", &of_two, b"\n$EndNodes\n$Elements\n1\n", &elements, b"\n$EndElements\n"].concat(),
     );
-    let four = [
-        &format("4.1")[..],
-        &sizes(&[1, 4, 1, 4]),
-        &ints(&[2, 1, 0]),
-        &sizes(&[4, 1, 2, 3, 4]),
-        &doubles(f64::to_le_bytes),
-        b"\n$EndNodes\n$Elements\n",
-        &sizes(&[1, 1, 1, 1]),
-        &ints(&[2, 1, 3]),
-        &sizes(&[1, 1, 1, 2, 3, 4]),
-        b"\n$EndElements\n",
-    ];
+    let counts = [sizes(&[1, 4, 1, 4]), ints(&[2, 1, 0]), sizes(&[4, 1, 2, 3, 4])].concat();
+    let element = [sizes(&[1, 1, 1, 1]), ints(&[2, 1, 3]), sizes(&[1, 1, 1, 2, 3, 4])].concat();
+    let (beginning, places) = (format("4.1"), doubles(f64::to_le_bytes));
+    let four = [&beginning[..], &counts, &places, b"\n$EndNodes\n$Elements\n", &element, b"\n$EndElements\n"];
     assert_square(four.concat());
 }
 
