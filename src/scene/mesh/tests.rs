@@ -86,7 +86,7 @@ fn facets_of_stl_share_corners() {
     binary.resize(80, 0);
     binary.extend(3u32.to_le_bytes());
     facets.iter().for_each(|facet| binary.extend(numbers(facet)));
-    for (bytes, place) in [(text.into_bytes(), "line 20"), (binary, "facet 2")] {
+    for (bytes, place) in [(text.into_bytes(), "line 21"), (binary, "facet 2")] {
         let mesh = read(bytes).unwrap();
         assert_eq!((mesh.vertices.len(), mesh.edges.len(), mesh.triangles.len()), (4, 5, 2));
         assert_eq!(mesh.notes, [format!("mesh: 1 face that names a vertex twice left out ({place})")]);

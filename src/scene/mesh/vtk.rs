@@ -118,7 +118,7 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
             "POLYGONS" => reader.cells()?.add(&mut raw, Raw::add_face),
             "TRIANGLE_STRIPS" => reader.cells()?.add(&mut raw, Raw::add_strip),
             "VERTICES" => drop(reader.cells()?),
-            "METADATA" => while !reader.cursor.rest().is_empty() && !reader.cursor.rest_of_line().trim().is_empty() {},
+            "METADATA" => reader.pass_metadata(),
             "FIELD" => reader.pass_field()?,
             // What is known of points and cells comes last.
             "POINT_DATA" | "CELL_DATA" => break,
@@ -171,6 +171,12 @@ impl Reader<'_> {
             true => Ok(cells),
             false => Err(self.cursor.fault(format_args!("{} cells in place of {count}", cells.ends.len()))),
         }
+    }
+
+    /// What stands below the word, up to an empty line.
+    fn pass_metadata(&mut self) {
+        self.cursor.rest_of_line();
+        while !self.cursor.rest().is_empty() && !self.cursor.rest_of_line().trim().is_empty() {}
     }
 
     /// `FIELD name n`, and n times `name components tuples type` with their numbers.
