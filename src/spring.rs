@@ -15,6 +15,10 @@
 //! from `∂l/∂x_i = n` and `∂n/∂x_i = (I − nnᵀ)/l`. Source: lecture notes "Review of Backward Euler Implementation",
 //! CS838-2, University of Wisconsin–Madison, 7 October 2011, whose force law this is; the derivation is our own.
 //!
+//! A spring may have no rest length, `l0 = 0`. Its k is then in N/m, and all formulas hold with 1 m in place of l0 where something is divided by it or
+//! multiplied with it, the [gauge length](Spring::gauge_length): the force is `−k d`, the energy `½ k l²`, and `K^s = k I` under every option. It
+//! may lie at length zero; damping, which is along the spring, has no direction there and vanishes.
+//!
 //! **Edge cases.** At `l = l0` the transverse coefficient is zero, so all options agree. As `l → 0` it tends to −∞:
 //! a spring may be short, and its block is right to rounding, but at `l = 0` the direction does not exist and
 //! [`Extension::between`] returns `None`. The test is on the computed length, so ends nearer than about
@@ -44,9 +48,9 @@ use nalgebra::{Matrix3, Vector3};
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spring {
-    /// k, the force per unit strain, in N; positive.
+    /// k, the force per unit strain, in N; positive. The force per metre, in N/m, where the rest length is zero.
     pub stiffness: f64,
-    /// l0, the rest length, in m; positive.
+    /// l0, the rest length, in m; not negative.
     pub rest_length: f64,
     /// b, the damping along the spring, in N·s/m; not negative.
     pub damping: f64,
@@ -108,6 +112,9 @@ pub struct Extension {
 }
 
 impl Extension {
+    /// Of ends that coincide, in any direction.
+    pub(crate) const COLLAPSED: Self = Self { direction: Vector3::new(1.0, 0.0, 0.0), length: 0.0 };
+
     /// From the positions of the ends, in m; `None` when they coincide.
     pub fn between(xi: &Vector3<f64>, xj: &Vector3<f64>) -> Option<Self> {
         let d = xi - xj;
@@ -117,9 +124,21 @@ impl Extension {
 }
 
 impl Spring {
+    /// The length over which strain is measured, in m: the rest length, or 1 m where that is zero.
+    #[inline]
+    pub fn gauge_length(&self) -> f64 {
+        if self.rest_length == 0.0 { 1.0 } else { self.rest_length }
+    }
+
+    /// `k/l0`, the stiffness against a change of length, in N/m.
+    #[inline]
+    pub fn axial_stiffness(&self) -> f64 {
+        self.stiffness / self.gauge_length()
+    }
+
     /// `l/l0 − 1`, negative under compression. Computed as `(l − l0)/l0`, whose difference is exact near rest.
     pub fn strain(&self, at: &Extension) -> f64 {
-        (at.length - self.rest_length) / self.rest_length
+        (at.length - self.rest_length) / self.gauge_length()
     }
 
     /// Whether the spring is shorter than at rest, so that its transverse term is negative.
@@ -135,17 +154,23 @@ impl Spring {
     /// Elastic energy `½ k (l − l0)²/l0`, in J.
     pub fn elastic_energy(&self, at: &Extension) -> f64 {
         let strain = self.strain(at);
-        0.5 * self.stiffness * self.rest_length * strain * strain
+        0.5 * self.stiffness * self.gauge_length() * strain * strain
     }
 
     /// Damping force on end i, `−b n nᵀ v` with `v = v_i − v_j`, in N.
     pub fn damping_force(&self, at: &Extension, v: &Vector3<f64>) -> Vector3<f64> {
+        if at.length == 0.0 {
+            return Vector3::zeros();
+        }
         at.direction * (-self.damping * at.direction.dot(v))
     }
 
     /// Change of the damping force on end i when the ends move by `δd = δx_i − δx_j` at a fixed `v = v_i − v_j`, in N:
     /// `−b ((nᵀv) Pδd + n (vᵀPδd))` with `P = (I − nnᵀ)/l`, since `δn = Pδd`.
     pub fn damping_differential(&self, at: &Extension, v: &Vector3<f64>, d: &Vector3<f64>) -> Vector3<f64> {
+        if at.length == 0.0 {
+            return Vector3::zeros();
+        }
         let n = &at.direction;
         let turn = (d - n * n.dot(d)) / at.length;
         (turn * n.dot(v) + n * v.dot(&turn)) * -self.damping
@@ -162,12 +187,16 @@ impl Spring {
         };
         // k (1/l0 − 1/l), written with the exact difference l − l0 so that it keeps its digits near rest.
         let transverse = self.stiffness * elongation / (self.rest_length * at.length);
-        SpringBlock { direction: at.direction, transverse, axial: self.stiffness / self.rest_length }
+        let axial = self.axial_stiffness();
+        // Without a rest length it is the same in all directions, and without a length too.
+        let transverse = if self.rest_length == 0.0 { axial } else { transverse };
+        SpringBlock { direction: at.direction, transverse, axial }
     }
 
     /// The damping block `b nnᵀ`, in N·s/m.
     pub fn damping_block(&self, at: &Extension) -> SpringBlock {
-        SpringBlock { direction: at.direction, transverse: 0.0, axial: self.damping }
+        let axial = if at.length == 0.0 { 0.0 } else { self.damping };
+        SpringBlock { direction: at.direction, transverse: 0.0, axial }
     }
 }
 

@@ -218,7 +218,7 @@ pub fn inspect(data: &[u8]) {
 
 /// Any bytes are a mesh or an error; edges and triangles name vertices that are there.
 pub fn mesh(data: &[u8]) {
-    match MeshGeometry::from_obj(data, Path::new("m.obj")) {
+    match MeshGeometry::from_bytes(data, Path::new("m")) {
         Ok(mesh) => {
             let there = |&p: &u32| (p as usize) < mesh.vertices.len();
             assert!(mesh.edges.iter().flatten().all(there) && mesh.triangles.iter().flatten().all(there));

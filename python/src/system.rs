@@ -264,7 +264,8 @@ impl System {
 /// The length of a spring; NaN where an end does not exist, for which the builder rejects the pair.
 fn distance(positions: &[Vector3<f64>], &[i, j]: &[u32; 2]) -> f64 {
     let ends = positions.get(i as usize).zip(positions.get(j as usize));
-    ends.map_or(f64::NAN, |(xi, xj)| Extension::between(xi, xj).map_or(0.0, |at| at.length))
+    // Of ends that coincide there is no distance to take for a rest length.
+    ends.and_then(|(xi, xj)| Extension::between(xi, xj)).map_or(f64::NAN, |at| at.length)
 }
 
 fn constraint((particles, axes, velocity, path): GivenConstraint, dimension: usize) -> Constraint {

@@ -6,7 +6,7 @@
 //! method's steps need not follow vibrations that carry no motion; each takes a factorization and several solves.
 
 use crate::error::Result;
-use crate::force::{Extensions, add_damping_force, add_elastic_differential};
+use crate::force::{Extensions, add_damping_product, add_elastic_differential};
 use crate::integrate::Method;
 use crate::system::{State, System};
 use nalgebra::Vector3;
@@ -33,10 +33,10 @@ impl SpectralRadius {
     /// # Errors
     /// Coincident ends of a spring.
     pub fn at(system: &System, state: &State) -> Result<Self> {
-        let extensions = Extensions::at(system, &state.positions)?;
+        let extensions = Extensions::at(system, state)?;
         let stiffness = power_method(system, |u, force| add_elastic_differential(system, &extensions, u, force));
-        let decay = if system.is_damped() {
-            power_method(system, |u, force| add_damping_force(system, &extensions, u, force))
+        let decay = if system.is_damped() || !extensions.external().is_empty() {
+            power_method(system, |u, force| add_damping_product(system, &extensions, u, force))
         } else {
             0.0
         };
@@ -107,7 +107,9 @@ pub fn default_method(system: &System, state: &State, duration: f64) -> Result<(
     } else {
         (
             Method::Rodas4,
-            format!("implicit: resolving the fastest {fastest}, {rate:.2e}/s, would take {explicit:.1e} force evaluations"),
+            format!(
+                "implicit: resolving the fastest {fastest}, {rate:.2e}/s, would take {explicit:.1e} force evaluations"
+            ),
         )
     })
 }

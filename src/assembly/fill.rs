@@ -44,6 +44,7 @@ impl<L: Lanes> pulp::NullaryFnOnce for Stretch<'_, L> {
             } else {
                 filling.fill_any(particle, own);
             }
+            filling.add_external(particle, own);
             rest = others;
         }
     }
@@ -127,6 +128,18 @@ impl Filling<'_> {
         z_diagonal.copy_from_slice(&[z.1]);
         for ahead in self.springs.incidences_ahead(particle, AHEAD) {
             prefetch(&blocks[ahead.spring as usize]);
+        }
+    }
+
+    /// Adds what forces from outside do to the diagonal block.
+    fn add_external(&self, particle: usize, own: &mut [f64]) {
+        let Some(block) = self.operator.external().get(particle) else { return };
+        let (pattern, free) = (self.springs.pattern(), self.operator.system().dofs().free_axes(particle));
+        for (column, c) in free.iter().enumerate() {
+            let start = pattern.column(particle, column).start - pattern.values_before(particle);
+            for (value, r) in own[start..].iter_mut().zip(free.iter().skip(column)) {
+                *value += block[(r, c)];
+            }
         }
     }
 

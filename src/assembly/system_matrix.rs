@@ -89,13 +89,12 @@ impl SystemMatrix {
 /// Slow and obvious; [`SystemMatrix::refill`] is held to it bit by bit.
 pub fn assemble_afresh(operator: &SystemOperator) -> Vec<super::triplets::MatrixEntry> {
     let system = operator.system();
-    let masses = system.masses().iter().enumerate();
-    let mass = |(p, m): (usize, &f64)| BlockTriplet {
+    let mass = |p| BlockTriplet {
         row: p,
         column: p,
-        block: Matrix3::from_diagonal_element(operator.mass_factor() * m),
+        block: Matrix3::from_diagonal_element(operator.mass_factor() * system.masses()[p]),
     };
-    let mut triplets: Vec<BlockTriplet> = masses.map(mass).collect();
+    let mut triplets: Vec<BlockTriplet> = (0..system.particles()).map(mass).collect();
     for ((_, [i, j], _), block) in system.active().zip(operator.blocks()) {
         let block = block.matrix();
         triplets.push(BlockTriplet { row: i, column: i, block });
@@ -103,6 +102,8 @@ pub fn assemble_afresh(operator: &SystemOperator) -> Vec<super::triplets::Matrix
         triplets.push(BlockTriplet { row: i, column: j, block: -block });
         triplets.push(BlockTriplet { row: j, column: i, block: -block });
     }
+    let external = operator.external().iter().enumerate();
+    triplets.extend(external.map(|(p, block)| BlockTriplet { row: p, column: p, block: *block }));
     assemble(system.dofs(), &triplets)
 }
 

@@ -71,7 +71,7 @@ struct Report<'a> {
 
 impl Chart {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
-        let scene = self.scene.load()?;
+        let scene = self.scene.load(console)?;
         let dt = scene.step_or_default(console, self.dt);
         let duration = scene.motion_length(self.duration, "a chart")?;
         Schedule::check(dt, duration).map_err(|error| scene.not_countable(error))?;

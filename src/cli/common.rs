@@ -6,7 +6,7 @@ use sprung::error::Invalid;
 use sprung::integrate::Schedule;
 use sprung::output::{AtomicFile, OutputFolder};
 use sprung::plan::DEFAULT_STEP;
-use sprung::scene::{Scene, TimeSettings};
+use sprung::scene::{Built, Scene, TimeSettings};
 use sprung::{Error, Result, State, System};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -43,12 +43,13 @@ impl SceneFile {
         Self { path: path.into() }
     }
 
-    pub fn load(&self) -> Result<LoadedScene> {
+    /// Reads and builds the scene; says what may surprise in its mesh.
+    pub fn load(&self, console: &Console) -> Result<LoadedScene> {
         let (scene, file) = read_scene(&self.path)?;
-        let built = scene.build_with_triangles();
-        let (system, state, triangles) = built.map_err(|error| error.in_file(&file))?;
-        let (name, time) = (scene.name, scene.time);
-        Ok(LoadedScene { file, name, time, system, state, triangles })
+        let built = scene.build_with_notes().map_err(|error| error.in_file(&file))?;
+        let Built { system, state, triangles, notes } = built;
+        notes.iter().for_each(|line| console.note(line));
+        Ok(LoadedScene { file, name: scene.name, time: scene.time, system, state, triangles })
     }
 }
 

@@ -77,7 +77,7 @@ struct Arrival {
 
 impl Inspect {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
-        let mut scene = self.scene.load()?;
+        let mut scene = self.scene.load(console)?;
         let dt = scene.step_or_default(console, self.dt);
         let folder = scene.folder(&self.out);
         let file = scene.file.clone();

@@ -76,7 +76,7 @@ struct Entries {
 
 impl Matrix {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
-        let scene = self.scene.load()?;
+        let scene = self.scene.load(console)?;
         let dt = scene.step_or_default(console, self.dt);
         let matrices = self.threads.install(|| {
             Ok(StepMatrices::assemble(&scene.system, &scene.state, self.stiffness, dt)

@@ -101,7 +101,7 @@ struct Pacing {
 
 impl Run {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
-        let scene = self.scene.load()?;
+        let scene = self.scene.load(console)?;
         let accuracy = self.accuracy_options(&scene)?;
         if accuracy.is_some() && self.checkpoint.is_some() {
             console.note("--checkpoint has no effect with --accuracy");

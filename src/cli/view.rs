@@ -49,7 +49,7 @@ impl View {
         let (animation, folder) = if self.subject.is_dir() {
             (motion(&self.subject)?, self.subject.clone())
         } else {
-            let scene = SceneFile::at(&self.subject).load()?;
+            let scene = SceneFile::at(&self.subject).load(console)?;
             let cast = Cast::of(&scene.system, &scene.triangles);
             (Animation::still(&scene.name, cast, &scene.state), scene.folder(&None))
         };

@@ -61,7 +61,7 @@ impl Drawing {
             .map(|(pair, spring)| {
                 let ends = pair.map(|p| p as usize);
                 let [xi, xj] = ends.map(|p| state.positions.get(p).copied().unwrap_or_else(Vector3::zeros));
-                let scalar = ((xi - xj).norm() - spring.rest_length) / spring.rest_length;
+                let scalar = ((xi - xj).norm() - spring.rest_length) / spring.gauge_length();
                 Segment { ends, scalar, label: None }
             })
             .collect();

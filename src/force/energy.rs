@@ -29,7 +29,7 @@ pub struct Energy {
     pub kinetic: f64,
     /// `Σ ½ k (l − l0)²/l0` over all springs.
     pub elastic: f64,
-    /// `−Σ m gravity·x`, zero at the origin.
+    /// `−Σ m gravity·x`, zero at the origin; with gravity as it is at time zero.
     pub gravitational: f64,
 }
 
@@ -46,8 +46,8 @@ impl Energy {
             .enumerate()
             .map(|(spring, &[i, j])| {
                 let (xi, xj) = (&state.positions[i as usize], &state.positions[j as usize]);
-                let collapsed = Extension { direction: Vector3::zeros(), length: 0.0 };
-                system.elastic_energy(spring, &Extension::between(xi, xj).unwrap_or(collapsed))
+                let at = Extension::between(xi, xj).unwrap_or(Extension::COLLAPSED);
+                system.elastic_energy(spring, &at, state.time)
             })
             .sum();
         // An empty sum is −0, which reads as if it were something; with 0 added it is 0, and every other sum itself.

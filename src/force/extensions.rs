@@ -1,10 +1,56 @@
-//! Direction and length of every active spring at one configuration, computed once and used by all formulas.
+//! Direction and length of every active spring at one configuration, computed once and used by all formulas; and what forces from outside have of
+//! derivatives there.
 
 use crate::error::DegenerateSpring;
 use crate::parallel::try_pieces;
 use crate::spring::{Extension, Spring};
-use crate::system::System;
-use nalgebra::Vector3;
+use crate::system::{Derivatives, Moment, State, System};
+use nalgebra::{Matrix3, Vector3};
+
+/// Where all particles are, and at which time and how fast where that matters: positions alone are those of a system at rest at time zero.
+#[derive(Debug, Clone, Copy)]
+pub struct Configuration<'a> {
+    time: f64,
+    positions: &'a [Vector3<f64>],
+    velocities: Option<&'a [Vector3<f64>]>,
+}
+
+impl<'a> From<&'a [Vector3<f64>]> for Configuration<'a> {
+    fn from(positions: &'a [Vector3<f64>]) -> Self {
+        Self { time: 0.0, positions, velocities: None }
+    }
+}
+
+impl<'a> From<&'a Vec<Vector3<f64>>> for Configuration<'a> {
+    fn from(positions: &'a Vec<Vector3<f64>>) -> Self {
+        positions.as_slice().into()
+    }
+}
+
+impl<'a, const N: usize> From<&'a [Vector3<f64>; N]> for Configuration<'a> {
+    fn from(positions: &'a [Vector3<f64>; N]) -> Self {
+        positions.as_slice().into()
+    }
+}
+
+impl<'a> From<&Moment<'a>> for Configuration<'a> {
+    fn from(at: &Moment<'a>) -> Self {
+        Self { time: at.time, positions: at.positions, velocities: Some(at.velocities) }
+    }
+}
+
+impl<'a> From<&'a State> for Configuration<'a> {
+    fn from(state: &'a State) -> Self {
+        (&state.moment()).into()
+    }
+}
+
+impl<'a> Configuration<'a> {
+    /// x, one row per particle, in m.
+    pub fn positions(&self) -> &'a [Vector3<f64>] {
+        self.positions
+    }
+}
 
 /// n and l of every active spring, in the order of [`System::active_springs`].
 ///
@@ -20,7 +66,7 @@ use nalgebra::Vector3;
 /// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// # builder.hold(0);
 /// let (system, state) = builder.build()?;
-/// let extensions = Extensions::at(&system, &state.positions)?;
+/// let extensions = Extensions::at(&system, &state)?;
 /// let mut force = vec![Vector3::zeros(); system.particles()];
 /// add_elastic_force(&system, &extensions, &mut force);
 /// assert_eq!(force[1], Vector3::new(10.0, 0.0, 0.0)); // half its rest length: it pushes with k/2
@@ -29,50 +75,83 @@ use nalgebra::Vector3;
 #[derive(Debug, Clone)]
 pub struct Extensions {
     values: Vec<Extension>,
-    /// Of a law of the caller's own, its springs at these lengths; empty for the built-in law, whose springs are the same at all.
+    /// Of springs that have to be asked for, those that they are at these lengths and this time; empty where springs are the same at all.
     tangents: Vec<Spring>,
+    /// The symmetric parts of the derivatives of forces from outside, one for every particle; empty where there are none.
+    external: Vec<Derivatives>,
 }
 
 impl Extensions {
-    /// At the given full-length positions.
+    /// At a configuration: a state, a moment, or positions.
     ///
     /// # Errors
-    /// The first spring whose ends coincide.
-    pub fn at(system: &System, positions: &[Vector3<f64>]) -> Result<Self, DegenerateSpring> {
+    /// The first spring whose ends coincide and that has no direction then.
+    pub fn at<'a>(system: &System, at: impl Into<Configuration<'a>>) -> Result<Self, DegenerateSpring> {
+        let at = at.into();
         // All at once: a list that grows takes up to three times its memory on the way.
         let mut values = Vec::with_capacity(system.active_springs().len());
         for (spring, pair, _) in system.active() {
             let [i, j] = pair;
-            values.push(Extension::between(&positions[i], &positions[j]).ok_or(DegenerateSpring { spring, pair })?);
+            let extension = system.extension(spring, &at.positions[i], &at.positions[j]);
+            values.push(extension.ok_or(DegenerateSpring { spring, pair })?);
         }
-        let mut extensions = Self { values, tangents: Vec::new() };
+        let mut extensions = Self { values, tangents: Vec::new(), external: Vec::new() };
         if system.has_spring_law() {
             extensions.tangents = system.active().map(|(.., spring)| *spring).collect();
-            extensions.set_tangents(system);
+            extensions.set_tangents(system, at.time);
+        }
+        if system.has_external_derivatives() {
+            extensions.external = vec![Derivatives::default(); system.particles()];
+            extensions.set_external(system, &at);
         }
         Ok(extensions)
     }
 
-    /// Recomputes for new positions of the same system, in parallel and without allocating.
+    /// Recomputes for a new configuration of the same system, in parallel and without allocating.
     ///
     /// # Errors
     /// As [`at`](Self::at); the extensions are then partly old and partly new.
-    pub fn update(&mut self, system: &System, positions: &[Vector3<f64>]) -> Result<(), DegenerateSpring> {
+    pub fn update<'a>(&mut self, system: &System, at: impl Into<Configuration<'a>>) -> Result<(), DegenerateSpring> {
+        let at = at.into();
         try_pieces(&mut self.values, &|first, piece| {
-            for ((spring, pair, _), at) in system.active_from(first).zip(piece) {
+            for ((spring, pair, _), target) in system.active_from(first).zip(piece) {
                 let [i, j] = pair;
-                *at = Extension::between(&positions[i], &positions[j]).ok_or(DegenerateSpring { spring, pair })?;
+                let extension = system.extension(spring, &at.positions[i], &at.positions[j]);
+                *target = extension.ok_or(DegenerateSpring { spring, pair })?;
             }
             Ok(())
         })?;
-        self.set_tangents(system);
+        self.set_tangents(system, at.time);
+        self.set_external(system, &at);
         Ok(())
     }
 
-    fn set_tangents(&mut self, system: &System) {
+    fn set_tangents(&mut self, system: &System, time: f64) {
         for ((tangent, at), &spring) in self.tangents.iter_mut().zip(&self.values).zip(system.active_springs()) {
-            *tangent = system.spring_at(spring as usize, at.length);
+            *tangent = system.spring_at(spring as usize, at.length, time);
         }
+    }
+
+    fn set_external(&mut self, system: &System, at: &Configuration) {
+        if self.external.is_empty() {
+            return;
+        }
+        self.external.fill(Derivatives::default());
+        let at_rest = if at.velocities.is_none() { vec![Vector3::zeros(); at.positions.len()] } else { Vec::new() };
+        let velocities = at.velocities.unwrap_or(&at_rest);
+        let moment = Moment { time: at.time, positions: at.positions, velocities };
+        for (derivatives, drag) in self.external.iter_mut().zip(&system.loads().drag) {
+            derivatives.damping -= Matrix3::from_diagonal_element(*drag);
+        }
+        system.external_forces().for_each(|force| force.add_derivatives(&moment, &mut self.external));
+        for Derivatives { stiffness, damping } in &mut self.external {
+            (*stiffness, *damping) = (symmetric(stiffness), symmetric(damping));
+        }
+    }
+
+    /// The symmetric parts of the derivatives of forces from outside, one for every particle; empty where there are none.
+    pub fn external(&self) -> &[Derivatives] {
+        &self.external
     }
 
     /// As a slice, in the order of the active springs.
@@ -115,4 +194,8 @@ impl Extensions {
         let own = || &system.springs()[system.active_springs()[position] as usize];
         self.tangents.get(position).unwrap_or_else(own)
     }
+}
+
+fn symmetric(matrix: &Matrix3<f64>) -> Matrix3<f64> {
+    (matrix + matrix.transpose()) * 0.5
 }

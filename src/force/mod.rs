@@ -13,7 +13,7 @@ mod total;
 
 pub use crate::error::DegenerateSpring;
 pub use energy::{Energy, angular_momentum, linear_momentum};
-pub use extensions::Extensions;
+pub use extensions::{Configuration, Extensions};
 pub use reaction::Reactions;
 use total::has_only_active;
 pub use total::set_total_force;
@@ -62,7 +62,7 @@ pub fn add_damping_force(
     });
 }
 
-/// Adds K δx, the change of the elastic force when all particles move by `displacement`, in m: `−K^s (δx_i − δx_j)` on end i of every spring and the
+/// Adds K δx, the change of the elastic forces, and of forces from outside that know their stiffness, when all particles move by `displacement`, in m: `−K^s (δx_i − δx_j)` on end i of every spring and the
 /// opposite on end j.
 pub fn add_elastic_differential(
     system: &System,
@@ -74,6 +74,9 @@ pub fn add_elastic_differential(
         let d = displacement[i] - displacement[j];
         Some(-spring.stiffness_block(at, Stiffness::Full).apply(&d))
     });
+    for ((force, derivatives), d) in force.iter_mut().zip(extensions.external()).zip(displacement) {
+        *force += derivatives.stiffness * d;
+    }
 }
 
 /// Adds the change of the damping force when all particles move by `displacement`, in m, at fixed velocities: the product
@@ -101,8 +104,76 @@ pub fn add_weight(system: &System, force: &mut [Vector3<f64>]) {
     }
 }
 
-/// Adds all external forces of a system.
+/// Adds `D w` with D the symmetric part of ∂f/∂v of forces from outside, for any velocities w, in m/s.
+pub fn add_external_damping(extensions: &Extensions, velocities: &[Vector3<f64>], force: &mut [Vector3<f64>]) {
+    for ((force, derivatives), v) in force.iter_mut().zip(extensions.external()).zip(velocities) {
+        *force += derivatives.damping * v;
+    }
+}
+
+/// Adds external forces less `D v`, the part of them that is linear in velocities and stands in the matrix.
+pub(crate) fn add_undamped_external_forces(
+    system: &System,
+    extensions: &Extensions,
+    at: &Moment<'_>,
+    force: &mut [Vector3<f64>],
+) {
+    add_external_forces(system, at, force);
+    for ((force, derivatives), v) in force.iter_mut().zip(extensions.external()).zip(at.velocities) {
+        *force -= derivatives.damping * v;
+    }
+}
+
+/// Adds `G w`, the whole of it: of springs and of forces from outside.
+pub(crate) fn add_damping_product(
+    system: &System,
+    extensions: &Extensions,
+    velocities: &[Vector3<f64>],
+    force: &mut [Vector3<f64>],
+) {
+    add_damping_force(system, extensions, velocities, force);
+    add_external_damping(extensions, velocities, force);
+}
+
+/// Adds ∂f/∂t at fixed positions and velocities, in N/s: of gravity and rest lengths that change, and of forces from outside.
+pub fn add_force_rate(system: &System, extensions: &Extensions, at: &Moment<'_>, rate: &mut [Vector3<f64>]) {
+    system.loads().add_rate(system.masses(), at.time, rate);
+    system.external_forces().for_each(|external| external.add_rate(at, rate));
+    if system.behaviour().actuation.is_empty() || !system.has_spring_law() {
+        return;
+    }
+    for ((number, [i, j], spring), extension) in extensions.springs(system) {
+        // Of a spring that does not push nothing changes while it is slack: its stiffness is zero.
+        if let Some([factor, slope]) = system.actuation(number, at.time) {
+            // T = k (l/l0 − 1), of which l0' = l0 s'/s takes k l/l0 · s'/s.
+            let lost = spring.stiffness * extension.length / spring.rest_length * slope / factor;
+            let f = extension.direction * lost;
+            rate[i] += f;
+            rate[j] -= f;
+        }
+    }
+}
+
+/// The power, in W, that springs take up by changing their rest lengths: `Σ −½ k (l² − l0²)/l0² · l0'` over all springs that pull or push. It is
+/// what the elastic energy grows by while nothing moves.
+pub fn actuation_power(system: &System, at: &Moment<'_>) -> f64 {
+    let power = |(number, &[i, j]): (usize, &[u32; 2])| {
+        let [factor, slope] = system.actuation(number, at.time)?;
+        let length = (at.positions[i as usize] - at.positions[j as usize]).norm();
+        let spring = system.spring_at(number, length, at.time);
+        let ratio = length / spring.gauge_length();
+        Some(-0.5 * spring.stiffness * (ratio * ratio - 1.0) * system.springs()[number].rest_length * slope)
+            .filter(|_| factor > 0.0)
+    };
+    if system.behaviour().actuation.is_empty() {
+        return 0.0;
+    }
+    system.pairs().iter().enumerate().filter_map(power).sum()
+}
+
+/// Adds all external forces of a system: its [loads](crate::system::Loads) and those of the caller's own.
 pub fn add_external_forces(system: &System, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    system.loads().add(system.masses(), at, force);
     for external in system.external_forces() {
         external.add(at, force);
     }

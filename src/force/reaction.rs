@@ -54,9 +54,14 @@ impl Reactions {
         set_other_forces(system, &moment, &mut force);
         for (number, pair) in system.pairs().iter().enumerate() {
             let [i, j] = pair.map(|end| end as usize);
-            let at = Extension::between(&moment.positions[i], &moment.positions[j])
-                .ok_or(DegenerateSpring { spring: number, pair: [i, j] })?;
-            let spring = system.spring_at(number, at.length);
+            let Some(at) = Extension::between(&moment.positions[i], &moment.positions[j]) else {
+                // One without a rest length exerts no force there.
+                if system.springs()[number].rest_length == 0.0 {
+                    continue;
+                }
+                return Err(DegenerateSpring { spring: number, pair: [i, j] });
+            };
+            let spring = system.spring_at(number, at.length, moment.time);
             let mut f = spring.elastic_force(&at);
             if spring.damping > 0.0 {
                 f += spring.damping_force(&at, &(moment.velocities[i] - moment.velocities[j]));

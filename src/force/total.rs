@@ -2,7 +2,7 @@
 
 use super::batch::{AddForces, Coincident, Ends};
 use super::{DegenerateSpring, add_external_forces};
-use crate::spring::{Extension, Spring};
+use crate::spring::Spring;
 use crate::system::{Moment, Share, System};
 use nalgebra::Vector3;
 
@@ -110,11 +110,12 @@ fn add_by_law<'a>(
 /// The force on end i of a spring that has a law of the caller's own.
 fn by_law(system: &System, at: &Moment<'_>, spring: usize, pair: [usize; 2]) -> Result<Vector3<f64>, DegenerateSpring> {
     let [i, j] = pair;
-    let extension = Extension::between(&at.positions[i], &at.positions[j]).ok_or(DegenerateSpring { spring, pair })?;
-    let parameters = system.spring_at(spring, extension.length);
+    let extension = system.extension(spring, &at.positions[i], &at.positions[j]);
+    let extension = extension.ok_or(DegenerateSpring { spring, pair })?;
+    let parameters = system.spring_at(spring, extension.length, at.time);
     let mut tension = parameters.stiffness * parameters.strain(&extension);
     // Without damping velocities may be anything, infinite too.
-    if parameters.damping > 0.0 {
+    if parameters.damping > 0.0 && extension.length > 0.0 {
         tension += parameters.damping * extension.direction.dot(&(at.velocities[i] - at.velocities[j]));
     }
     Ok(extension.direction * -tension)

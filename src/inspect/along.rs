@@ -67,7 +67,7 @@ impl<'s> DefinitenessWatch<'s> {
     /// Coincident ends of a spring; a matrix that is too large.
     pub fn new(system: &'s System, state: &State, option: Stiffness, dt: f64, par: Par) -> Result<Self> {
         let combination = Combination::step(dt);
-        let extensions = Extensions::at(system, &state.positions)?;
+        let extensions = Extensions::at(system, state)?;
         let operator = SystemOperator::new(system, &extensions, option, combination);
         let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
         let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
@@ -80,7 +80,7 @@ impl<'s> DefinitenessWatch<'s> {
     /// # Errors
     /// Coincident ends of a spring.
     pub fn look(&mut self, step: u64, state: &State) -> Result<Option<Loss>, DegenerateSpring> {
-        self.extensions.update(self.system, &state.positions)?;
+        self.extensions.update(self.system, state)?;
         self.operator.update(&self.extensions, self.option, self.combination);
         self.matrix.refill(&self.operator);
         let factored = self.factorization.factor(self.matrix.matrix()).is_ok();

@@ -143,7 +143,7 @@ impl<'s> CriticalSteps<'s> {
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
         let work = Work { symbolic_factorizations: 1, ..Work::default() };
-        Self::analysed(system, Extensions::at(system, &state.positions)?, pattern, factorization, work)
+        Self::analysed(system, Extensions::at(system, state)?, pattern, factorization, work)
     }
 
     /// On a pattern that has been analysed.

@@ -115,8 +115,7 @@ impl<'s> Estimator<'s> {
 
 /// `min mᵢ/dt²`, below every eigenvalue where no block has a negative one.
 fn proven_floor(a: &SystemOperator<'_>) -> f64 {
-    let is_positive = a.blocks().iter().all(|block| block.lowest() >= 0.0);
-    if is_positive { a.mass_factor() * lightest(a.system()) } else { f64::NEG_INFINITY }
+    if a.has_no_negative_block() { a.mass_factor() * lightest(a.system()) } else { f64::NEG_INFINITY }
 }
 
 /// A bound for λ_max.
@@ -124,6 +123,7 @@ fn proven_ceiling(a: &SystemOperator<'_>) -> f64 {
     let system = a.system();
     let highest = |block: &SpringBlock| block.axial.max(block.transverse).max(0.0);
     let mut sums: Vec<f64> = system.masses().iter().map(|mass| a.mass_factor() * mass).collect();
+    sums.iter_mut().zip(a.external()).for_each(|(sum, block)| *sum += block.norm());
     for ((_, [i, j], _), block) in system.active().zip(a.blocks()) {
         sums[i] += 2.0 * highest(block);
         sums[j] += 2.0 * highest(block);

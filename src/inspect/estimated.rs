@@ -30,7 +30,7 @@ impl Inspection {
         onlooker: &mut dyn FnMut(f64, &Self),
     ) -> Result<Self> {
         memory::ensure(ROW * system.dofs().len() as u64, "an estimate of eigenvalues")?;
-        let extensions = Extensions::at(system, &state.positions)?;
+        let extensions = Extensions::at(system, state)?;
         let mut found = Self::unknown(system, &extensions, dt, option);
         found.left_out = Part::all().map(|part| LeftOut { part, why }).collect();
         let mut estimator = Estimator::new(system, state, extensions.clone(), dt);
@@ -97,7 +97,7 @@ impl Inspection {
     fn settled_by_springs(&mut self, system: &System, extensions: &Extensions) {
         let k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
         let k = SystemOperator::new(system, extensions, Stiffness::Full, k);
-        if k.blocks().iter().all(|block| block.lowest() >= 0.0) {
+        if k.has_no_negative_block() {
             self.growing_modes = 0;
             self.known(Part::GrowingModes);
             self.known(Part::SmallestSet);
@@ -108,7 +108,7 @@ impl Inspection {
         let mut family = Family::new(system, extensions.clone());
         for option in [Stiffness::Tension, Stiffness::Axial] {
             family.set(Property::Stable, option, 0.0);
-            if family.blocks().iter().all(|block| block.lowest() >= 0.0) {
+            if family.operator().has_no_negative_block() {
                 self.options[place(option)].stable = LargestStep::Every;
                 self.known(Part::Stable(option));
             }

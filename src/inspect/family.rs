@@ -11,10 +11,11 @@ use super::random::gaussian;
 use super::space::{Curvature, Space, Term};
 use crate::force::{DegenerateSpring, Extensions};
 use crate::linear::{Ldlt, SOLVE_COLUMNS, dot, norm};
-use crate::operator::{Combination, LinearOperator, SystemOperator};
+use crate::operator::{Combination, LinearOperator, SystemOperator, negative_part};
 use crate::spring::{SpringBlock, Stiffness};
 use crate::system::{State, System};
 use crate::work::Work;
+use nalgebra::Matrix3;
 use rand::SeedableRng;
 use rand::rngs::Xoshiro256PlusPlus;
 
@@ -77,7 +78,7 @@ impl<'s> Family<'s> {
     /// # Errors
     /// Coincident ends of a spring.
     pub fn update(&mut self, state: &State) -> Result<(), DegenerateSpring> {
-        self.extensions.update(self.system, &state.positions)?;
+        self.extensions.update(self.system, state)?;
         self.damping.update(&self.extensions, Stiffness::Full, Combination::DAMPING);
         Ok(())
     }
@@ -85,6 +86,14 @@ impl<'s> Family<'s> {
     /// Makes the operator P(s).
     pub fn set(&mut self, requirement: Property, option: Stiffness, s: f64) {
         let (mass, damping) = (requirement.mass() * s * s, requirement.damping() * s);
+        self.operator.set_external(&self.extensions, |at| {
+            let dropped = -if option == Stiffness::Full { at.stiffness } else { negative_part(&at.stiffness) };
+            let stiffness = match requirement {
+                Property::Definite => dropped,
+                Property::Stable => dropped * 2.0 + at.stiffness,
+            };
+            stiffness - at.damping * damping
+        });
         self.operator.set_blocks(&self.extensions, mass, |_, spring, at| {
             let dropped = spring.stiffness_block(at, option);
             let stiffness = match requirement {
@@ -121,7 +130,7 @@ impl<'s> Family<'s> {
     pub fn softest_direction(&mut self, start: &[f64]) -> Vec<f64> {
         let n = self.system.dofs().len();
         let size = |block: &SpringBlock| block.transverse.abs().max(block.axial.abs());
-        let bound = self.largest_per_mass(size);
+        let bound = self.largest_per_mass(size, Matrix3::norm);
         let Self { operator, product, roots, .. } = self;
         let mut apply = |x: &[f64], y: &mut [f64]| {
             for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
@@ -249,6 +258,7 @@ impl<'s> Family<'s> {
     /// Expects the operator at s = 0, so that damping is left out.
     pub fn norm_bound(&self, s: f64, requirement: Property) -> f64 {
         let mut sums: Vec<f64> = self.system.masses().iter().map(|m| requirement.mass() * s * s * m).collect();
+        sums.iter_mut().zip(self.operator.external()).for_each(|(sum, block)| *sum += block.norm());
         for ((_, [i, j], _), block) in self.system.active().zip(self.blocks()) {
             let norm = 2.0 * block.transverse.abs().max(block.axial.abs());
             sums[i] += norm;
@@ -264,16 +274,22 @@ impl<'s> Family<'s> {
     /// A spring with the lowest eigenvalue −c takes at most `c‖u_i − u_j‖² ≤ 2c(‖u_i‖² + ‖u_j‖²)` from uᵀPu, and only
     /// `c‖u_i‖²` where j is held. So `μ s² m_i > Σ 2c` over the springs at every particle i is enough.
     pub fn surely_definite(&self, requirement: Property) -> f64 {
-        let largest = self.largest_per_mass(|block| (-block.lowest()).max(0.0));
+        let of_external = |block: &Matrix3<f64>| block.symmetric_eigenvalues().min().min(0.0).abs();
+        let largest = self.largest_per_mass(|block| (-block.lowest()).max(0.0), of_external);
         // A little above, so that rounding does not make the factorization fail there.
         (largest / requirement.mass()).sqrt() * (1.0 + 1e-6)
     }
 
     /// The largest `Σ 2c/m_i` of all particles i, c what `coefficient` says of the block of each spring at i (`c/m_i` instead where
     /// the spring's other end is held). For c ≥ ‖block‖ it bounds `‖M^{-1/2} C M^{-1/2}‖`.
-    fn largest_per_mass(&self, coefficient: impl Fn(&SpringBlock) -> f64) -> f64 {
+    fn largest_per_mass(
+        &self,
+        coefficient: impl Fn(&SpringBlock) -> f64,
+        of_external: impl Fn(&Matrix3<f64>) -> f64,
+    ) -> f64 {
         let dofs = self.system.dofs();
         let mut taken = vec![0.0; self.system.particles()];
+        taken.iter_mut().zip(self.operator.external()).for_each(|(taken, block)| *taken = of_external(block));
         for ((_, [i, j], _), block) in self.system.active().zip(self.blocks()) {
             let both_free = [i, j].iter().all(|&p| !dofs.rows(p).is_empty());
             let share = coefficient(block) * if both_free { 2.0 } else { 1.0 };

@@ -105,7 +105,7 @@ impl<'s> Follower<'s> {
                 Stiffness::Full | Stiffness::Tension => None,
             },
             before: start.positions.clone(),
-            extensions: Extensions::at(system, &start.positions)?,
+            extensions: Extensions::at(system, start)?,
             monitor: Monitor::new(system, start, MonitorOptions { stops_unstable: false, ..MonitorOptions::ENERGY })?,
             first: FirstLosses::default(),
         };
@@ -124,7 +124,7 @@ impl<'s> Follower<'s> {
             let worst = Turn::worst(self.system, &self.extensions, &moved, self.dt, self.option);
             self.first.turning = worst.filter(|turn| turn.excess() > 1.0).map(|turn| (passed, turn));
             self.before.clone_from(&state.positions);
-            self.extensions.update(self.system, &state.positions)?;
+            self.extensions.update(self.system, state)?;
         }
         if self.first.energy.is_none() {
             // It ends no run that was not asked to: what it finds is looked at here.
@@ -172,7 +172,7 @@ struct StabilityWatch<'s> {
 
 impl<'s> StabilityWatch<'s> {
     fn new(system: &'s System, state: &State, option: Stiffness, dt: f64, par: Par) -> Result<Self> {
-        let family = Family::new(system, Extensions::at(system, &state.positions)?);
+        let family = Family::new(system, Extensions::at(system, state)?);
         let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
         let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
         Ok(Self { option, dt, family, matrix, factorization })

@@ -296,7 +296,7 @@ pub(super) fn definite_by_blocks(operator: &SystemOperator<'_>, a: &SymmetricMat
     let (n, system) = (a.order(), operator.system());
     let floor = mass * lightest(system);
     let is_visible = floor > VISIBLE * a.norm_inf(&mut vec![0.0; n]);
-    let is_definite = n > 0 && is_visible && operator.blocks().iter().all(|block| block.lowest() >= 0.0);
+    let is_definite = n > 0 && is_visible && operator.has_no_negative_block();
     let (factorization_error, method) = (0.0, InertiaMethod::Springs);
     is_definite.then_some(Inertia { negative: 0, zero: 0, positive: n, band: 0.0, factorization_error, method })
 }

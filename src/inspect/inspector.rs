@@ -131,7 +131,7 @@ struct Inspector<'s> {
 
 impl<'s> Inspector<'s> {
     fn new(system: &'s System, state: &'s State, dt: f64, option: Stiffness, par: Par, most: f64) -> Result<Self> {
-        let extensions = Extensions::at(system, &state.positions)?;
+        let extensions = Extensions::at(system, state)?;
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
         let shared = || Ldlt::sharing(&factorization);
@@ -206,7 +206,7 @@ impl<'s> Inspector<'s> {
                 let minus_k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
                 let operator = SystemOperator::new(self.system, &self.extensions, Stiffness::Full, minus_k);
                 // A sum of what is never negative is not.
-                let is_known = operator.blocks().iter().all(|block| block.lowest() >= 0.0);
+                let is_known = operator.has_no_negative_block();
                 self.found.growing_modes = match is_known {
                     true => 0,
                     false => {

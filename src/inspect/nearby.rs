@@ -42,7 +42,7 @@ impl<'s> Nearby<'s> {
         for (particle, mass) in system.masses().iter().enumerate() {
             masses[system.dofs().rows(particle)].fill(*mass);
         }
-        let is_damped = system.active().any(|(_, _, spring)| spring.damping > 0.0);
+        let is_damped = system.is_damped();
         Self {
             masses,
             damping: is_damped.then(|| operator(-1.0, 0.0)),

@@ -83,8 +83,11 @@ impl<'a, 's> Necessity<'a, 's> {
         let size = starts[patch.len()];
         let mut matrix = DMatrix::zeros(size, size);
         for (k, &p) in patch.iter().enumerate() {
-            for row in starts[k]..starts[k + 1] {
-                matrix[(row, row)] += self.operator.mass_factor() * system.masses()[p];
+            let own = self.operator.particle_block(p);
+            for (r, a) in dofs.free_axes(p).iter().enumerate() {
+                for (c, b) in dofs.free_axes(p).iter().enumerate() {
+                    matrix[(starts[k] + r, starts[k] + c)] += own[(a, b)];
+                }
             }
             for position in self.pattern.springs_at(p) {
                 let block = self.operator.blocks()[position].matrix();

@@ -49,7 +49,7 @@ impl Pictures {
     /// # Errors
     /// Coincident ends of a spring; a matrix that is too large.
     pub fn of(system: &System, state: &State, inspection: &Inspection) -> Result<Self> {
-        let extensions = Extensions::at(system, &state.positions)?;
+        let extensions = Extensions::at(system, state)?;
         let is_drawn = !(system.dofs().is_empty() || inspection.lacks(Part::Curve));
         let is_whole = inspection.left_out_for(Why::Interrupted).next().is_none() && inspection.estimated.is_empty();
         // The inspection has analysed the pattern, unless it is one of estimates.

@@ -99,7 +99,7 @@ impl Turn {
         };
         let mut around = vec![0.0; system.particles()];
         for ((_, pair, spring), at) in active() {
-            let energy = axial(pair, &at.direction, spring.stiffness / spring.rest_length);
+            let energy = axial(pair, &at.direction, spring.axial_stiffness());
             pair.into_iter().for_each(|p| around[p] += energy);
         }
         let inverse_mass = |p: usize| match system.dofs().rows(p).is_empty() {
@@ -128,14 +128,14 @@ impl Turn {
                         false => (spring.rest_length, (length - spring.rest_length).max(0.0)),
                     };
                     let coefficient = spring.stiffness * added / (taut * length);
-                    let own = axial(particles, &at.direction, spring.stiffness / spring.rest_length);
+                    let own = axial(particles, &at.direction, spring.axial_stiffness());
                     let elastic = 0.5 * (around[i] + around[j] - 2.0 * own).max(0.0);
                     let inertia = 1.0 / ((inverse_mass(i) + inverse_mass(j)) * dt * dt) + elastic / squared;
                     coefficient / inertia
                 }
             };
             let angle = squared.sqrt().atan2(counted);
-            let turn = Self { spring: number, particles, angle, stretch: excess / spring.rest_length, brake };
+            let turn = Self { spring: number, particles, angle, stretch: excess / spring.gauge_length(), brake };
             let is_worse = |worst: Self| turn.excess() > TIE * worst.excess();
             if turn.excess().is_finite() && worst.is_none_or(is_worse) {
                 worst = Some(turn);
@@ -216,7 +216,7 @@ impl<'s> Turning<'s> {
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
         let work = Work { symbolic_factorizations: 1, ..Work::default() };
-        Ok(Self::analysed(system, state, Extensions::at(system, &state.positions)?, pattern, factorization, work))
+        Ok(Self::analysed(system, state, Extensions::at(system, state)?, pattern, factorization, work))
     }
 
     /// On a pattern that has been analysed.

@@ -316,7 +316,7 @@ fn doubt(system: &System, stiffness: &[f64], estimate: &ErrorEstimate, state: &S
 fn stiffness(system: &System) -> Vec<f64> {
     let mut sums = vec![0.0; system.particles()];
     for (_, ends, spring) in system.active() {
-        ends.into_iter().for_each(|p| sums[p] += spring.stiffness / spring.rest_length);
+        ends.into_iter().for_each(|p| sums[p] += spring.axial_stiffness());
     }
     sums
 }

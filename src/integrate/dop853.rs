@@ -137,7 +137,7 @@ impl<'s> Dop853<'s> {
     /// Coincident ends of a spring in `state`; too little memory.
     pub fn new(system: &'s System, state: &State) -> Result<Self> {
         ensure_room(system, PARTICLE)?;
-        Extensions::at(system, &state.positions)?;
+        Extensions::at(system, state)?;
         Ok(Self::unchecked(system, state))
     }
 

@@ -35,7 +35,7 @@ struct Explicit<'s> {
 impl<'s> Explicit<'s> {
     fn new(system: &'s System, state: &State) -> Result<Self> {
         ensure_room(system, PARTICLE)?;
-        Extensions::at(system, &state.positions)?;
+        Extensions::at(system, state)?;
         let force = vec![Vector3::zeros(); system.particles()];
         Ok(Self { system, force, next: state.clone(), displaced: Vec::new(), statistics: Statistics::default() })
     }

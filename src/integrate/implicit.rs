@@ -4,7 +4,7 @@ use super::exactness::Exactness;
 use super::terms::{Choice, Terms};
 use super::{Softening, Statistics, StepFailure, StiffnessPolicy};
 use crate::error::Result;
-use crate::force::{Extensions, add_elastic_differential};
+use crate::force::{Configuration, Extensions, add_elastic_differential};
 use crate::interrupt::Interrupt;
 use crate::linear::{LinearSolver, MatrixAndSolver, Solution, SolveFailure, SolverOptions, Tolerance, norm, select};
 use crate::memory;
@@ -113,7 +113,7 @@ impl<'s> LinearSystem<'s> {
         solver: Box<dyn LinearSolver + 's>,
     ) -> Result<Self> {
         Self::check(system, options)?;
-        let extensions = Extensions::at(system, &state.positions)?;
+        let extensions = Extensions::at(system, state)?;
         let policy = options.stiffness;
         let combination = Combination::STIFFNESS;
         let matrix = SystemOperator::new(system, &extensions, Stiffness::Full, combination);
@@ -143,9 +143,10 @@ impl<'s> LinearSystem<'s> {
         self.equations.solver()
     }
 
-    pub fn set_extensions(&mut self, positions: &[Vector3<f64>]) -> Result<(), StepFailure> {
-        self.equations.place(positions);
-        let updated = self.extensions.update(self.system, positions);
+    pub fn set_extensions<'a>(&mut self, at: impl Into<Configuration<'a>>) -> Result<(), StepFailure> {
+        let at = at.into();
+        self.equations.place(at.positions());
+        let updated = self.extensions.update(self.system, at);
         StepFailure::of_any(self.system, updated.map_err(Into::into))
     }
 
@@ -185,6 +186,7 @@ impl<'s> LinearSystem<'s> {
         let Self { extensions, equations, statistics, choice, .. } = self;
         statistics.work.assemblies += 1;
         let change = |matrix: &mut SystemOperator<'s>| {
+            matrix.set_external_under(extensions, Stiffness::Tension, combination);
             matrix.set_blocks(extensions, combination.mass, |position, spring, at| {
                 let axial = spring.stiffness_block(at, Stiffness::Axial);
                 let block =

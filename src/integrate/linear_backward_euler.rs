@@ -16,7 +16,7 @@ use super::implicit::{ImplicitOptions, LinearSystem};
 use super::propagated_error::{LeadingTerm, on_axes};
 use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::{add_elastic_force, add_external_forces, add_weight, set_total_force};
+use crate::force::{add_elastic_force, add_undamped_external_forces, add_weight, set_total_force};
 use crate::linear::LinearSolver;
 use crate::operator::Combination;
 use crate::system::{State, System};
@@ -92,7 +92,7 @@ impl TimeStepper for LinearBackwardEuler<'_> {
         let Self { linear, force, displacement } = self;
         let system = linear.system;
         let time = state.time + dt;
-        linear.set_extensions(&state.positions)?;
+        linear.set_extensions(&*state)?;
         linear.statistics.work.force_evaluations += 1;
         set_right_hand_side(linear, state, dt, force);
         system.prescribed().displacement(time, &state.positions, displacement);
@@ -137,14 +137,14 @@ impl TimeStepper for LinearBackwardEuler<'_> {
     }
 }
 
-/// `b = M v/dt + g + f_el(x)`, full-length and without the coupling to prescribed particles.
+/// `b = M v/dt + g + f_el(x) + f_ext − D v`, full-length and without the coupling to prescribed particles.
 pub(super) fn set_right_hand_side(linear: &LinearSystem, state: &State, dt: f64, b: &mut [Vector3<f64>]) {
     let system = linear.system;
     for ((b, mass), v) in b.iter_mut().zip(system.masses()).zip(&state.velocities) {
         *b = v * (mass / dt);
     }
     add_weight(system, b);
-    add_external_forces(system, &state.moment(), b);
+    add_undamped_external_forces(system, &linear.extensions, &state.moment(), b);
     add_elastic_force(system, &linear.extensions, b);
 }
 

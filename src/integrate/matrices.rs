@@ -2,7 +2,7 @@
 
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::error::Result;
-use crate::force::{Extensions, add_elastic_force, add_external_forces, add_weight};
+use crate::force::{Extensions, add_elastic_force, add_undamped_external_forces, add_weight};
 use crate::memory;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
@@ -36,11 +36,11 @@ pub struct StepMatrices {
     pub a: SymmetricMatrix,
     /// M, in kg.
     pub m: SymmetricMatrix,
-    /// `G = ∂f_d/∂v`, in N·s/m; negative semidefinite, empty without damping.
+    /// `G = ∂f/∂v`, of springs, drag and forces from outside, in N·s/m; empty without damping.
     pub g: SymmetricMatrix,
     /// `K = ∂f_el/∂x` under the option, in N/m; negative where the system is stable.
     pub k: SymmetricMatrix,
-    /// `b = M v/dt + g + f_el(x) − A_fc δx_c`, in N, with the prescribed motion on the right-hand side.
+    /// `b = M v/dt + g + f_el(x) − A_fc δx_c`, in N, and of forces from outside `f_ext − D v`, with the prescribed motion on the right-hand side.
     pub b: Vec<f64>,
 }
 
@@ -56,7 +56,7 @@ impl StepMatrices {
     pub fn assemble(system: &System, state: &State, option: Stiffness, dt: f64) -> Result<Self> {
         let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
         memory::ensure(SPRING * springs + PARTICLE * particles, "the matrices of a step")?;
-        let extensions = Extensions::at(system, &state.positions)?;
+        let extensions = Extensions::at(system, state)?;
         let stiffness = Arc::new(SpringPattern::of_stiffness(system)?);
         let matrix = |pattern: Arc<SpringPattern>, combination| {
             let operator = SystemOperator::new(system, &extensions, option, combination);
@@ -70,7 +70,7 @@ impl StepMatrices {
         let mut force: Vec<Vector3<f64>> =
             system.masses().iter().zip(&state.velocities).map(|(m, v)| v * (m / dt)).collect();
         add_weight(system, &mut force);
-        add_external_forces(system, &state.moment(), &mut force);
+        add_undamped_external_forces(system, &extensions, &state.moment(), &mut force);
         add_elastic_force(system, &extensions, &mut force);
         let mut displacement = vec![Vector3::zeros(); system.particles()];
         system.prescribed().displacement(state.time + dt, &state.positions, &mut displacement);

@@ -68,7 +68,7 @@ impl Balance {
             let force = (spring.stiffness * spring.strain(at)).abs() + damping.abs();
             // Of the positions, and of the length that is computed from them.
             let reach = trial.positions[i].norm() + trial.positions[j].norm() + 2.0 * at.length;
-            let rounding = f64::EPSILON * (spring.stiffness / spring.rest_length * reach + force);
+            let rounding = f64::EPSILON * (spring.axial_stiffness() * reach + force);
             sums[i] += Vector3::new(force, rounding, 0.0);
             sums[j] += Vector3::new(force, rounding, 0.0);
         }

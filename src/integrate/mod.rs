@@ -13,6 +13,8 @@ mod filter;
 mod forcing;
 mod implicit;
 mod implicit_midpoint;
+#[cfg(test)]
+mod kinds_tests;
 mod linear_backward_euler;
 mod matrices;
 mod merit;

@@ -238,7 +238,7 @@ impl<'s> Newton<'s> {
         }
         trial.time = state.time + dt;
         linear.statistics.work.force_evaluations += 1;
-        linear.set_extensions(&trial.positions)
+        linear.set_extensions(&*trial)
     }
 
     /// Evaluates r at `displacement + step·direction`, and its slope and work along the direction.
@@ -267,7 +267,7 @@ impl<'s> Newton<'s> {
             if !system.counts(number) {
                 continue;
             }
-            add(system.elastic_energy(number, at));
+            add(system.elastic_energy(number, at, trial.time));
             // Far from the origin a rounded position is a displacement, against which the spring does work.
             let reach = trial.positions[i].norm() + trial.positions[j].norm();
             rounding += f64::EPSILON * (spring.stiffness * spring.strain(at)).abs() * reach;

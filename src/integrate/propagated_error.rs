@@ -224,7 +224,7 @@ impl PropagatedError {
             let across = v - at.direction * at.direction.dot(&v);
             let lengthening = 0.5 * step.length * step.length * across.norm_squared() / at.length;
             let mobility = weight(i) + weight(j);
-            let lost = c * spring.stiffness / spring.rest_length * lengthening * lengthening;
+            let lost = c * spring.axial_stiffness() * lengthening * lengthening;
             let energy = 0.5 * across.norm_squared() / mobility;
             if lost == 0.0 || !lost.is_finite() {
                 continue;

@@ -47,11 +47,11 @@ use super::implicit::{ImplicitOptions, LinearSystem};
 use super::pieces::Piece;
 use super::{CompletedStep, PropagatedError, Statistics, StepFailure, StiffnessPolicy, TimeStepper};
 use crate::error::{Error, Result};
-use crate::force::{add_damping_differential, add_damping_force, set_total_force};
+use crate::force::{add_damping_differential, add_damping_product, add_force_rate, set_total_force};
 use crate::linear::{LinearSolver, SolveFailure};
 use crate::operator::Combination;
 use crate::system::{State, System};
-use coefficients::{A, B, C, GAMMA, Row, STAGES, add_multiples};
+use coefficients::{A, B, C, GAMMA, RATES, Row, STAGES, TIMES, add_multiples};
 use nalgebra::Vector3;
 
 /// Fourth order with the full stiffness, A- and L-stable; steps with an indefinite matrix are refused or cut.
@@ -91,6 +91,8 @@ pub struct Rodas4<'s> {
     r: Vec<Vector3<f64>>,
     b: Vec<Vector3<f64>>,
     corrected: Vec<Vector3<f64>>,
+    /// ∂f/∂t where the step begins, in N/s.
+    rate: Vec<Vector3<f64>>,
     /// Of positions, in the step done last, in m.
     local_error: f64,
     /// The length of the last part of a step, in s, for which the matrix is.
@@ -114,7 +116,7 @@ impl<'s> Rodas4<'s> {
     /// option has no say.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a matrix that is too large; external forces, whose derivatives the method would need.
+    /// Coincident ends of a spring in `state`; a matrix that is too large; external forces without derivatives, which the method needs.
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
         check(system)?;
         let options = ImplicitOptions { stiffness: StiffnessPolicy::OnDemand, ..*options };
@@ -150,6 +152,7 @@ impl<'s> Rodas4<'s> {
             r: zeros(),
             b: zeros(),
             corrected: zeros(),
+            rate: zeros(),
             local_error: 0.0,
             part: 0.0,
             last: None,
@@ -184,11 +187,14 @@ impl<'s> Rodas4<'s> {
         (self.residual, self.part) = (0.0, h);
         let system = self.linear.system;
         system.prescribed().set_velocities(self.base.time + 0.5 * h, &mut self.base.velocities);
-        self.linear.set_extensions(&self.base.positions)?;
+        self.linear.set_extensions(&self.base)?;
+        self.rate.fill(Vector3::zeros());
+        add_force_rate(system, &self.linear.extensions, &self.base.moment(), &mut self.rate);
         let combination = Combination::step(GAMMA * h);
         self.linear.prepare_whole(combination)?;
         for stage in 0..STAGES {
             self.set_point(A.get(stage).unwrap_or(&B));
+            self.point.time = self.base.time + h * TIMES.get(stage).unwrap_or(&1.0);
             self.set_right_hand_side(stage, h)?;
             self.solve(stage, h)?;
         }
@@ -227,7 +233,7 @@ impl<'s> Rodas4<'s> {
     fn set_right_hand_side(&mut self, stage: usize, h: f64) -> Result<(), StepFailure> {
         let system = self.linear.system;
         let tau = GAMMA * h;
-        let Self { linear, point, r, b, corrected, displacements, velocities, .. } = self;
+        let Self { linear, point, r, b, corrected, displacements, velocities, rate, .. } = self;
         let row = C.get(stage).unwrap_or(&B);
         r.copy_from_slice(&point.velocities);
         add_multiples(row, 1.0 / h, displacements, r);
@@ -241,11 +247,15 @@ impl<'s> Rodas4<'s> {
         for ((b, sum), mass) in b.iter_mut().zip(&*corrected).zip(system.masses()) {
             *b += sum * *mass;
         }
+        let slope = h * RATES.get(stage).unwrap_or(&0.0);
+        for (b, rate) in b.iter_mut().zip(&*rate) {
+            *b += rate * slope;
+        }
         // −G r_x: damping forces at the velocities −r_x.
         for (minus, r) in corrected.iter_mut().zip(&*r) {
             *minus = -r;
         }
-        add_damping_force(system, &linear.extensions, corrected, b);
+        add_damping_product(system, &linear.extensions, corrected, b);
         Ok(())
     }
 
@@ -318,11 +328,11 @@ fn prescribe(system: &System, tau: f64, r: &[Vector3<f64>], x: &mut [Vector3<f64
     }
 }
 
-/// The order of the method hangs on the exact Jacobian, and of external forces there is none.
+/// The order of the method hangs on the exact Jacobian.
 fn check(system: &System) -> Result<()> {
-    if system.has_external_forces() {
+    if !system.knows_external_derivatives() {
         return Err(Error::Unsupported(
-            "rodas4 takes no external forces, as it needs their derivatives; use bdf2 or w2".into(),
+            "rodas4 takes no external forces that do not hand out their derivatives; use bdf2 or w2".into(),
         ));
     }
     Ok(())

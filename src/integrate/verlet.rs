@@ -72,7 +72,7 @@ impl<'s> Verlet<'s> {
     /// Coincident ends of a spring in `state`; too little memory.
     pub fn new(system: &'s System, state: &State) -> Result<Self> {
         ensure_room(system, PARTICLE)?;
-        Extensions::at(system, &state.positions)?;
+        Extensions::at(system, state)?;
         Ok(Self {
             system,
             is_damped: system.is_damped() || system.has_external_forces(),

@@ -43,7 +43,7 @@ use super::implicit::{ImplicitOptions, LinearSystem};
 use super::propagated_error::LeadingTerm;
 use super::{AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::{Extensions, add_all_forces, add_damping_force};
+use crate::force::{Extensions, add_all_forces, add_damping_product};
 use crate::linear::LinearSolver;
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
@@ -160,7 +160,7 @@ impl<'s> WMethod<'s> {
     /// Takes A at the state's positions for steps of length h.
     fn prepare(&mut self, state: &State, h: f64) -> Result<(), StepFailure> {
         self.held = None;
-        self.linear.set_extensions(&state.positions)?;
+        self.linear.set_extensions(state)?;
         self.linear.prepare(self.linear.policy, Combination::step(Self::GAMMA * h))?;
         self.held = Some(Held { h, uses: 0 });
         Ok(())
@@ -244,7 +244,7 @@ impl<'s> WMethod<'s> {
             Point::Next => next.moment(),
         };
         linear.statistics.work.force_evaluations += 1;
-        extensions.update(linear.system, at.positions)?;
+        extensions.update(linear.system, &at)?;
         s.fill(Vector3::zeros());
         add_all_forces(linear.system, extensions, &at, s);
         Ok(())
@@ -271,7 +271,7 @@ fn solve_stage(
     for ((s, mass), minus_r) in s.iter_mut().zip(system.masses()).zip(minus_r) {
         *s -= minus_r * (mass / tau);
     }
-    add_damping_force(system, &linear.extensions, minus_r, s);
+    add_damping_product(system, &linear.extensions, minus_r, s);
     let solution = linear.solve(s, u)?;
     linear.statistics.record(solution.relative_residual);
     for u in u {

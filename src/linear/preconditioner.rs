@@ -119,7 +119,8 @@ impl Preconditioner {
 /// A refused block means an indefinite matrix only if the matrix is finite.
 pub(super) fn refused(a: &SystemOperator, NotPositiveBlock(dof): NotPositiveBlock) -> SolveFailure {
     let is_finite = |block: &SpringBlock| block.matrix().iter().all(|entry| entry.is_finite());
-    if a.mass_factor().is_finite() && a.blocks().iter().all(is_finite) {
+    let external = a.external().iter().flatten().all(|entry| entry.is_finite());
+    if a.mass_factor().is_finite() && external && a.blocks().iter().all(is_finite) {
         SolveFailure::Indefinite(Evidence::DiagonalBlock(dof))
     } else {
         SolveFailure::NonFinite

@@ -83,7 +83,8 @@ impl<const D: usize> Finest<D> {
     pub fn factor(&self, a: &SystemOperator) -> f64 {
         let masses = a.system().masses().iter().map(|m| a.mass_factor() * m);
         let springs = a.blocks().iter().map(|block| f64::max(block.axial.abs(), block.transverse.abs()));
-        near_one(f64::max(masses.fold(0.0, f64::max), springs.fold(0.0, f64::max)))
+        let external = a.external().iter().map(|block| block.amax());
+        near_one(masses.chain(springs).chain(external).fold(0.0, f64::max))
     }
 
     /// A as its rows.
@@ -190,9 +191,8 @@ impl<const D: usize> Rows<D> for FinestRows<'_, D> {
     fn visit(&self, node: usize, mut visit: impl FnMut(usize, &Block<D, D>)) {
         let Self { finest, a } = self;
         let (all, free) = (Axes::first(D), finest.free[node]);
-        let mass = a.mass_factor() * a.system().masses()[finest.particles[node] as usize];
-        let mut diagonal: Block<D, D> =
-            std::array::from_fn(|r| std::array::from_fn(|c| if r == c { mass } else { 0.0 }));
+        let own = a.particle_block(finest.particles[node] as usize);
+        let mut diagonal: Block<D, D> = std::array::from_fn(|r| std::array::from_fn(|c| own[(r, c)]));
         let ends = &finest.ends[finest.starts[node]..finest.starts[node + 1]];
         for parallel in ends.chunk_by(|a, b| a.other == b.other) {
             let mut coupling = zero();
@@ -242,7 +242,7 @@ fn springs(system: &System, particles: &[u32]) -> (Graph, Vec<usize>, Vec<End>) 
     let springs =
         || (0u32..).zip(system.active()).map(|(at, (_, [i, j], spring))| (at, [node_of[i], node_of[j]], spring));
     let both_move = springs().filter(|(_, ends, _)| !ends.contains(&FIXED));
-    let edges: Vec<_> = both_move.map(|(_, [i, j], spring)| (i, j, spring.stiffness / spring.rest_length)).collect();
+    let edges: Vec<_> = both_move.map(|(_, [i, j], spring)| (i, j, spring.axial_stiffness())).collect();
     let graph = Graph::new(particles.len(), edges.iter().copied());
 
     let seen = || springs().flat_map(|(at, [i, j], _)| [(at, i, j), (at, j, i)]).filter(|&(_, node, _)| node != FIXED);

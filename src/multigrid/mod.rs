@@ -326,7 +326,8 @@ impl<const D: usize, const M: usize> Hierarchy<D, M> {
     /// A pivot that is not positive means an indefinite matrix only if the matrix is finite.
     fn explain(&self, a: &SystemOperator, Refusal { level, node, pivot }: Refusal) -> SetupFailure {
         let mut coefficients = a.blocks().iter().flat_map(|block| [block.axial, block.transverse]);
-        if !a.mass_factor().is_finite() || !coefficients.all(f64::is_finite) {
+        let has_finite = |block: &nalgebra::Matrix3<f64>| block.iter().all(|entry| entry.is_finite());
+        if !a.mass_factor().is_finite() || !a.external().iter().all(has_finite) || !coefficients.all(f64::is_finite) {
             return SetupFailure::NonFinite;
         }
         let axis = pivot.filter(|_| level == 0).map(|bad| bad.index);

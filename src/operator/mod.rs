@@ -11,6 +11,7 @@ mod system_operator;
 pub use inner_product::dot;
 pub(crate) use prefetch::{prefetch, prefetch_all};
 pub(crate) use stream::row_shares;
+pub(crate) use system_operator::negative_part;
 pub use system_operator::{Combination, Margins, SurelyDefinite, SystemOperator};
 
 use nalgebra::Matrix3;

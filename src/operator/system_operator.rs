@@ -13,13 +13,13 @@
 
 mod definite;
 
-use super::inner_product::{pieces, total};
+use super::inner_product::{PIECE, dot, pieces, total};
 use super::stream::SpringStream;
 use super::{BlockDiagonal, LinearOperator};
 use crate::force::Extensions;
 use crate::parallel;
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
-use crate::system::{Axes, System};
+use crate::system::{Axes, Derivatives, System};
 use definite::extremes;
 pub use definite::{Margins, SurelyDefinite};
 use nalgebra::{Matrix3, Vector3};
@@ -108,6 +108,8 @@ pub struct SystemOperator<'s> {
     stream: SpringStream,
     /// The combination's part of M, one number a row.
     inertia: Vec<f64>,
+    /// Its parts of the derivatives of forces from outside, one block a particle; empty where there are none.
+    external: Vec<Matrix3<f64>>,
     /// Positions in `blocks` of the springs that have a prescribed axis at one end.
     coupled: Vec<u32>,
     /// The least mass that moves, in kg, and the most springs that end in one particle that does.
@@ -127,23 +129,37 @@ impl<'s> SystemOperator<'s> {
         let inertia = vec![0.0; system.dofs().len()];
         let stream = SpringStream::new(system, &system.shares());
         let [lightest, most_springs] = extremes(system);
-        let mut operator = Self { system, mass: 0.0, blocks, stream, inertia, coupled, lightest, most_springs };
+        let external = Vec::new();
+        let mut operator =
+            Self { system, mass: 0.0, blocks, stream, inertia, external, coupled, lightest, most_springs };
         operator.update(extensions, option, combination);
         operator
     }
 
     /// Recomputes the blocks, without allocating.
     pub fn update(&mut self, extensions: &Extensions, option: Stiffness, combination: Combination) {
-        self.update_each(extensions, combination, |_| option);
+        self.set(extensions, combination, option, |_| option);
     }
 
-    /// As [`update`](Self::update), with an option for every active spring, asked for by its position among them.
+    /// As [`update`](Self::update), with an option for every active spring, asked for by its position among them. Of forces from outside it takes
+    /// what `tension` would.
     pub fn update_each(
         &mut self,
         extensions: &Extensions,
         combination: Combination,
         option: impl Fn(usize) -> Stiffness + Sync,
     ) {
+        self.set(extensions, combination, Stiffness::Tension, option);
+    }
+
+    fn set(
+        &mut self,
+        extensions: &Extensions,
+        combination: Combination,
+        of_external: Stiffness,
+        option: impl Fn(usize) -> Stiffness + Sync,
+    ) {
+        self.set_external_under(extensions, of_external, combination);
         self.set_blocks(extensions, combination.mass, |position, spring, at| {
             // K holds −K^s and G holds −b nnᵀ where the spring's own block stands, hence the signs.
             let block = spring.stiffness_block(at, option(position)) * -combination.stiffness;
@@ -182,6 +198,45 @@ impl<'s> SystemOperator<'s> {
         }
     }
 
+    /// Sets what forces from outside add to the diagonal blocks: `block` of the derivatives at every particle, in N/m. It stays until it is set anew.
+    pub fn set_external(&mut self, extensions: &Extensions, block: impl Fn(&Derivatives) -> Matrix3<f64>) {
+        self.external.resize(extensions.external().len(), Matrix3::zeros());
+        for (target, derivatives) in self.external.iter_mut().zip(extensions.external()) {
+            *target = block(derivatives);
+        }
+    }
+
+    /// As [`set_external`](Self::set_external), of a combination under an option.
+    pub fn set_external_under(&mut self, extensions: &Extensions, option: Stiffness, combination: Combination) {
+        self.set_external(extensions, |at| combined(at, option, combination));
+    }
+
+    /// What a particle adds to its diagonal block beside its springs: its mass, and the forces from outside.
+    #[inline]
+    pub fn particle_block(&self, particle: usize) -> Matrix3<f64> {
+        let mass = Matrix3::from_diagonal_element(self.mass * self.system.masses()[particle]);
+        self.external.get(particle).map_or(mass, |external| mass + external)
+    }
+
+    /// What forces from outside add to the diagonal blocks, one for every particle; empty where there are none.
+    pub fn external(&self) -> &[Matrix3<f64>] {
+        &self.external
+    }
+
+    /// Whether no block has a negative eigenvalue, of springs and of forces from outside: the sum of all is positive semidefinite then.
+    pub fn has_no_negative_block(&self) -> bool {
+        let is_positive = |block: &Matrix3<f64>| lowest(block) >= 0.0;
+        self.blocks.iter().all(|block| block.lowest() >= 0.0) && self.external.iter().all(is_positive)
+    }
+
+    /// Adds what forces from outside do to w.
+    fn add_external(&self, w: &[f64], y: &mut [f64]) {
+        let dofs = self.system.dofs();
+        for (particle, block) in self.external.iter().enumerate() {
+            dofs.add(y, particle, &(block * dofs.get(w, particle)));
+        }
+    }
+
     /// The system that this is an operator of.
     pub fn system(&self) -> &'s System {
         self.system
@@ -215,13 +270,16 @@ impl<'s> SystemOperator<'s> {
             dofs.add(rhs, i, &-s);
             dofs.add(rhs, j, &s);
         }
+        for (particle, (block, d)) in self.external.iter().zip(displacement).enumerate() {
+            dofs.add(rhs, particle, &-(block * d));
+        }
     }
 
     /// Writes the diagonal blocks of some particles.
     pub(crate) fn diagonal_blocks_of(&self, is_wanted: impl Fn(usize) -> bool, blocks: &mut [Matrix3<f64>]) {
-        for (particle, (block, mass)) in blocks.iter_mut().zip(self.system.masses()).enumerate() {
+        for (particle, block) in blocks.iter_mut().enumerate() {
             if is_wanted(particle) {
-                *block = Matrix3::from_diagonal_element(self.mass * mass);
+                *block = self.particle_block(particle);
             }
         }
         for (pair, block) in self.stamps() {
@@ -243,6 +301,30 @@ impl<'s> SystemOperator<'s> {
     }
 }
 
+/// The least eigenvalue of a symmetric block.
+pub(super) fn lowest(block: &Matrix3<f64>) -> f64 {
+    let [xy, xz, yz] = [block[(1, 0)], block[(2, 0)], block[(2, 1)]];
+    if xy == 0.0 && xz == 0.0 && yz == 0.0 { block.diagonal().min() } else { block.symmetric_eigenvalues().min() }
+}
+
+/// `damping·D + stiffness·S` of the derivatives D and S at a particle; under options that keep matrices definite of both what is negative
+/// semidefinite.
+fn combined(at: &Derivatives, option: Stiffness, combination: Combination) -> Matrix3<f64> {
+    let part = |matrix: &Matrix3<f64>| if option == Stiffness::Full { *matrix } else { negative_part(matrix) };
+    part(&at.damping) * combination.damping + part(&at.stiffness) * combination.stiffness
+}
+
+/// The negative semidefinite part of a symmetric matrix.
+pub(crate) fn negative_part(matrix: &Matrix3<f64>) -> Matrix3<f64> {
+    if lowest(&-matrix) >= 0.0 {
+        return *matrix;
+    }
+    let mut eigen = matrix.symmetric_eigen();
+    eigen.eigenvalues.apply(|value| *value = value.min(0.0));
+    let part = eigen.recompose();
+    (part + part.transpose()) * 0.5
+}
+
 impl LinearOperator for SystemOperator<'_> {
     fn order(&self) -> usize {
         self.system.dofs().len()
@@ -250,11 +332,18 @@ impl LinearOperator for SystemOperator<'_> {
 
     fn apply(&self, w: &[f64], y: &mut [f64]) {
         self.stream.multiply(self.system, &self.blocks, &self.inertia, w, y, &mut []);
+        self.add_external(w, y);
     }
 
     fn apply_and_dot(&self, w: &[f64], y: &mut [f64], room: &mut Vec<f64>) -> f64 {
         room.resize(pieces(w.len()), 0.0);
         self.stream.multiply(self.system, &self.blocks, &self.inertia, w, y, room);
+        if !self.external.is_empty() {
+            self.add_external(w, y);
+            for ((sum, w), y) in room.iter_mut().zip(w.chunks(PIECE)).zip(y.chunks(PIECE)) {
+                *sum = dot(w, y);
+            }
+        }
         total(w.len(), room)
     }
 }

@@ -144,6 +144,7 @@ pub fn fingerprint(system: &System, start: &State, how: &str) -> String {
     }
     number(start.time);
     sum.add(format!("{:?}", system.prescribed().motions()).as_bytes());
+    sum.add(format!("{:?}{:?}", system.loads(), system.behaviour()).as_bytes());
     sum.add(how.as_bytes());
     sum.add(env!("CARGO_PKG_VERSION").as_bytes());
     sum.text()

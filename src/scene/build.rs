@@ -2,16 +2,32 @@
 
 use super::MeshGeometry;
 use super::schema::{AxisName, ConstraintEntry, TimeSettings};
+use super::{Flags, Gravity};
 use super::{Row, Scene, Values};
 use crate::error::{Error, Invalid, Result};
 use crate::memory;
 use crate::spring::{Extension, Spring};
-use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder, check_length};
+use crate::system::{
+    Actuation, Axes, Behaviour, Constraint, Curve, Loads, Motion, State, System, SystemBuilder, check_length,
+};
 use nalgebra::Vector3;
 
 /// Bytes of a particle and of a spring, with what checking and sorting holds beside them.
 const PARTICLE: u64 = 400;
 const SPRING: u64 = 160;
+
+/// A scene that has been built.
+#[derive(Debug, Clone)]
+pub struct Built {
+    /// The system.
+    pub system: System,
+    /// Its state at time zero.
+    pub state: State,
+    /// The triangles of its mesh, to be shown; none where there is no mesh.
+    pub triangles: Vec<[u32; 3]>,
+    /// Lines for people on what may surprise in the mesh.
+    pub notes: Vec<String>,
+}
 
 impl Scene {
     /// Checks every value and builds the system and its state at time zero.
@@ -28,26 +44,39 @@ impl Scene {
     /// # Errors
     /// As for [`build`](Self::build).
     pub fn build_with_triangles(&self) -> Result<(System, State, Vec<[u32; 3]>)> {
-        let parts = self.parts().and_then(|(builder, triangles)| {
+        self.build_with_notes().map(|Built { system, state, triangles, .. }| (system, state, triangles))
+    }
+
+    /// As [`build`](Self::build), with the triangles of the mesh, and notes on what may surprise in it: loose parts, coincident and unused
+    /// vertices, faces that were left out.
+    ///
+    /// # Errors
+    /// As for [`build`](Self::build).
+    pub fn build_with_notes(&self) -> Result<Built> {
+        let built = self.parts().and_then(|(builder, triangles, notes)| {
+            let (behaviour, loads) = (self.behaviour(builder.pairs.len())?, self.loads(&builder)?);
             let (system, state) = builder.build()?;
-            Ok((system, state, triangles))
+            let system = system.with_behaviour(behaviour)?.with_loads(loads)?;
+            Ok(Built { system, state, triangles, notes })
         });
-        parts.map_err(|error| match &self.file {
+        built.map_err(|error| match &self.file {
             Some(file) => error.in_file(file),
             None => error,
         })
     }
 
-    /// The description of the system, with meshes read, single numbers spread and absent values filled in.
+    /// The description of the system, with meshes read, single numbers spread and absent values filled in. Loads, drag, gravity in time and springs
+    /// of other kinds are no part of it.
     ///
     /// # Errors
     /// As for [`build`](Self::build), without the checks that the builder makes.
     pub fn builder(&self) -> Result<SystemBuilder> {
-        self.parts().map(|(builder, _)| builder)
+        self.parts().map(|(builder, ..)| builder)
     }
 
-    fn parts(&self) -> Result<(SystemBuilder, Vec<[u32; 3]>)> {
-        let (dimension, MeshGeometry { vertices: positions, edges: pairs, triangles }) = self.geometry()?;
+    fn parts(&self) -> Result<(SystemBuilder, Vec<[u32; 3]>, Vec<String>)> {
+        let (dimension, mesh) = self.geometry()?;
+        let (positions, pairs) = (&mesh.vertices, &mesh.edges);
         let n = positions.len();
         memory::ensure(PARTICLE * n as u64 + SPRING * pairs.len() as u64, "the scene")?;
         let velocities = match &self.particles.velocities {
@@ -55,32 +84,40 @@ impl Scene {
             None => vec![Vector3::zeros(); n],
         };
         check_length("particles.velocities", velocities.len(), n, "particles")?;
-        let gravity = self.gravity.as_ref().map(|row| vector("gravity", None, row, dimension)).transpose()?;
+        let gravity = match &self.gravity {
+            Some(Gravity::Constant(row)) => vector("gravity", None, row, dimension)?,
+            Some(Gravity::Path(_)) | None => Vector3::zeros(),
+        };
         let masses = Quantity { key: "particles.masses", count: n, of: "particles", rule: Rule::Positive };
-        let springs = self.springs(&positions, &pairs)?;
+        let springs = self.springs(positions, pairs)?;
+        self.check_edges(&mesh, &springs)?;
         let masses = masses.required(self.particles.masses.as_ref())?;
         let constraints = self.constraints.iter().enumerate();
         let constraints = constraints.map(|(index, entry)| constraint(index, entry, dimension));
         let builder = SystemBuilder {
             dimension,
-            gravity: gravity.unwrap_or_default(),
+            gravity,
             velocities,
             masses: (0..n).map(|p| masses.get(p)).collect(),
             constraints: constraints.collect::<Result<_, _>>()?,
-            positions,
-            pairs,
+            positions: mesh.vertices,
+            pairs: mesh.edges,
             springs,
         };
-        Ok((builder, triangles))
+        Ok((builder, mesh.triangles, mesh.notes))
     }
 
     /// Dimension, and positions and pairs from the lists or from the mesh.
     fn geometry(&self) -> Result<(usize, MeshGeometry)> {
         let (positions, pairs) = (&self.particles.positions, &self.springs.pairs);
         let Some(mesh) = &self.mesh else {
-            let dimension = positions.first().or(self.gravity.as_ref()).map_or(3, Row::dimension);
+            let dimension = positions
+                .first()
+                .map(Row::dimension)
+                .or(self.gravity.as_ref().and_then(Gravity::dimension))
+                .unwrap_or(3);
             let vertices = vectors("particles.positions", positions, dimension)?;
-            return Ok((dimension, MeshGeometry { vertices, edges: pairs.clone(), triangles: Vec::new() }));
+            return Ok((dimension, MeshGeometry::of_lists(vertices, pairs.clone())));
         };
         for (key, length) in [("particles.positions", positions.len()), ("springs.pairs", pairs.len())] {
             if length > 0 {
@@ -91,21 +128,101 @@ impl Scene {
         Rule::Positive.check("mesh.scale", scale)?;
         let folder = self.file.as_deref().and_then(std::path::Path::parent).unwrap_or("".as_ref());
         let named = |error: Error| Invalid::new("mesh.file", format!("{:?}", mesh.file), error.to_string());
-        let mesh = MeshGeometry::load(&folder.join(&mesh.file)).map_err(named)?;
-        Ok((3, MeshGeometry { vertices: mesh.vertices.into_iter().map(|x| x * scale).collect(), ..mesh }))
+        let mut geometry = MeshGeometry::load(&folder.join(&mesh.file)).map_err(named)?;
+        geometry.vertices.iter_mut().for_each(|x| *x *= scale);
+        if let Some(weld) = mesh.weld {
+            Rule::NotNegative.check("mesh.weld", weld)?;
+            geometry.weld(weld);
+        }
+        geometry.note_surprises();
+        Ok((3, geometry))
+    }
+
+    /// Names the place in a mesh of a spring that the builder would refuse by its number, which nobody has written.
+    fn check_edges(&self, geometry: &MeshGeometry, springs: &[Spring]) -> Result<(), Invalid> {
+        let Some(mesh) = &self.mesh else { return Ok(()) };
+        let has_length = |pair: &[u32; 2]| distance(&geometry.vertices, pair) > 0.0;
+        let may_lie = |(pair, spring): (&[u32; 2], &Spring)| has_length(pair) || spring.rest_length == 0.0;
+        let Some(edge) = geometry.edges.iter().zip(springs).position(|edge| !may_lie(edge)) else {
+            return Ok(());
+        };
+        let rule = format!(
+            "{} that lie at one place: a spring of zero current length (mesh.weld = 0 joins such vertices)",
+            geometry.place(edge)
+        );
+        Err(Invalid::new("mesh.file", format!("{:?}", mesh.file), rule))
+    }
+
+    /// Springs that do not push or change their rest lengths.
+    fn behaviour(&self, springs: usize) -> Result<Behaviour, Invalid> {
+        let tension_only = match &self.springs.tension_only {
+            None => Vec::new(),
+            Some(Flags::Uniform(flag)) => vec![*flag; springs],
+            Some(Flags::Each(flags)) => {
+                check_length("springs.tension_only", flags.len(), springs, "springs")?;
+                flags.clone()
+            }
+        };
+        let actuation = self.springs.actuation.iter().map(|entry| Actuation {
+            springs: entry.springs.iter().map(|&spring| spring as usize).collect(),
+            factors: Curve { times: entry.path.times.clone(), values: entry.path.factors.clone() },
+        });
+        Ok(Behaviour { tension_only, actuation: actuation.collect() })
+    }
+
+    /// Constant loads, drag, and gravity that changes.
+    fn loads(&self, builder: &SystemBuilder) -> Result<Loads, Invalid> {
+        let (count, dimension) = (builder.positions.len(), builder.dimension);
+        let mut forces = vec![Vector3::zeros(); if self.forces.is_empty() { 0 } else { count }];
+        for (index, entry) in self.forces.iter().enumerate() {
+            let value = vector(&format!("forces[{index}].value"), None, &entry.value, dimension)?;
+            if !State::is_finite_vector(&value) {
+                let rule = "must be finite and at most 1e150 in size";
+                return Err(Invalid::new(format!("forces[{index}].value"), format!("{:?}", entry.value), rule));
+            }
+            for (at, &particle) in entry.particles.iter().enumerate() {
+                let Some(force) = forces.get_mut(particle as usize) else {
+                    let rule = format!("names a particle that does not exist (there are {count})");
+                    return Err(Invalid::new(format!("forces[{index}].particles"), particle, rule).at(at));
+                };
+                *force += value;
+            }
+        }
+        let drag = match &self.drag {
+            None => Vec::new(),
+            Some(drag) => {
+                let key = "drag.coefficient";
+                let quantity = Quantity { key, count, of: "particles", rule: Rule::NotNegative };
+                let each = quantity.checked(&drag.coefficient)?;
+                (0..count).map(|p| each.get(p)).collect()
+            }
+        };
+        let gravity = match &self.gravity {
+            Some(Gravity::Path(path)) => {
+                let values = vectors("gravity.values", &path.values, dimension)?;
+                Some(Curve { times: path.times.clone(), values })
+            }
+            _ => None,
+        };
+        Ok(Loads { forces, drag, gravity })
     }
 
     fn springs(&self, positions: &[Vector3<f64>], pairs: &[[u32; 2]]) -> Result<Vec<Spring>, Invalid> {
         let quantity = |key, rule| Quantity { key, count: pairs.len(), of: "springs", rule };
         let stiffness = quantity("springs.stiffness", Rule::Positive).required(self.springs.stiffness.as_ref())?;
         let rest_lengths = self.springs.rest_lengths.as_ref();
-        let rest_lengths =
-            rest_lengths.map(|values| quantity("springs.rest_lengths", Rule::Positive).checked(values)).transpose()?;
+        let rest_lengths = rest_lengths
+            .map(|values| quantity("springs.rest_lengths", Rule::NotNegative).checked(values))
+            .transpose()?;
         let damping = self.springs.damping.as_ref().unwrap_or(&Values::Uniform(0.0));
         let damping = quantity("springs.damping", Rule::NotNegative).checked(damping)?;
         let spring = |(s, pair): (usize, &[u32; 2])| Spring {
             stiffness: stiffness.get(s),
-            rest_length: rest_lengths.as_ref().map_or_else(|| distance(positions, pair), |lengths| lengths.get(s)),
+            rest_length: rest_lengths.as_ref().map_or_else(
+                // Of ends that coincide there is none to take.
+                || Some(distance(positions, pair)).filter(|&length| length > 0.0).unwrap_or(f64::NAN),
+                |lengths| lengths.get(s),
+            ),
             damping: damping.get(s),
         };
         Ok(pairs.iter().enumerate().map(spring).collect())

@@ -1,117 +1,109 @@
-//! Meshes from Wavefront OBJ files.
+//! Meshes from files: Wavefront OBJ, PLY, STL, VTK (legacy and XML) and Gmsh MSH.
+//!
+//! A format is recognised by the contents of a file, never by its name. Only what becomes particles and springs is read: vertices, and the edges
+//! of lines, faces and solid elements. The readers are our own: those that there are give single precision, no lines for errors, or break
+//! off the program on files that are cut short.
 
-use crate::error::{Error, Invalid, Result};
+mod cursor;
+mod msh;
+mod obj;
+mod ply;
+mod raw;
+mod stl;
+mod vtk;
+mod vtu;
+mod weld;
+
+use crate::error::{Error, Result};
 use crate::memory;
 use nalgebra::Vector3;
+use raw::{Fault, Raw};
 use std::path::Path;
-use tobj::{LoadError, LoadOptions};
 
 /// The geometry of a mesh.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct MeshGeometry {
     /// Vertices in the file's order, whether or not a face uses them, in the mesh's unit.
     pub vertices: Vec<Vector3<f64>>,
-    /// Every edge of every face once, as (i, j) with i ≤ j, ascending. A polygon has its sides only, no diagonals.
+    /// Every edge of every line, face and solid element once, as (i, j) with i < j, ascending. A polygon has its sides only, no diagonals.
     pub edges: Vec<[u32; 2]>,
     /// The faces, a polygon as a fan of triangles around its first corner.
     pub triangles: Vec<[u32; 3]>,
+    /// Lines for people: what was left out of the file, or joined.
+    pub notes: Vec<String>,
+    /// Where in the file each edge comes from; empty where there is no file.
+    places: Vec<u32>,
+    /// What places are counted in, and the number that the file's first vertex has there.
+    unit: &'static str,
+    first: u32,
 }
 
 /// Bytes that reading holds at most for a byte of a file.
 const BYTES: u64 = 30;
 
 impl MeshGeometry {
-    /// Reads the vertices (`v`) and faces (`f`) of an OBJ file and passes over everything else in it.
+    /// Reads the vertices and edges of a mesh file, whatever its format.
     ///
     /// # Errors
-    /// [`Error::Io`] for an unreadable file, [`Error::Format`] with the line for one that is not OBJ,
+    /// [`Error::Io`] for an unreadable file, [`Error::Format`] with the line or the element for one that is broken, empty or none of the formats,
     /// [`Error::Invalid`] for a vertex that is not finite.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = std::fs::metadata(path).map_or(0, |file| file.len());
         memory::ensure(bytes.saturating_mul(BYTES), "the mesh")?;
         let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
-        Self::from_obj(&bytes, path)
+        Self::from_bytes(&bytes, path)
     }
 
     /// As [`load`](Self::load), from the bytes of a file; errors call it by `path`.
     ///
     /// # Errors
-    /// [`Error::Format`] with the line for one that is not OBJ, [`Error::Invalid`] for a vertex that is not finite.
-    pub fn from_obj(bytes: &[u8], path: &Path) -> Result<Self> {
-        let text = String::from_utf8_lossy(bytes);
-        let lines: Vec<&str> = text.lines().filter(|line| is_vertex(line) || is_face(line)).collect();
-        let mesh = Self::parse(&lines).map_err(|error| {
-            let line = first_refused(&lines).unwrap_or_default();
-            Error::Format { file: path.into(), message: format!("{error}: {line:?}") }
-        })?;
-        let unusable = mesh.vertices.iter().enumerate().find(|(_, x)| x.iter().any(|c| !c.is_finite()));
-        if let Some((index, vertex)) = unusable {
-            let invalid = Invalid::new("v", format!("{:?}", vertex.as_slice()), "must be finite").at(index);
-            return Err(Error::from(invalid).in_file(path));
-        }
-        Ok(mesh)
+    /// As for [`load`](Self::load).
+    pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self> {
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        let raw = read(bytes).map_err(|Fault(message)| Error::Format { file: path.into(), message })?;
+        raw.finish(path)
     }
 
-    /// From `v` and `f` lines. tobj numbers vertices by their first use and drops unused ones, so a face that uses
-    /// all of them in the file's order goes first.
-    fn parse(lines: &[&str]) -> Result<Self, LoadError> {
-        let vertices = lines.iter().filter(|line| is_vertex(line)).count();
-        let all: String = (1..=vertices).map(|vertex| format!(" {vertex}")).collect();
-        let text = format!("f{all}\n{}", lines.join("\n"));
-        let no_materials = |_: &Path| Err(LoadError::OpenFileFailed);
-        let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &LoadOptions::default(), no_materials)?;
-        let mesh = models.into_iter().next().map(|model| model.mesh).unwrap_or_default();
+    /// Positions and pairs that are no mesh's.
+    pub(super) fn of_lists(vertices: Vec<Vector3<f64>>, edges: Vec<[u32; 2]>) -> Self {
+        Self { vertices, edges, ..Self::default() }
+    }
 
-        let faces = mesh.indices.get(vertices..).unwrap_or_default();
-        let mut edges = Vec::with_capacity(faces.len());
-        let mut triangles = Vec::with_capacity(faces.len() / 3);
-        let mut add_face = |face: &[u32]| {
-            let next = face.iter().cycle().skip(1);
-            edges.extend(face.iter().zip(next).map(|(&a, &b)| [a.min(b), a.max(b)]));
-            if let [first, rest @ ..] = face {
-                triangles.extend(rest.windows(2).filter_map(|side| Some([*first, *side.first()?, *side.last()?])));
-            }
-        };
-        if mesh.face_arities.is_empty() {
-            faces.chunks(3).for_each(add_face);
-        } else {
-            let mut rest = faces;
-            for &arity in mesh.face_arities.iter().skip(1) {
-                let (face, others) = rest.split_at_checked(arity as usize).unwrap_or((rest, &[]));
-                add_face(face);
-                rest = others;
-            }
-        }
-        edges.sort_unstable();
-        edges.dedup();
-        let vertices = mesh.positions.chunks_exact(3).map(Vector3::from_column_slice).collect();
-        Ok(Self { vertices, edges, triangles })
+    /// Where an edge comes from and which vertices of the file it joins, for a message.
+    pub(super) fn place(&self, edge: usize) -> String {
+        let [i, j] =
+            self.edges.get(edge).copied().unwrap_or_default().map(|vertex| u64::from(vertex) + u64::from(self.first));
+        let place = self.places.get(edge).copied().unwrap_or_default();
+        format!("{} {place}: an edge joins vertices {i} and {j}", self.unit)
     }
 }
 
-fn is_vertex(line: &str) -> bool {
-    line.split_whitespace().next() == Some("v")
-}
-
-fn is_face(line: &str) -> bool {
-    line.split_whitespace().next() == Some("f")
-}
-
-/// The first line without which the others could be read. Vertices stand for themselves; a face can be right only
-/// together with all vertices, so the first wrong one is searched by bisection.
-fn first_refused<'a>(lines: &[&'a str]) -> Option<&'a str> {
-    let wrong = |line: &&&str| is_vertex(line) && MeshGeometry::parse(&[**line]).is_err();
-    if let Some(vertex) = lines.iter().find(wrong) {
-        return Some(vertex.trim());
+/// Reads a mesh in the format that its bytes are in.
+fn read(bytes: &[u8]) -> Result<Raw, Fault> {
+    let text = bytes.trim_ascii_start();
+    if text.is_empty() {
+        return Err(Fault("is empty".into()));
     }
-    let numbers: Vec<usize> = (0..lines.len()).collect();
-    let first = numbers.partition_point(|&last| {
-        let kept: Vec<&str> = lines
-            .iter()
-            .enumerate()
-            .filter_map(|(number, line)| (number <= last || is_vertex(line)).then_some(*line))
-            .collect();
-        MeshGeometry::parse(&kept).is_ok()
-    });
-    lines.get(first).map(|line| line.trim())
+    if stl::is_binary(bytes) {
+        return stl::read_binary(bytes);
+    }
+    if bytes.starts_with(b"ply") && bytes.get(3).is_some_and(u8::is_ascii_whitespace) {
+        return ply::read(bytes);
+    }
+    if text.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"# vtk DataFile")) {
+        return vtk::read(bytes);
+    }
+    if text.starts_with(b"$") {
+        return msh::read(bytes);
+    }
+    if text.starts_with(b"<") {
+        return vtu::read(bytes);
+    }
+    if text.get(..5).is_some_and(|start| start.eq_ignore_ascii_case(b"solid")) {
+        return stl::read_text(bytes);
+    }
+    obj::read(bytes)
 }
+
+#[cfg(test)]
+mod tests;

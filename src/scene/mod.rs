@@ -28,6 +28,7 @@
 
 mod build;
 pub mod builtin;
+mod entries;
 mod load;
 mod mesh;
 mod npz;
@@ -39,7 +40,9 @@ mod values;
 mod words;
 mod write;
 
+pub use build::Built;
 pub use builtin::{Kind, builtin, refined};
+pub use entries::{ActuationEntry, Drag, FactorPath, Flags, ForceEntry, Gravity, GravityPath};
 pub use mesh::MeshGeometry;
 #[cfg(feature = "report")]
 pub(crate) use npz::NpzWriter;

@@ -3,7 +3,7 @@
 //! These types say what a file may contain and how it is written; what the values must fulfil is decided when a
 //! [`Scene`] is [built](Scene::build).
 
-use super::{Row, Values, read};
+use super::{ActuationEntry, Drag, Flags, ForceEntry, Gravity, Row, Values, read};
 use serde::de::{self, Deserializer, Visitor};
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -39,9 +39,9 @@ pub struct Scene {
     /// The file it was read from: error messages name it, and the mesh is looked for in its folder. Not part of the file.
     #[serde(skip)]
     pub file: Option<PathBuf>,
-    /// Gravitational acceleration, in m/s²; absent: none.
+    /// Gravitational acceleration, in m/s², constant or in time; absent: none.
     #[serde(default, deserialize_with = "read::some", skip_serializing_if = "Option::is_none")]
-    pub gravity: Option<Row>,
+    pub gravity: Option<Gravity>,
     /// The particles.
     #[serde(default, deserialize_with = "read::table")]
     pub particles: Particles,
@@ -54,6 +54,12 @@ pub struct Scene {
     /// Kinematic particles; later entries override earlier ones.
     #[serde(default, deserialize_with = "read::tables", skip_serializing_if = "Vec::is_empty")]
     pub constraints: Vec<ConstraintEntry>,
+    /// Constant loads on particles.
+    #[serde(default, deserialize_with = "read::tables", skip_serializing_if = "Vec::is_empty")]
+    pub forces: Vec<ForceEntry>,
+    /// What slows particles down.
+    #[serde(default, deserialize_with = "read::optional_table", skip_serializing_if = "Option::is_none")]
+    pub drag: Option<Drag>,
     /// Step and length of a run.
     #[serde(default, deserialize_with = "read::table", skip_serializing_if = "TimeSettings::is_empty")]
     pub time: TimeSettings,
@@ -81,26 +87,35 @@ pub struct Springs {
     /// End points (i, j) of every spring.
     #[serde(default, deserialize_with = "read::pairs", skip_serializing_if = "Vec::is_empty")]
     pub pairs: Vec<[u32; 2]>,
-    /// k, the force per unit strain, in N; needed where there are springs.
+    /// k, the force per unit strain, in N, or per metre, in N/m, where the rest length is zero; needed where there are springs.
     #[serde(default, deserialize_with = "read::some", skip_serializing_if = "Option::is_none")]
     pub stiffness: Option<Values>,
-    /// l0, in m; absent: the distance between the ends' positions.
+    /// l0, in m, zero too; absent: the distance between the ends' positions.
     #[serde(default, deserialize_with = "read::some", skip_serializing_if = "Option::is_none")]
     pub rest_lengths: Option<Values>,
     /// b, in N·s/m; absent: none.
     #[serde(default, deserialize_with = "read::some", skip_serializing_if = "Option::is_none")]
     pub damping: Option<Values>,
+    /// Whether springs do not push; absent: they do.
+    #[serde(default, deserialize_with = "read::some", skip_serializing_if = "Option::is_none")]
+    pub tension_only: Option<Flags>,
+    /// Rest lengths that change in time.
+    #[serde(default, deserialize_with = "read::tables", skip_serializing_if = "Vec::is_empty")]
+    pub actuation: Vec<ActuationEntry>,
 }
 
-/// The table `[mesh]`: vertices become particles, every edge of a face becomes a spring.
+/// The table `[mesh]`: vertices become particles, every edge once becomes a spring.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mesh {
-    /// Wavefront OBJ file, relative to the scene file's folder.
+    /// OBJ, PLY, STL, VTK or Gmsh MSH file, relative to the scene file's folder; see [`MeshGeometry`](super::MeshGeometry).
     pub file: String,
     /// Length of the mesh's unit, in m; absent: 1.
     #[serde(default, deserialize_with = "read::some", skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
+    /// Vertices no farther apart than this are one, in m; absent: none are joined.
+    #[serde(default, deserialize_with = "read::some", skip_serializing_if = "Option::is_none")]
+    pub weld: Option<f64>,
 }
 
 /// One `[[constraints]]` entry. With neither a velocity nor a path, the coordinates are held.

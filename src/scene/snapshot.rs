@@ -1,7 +1,10 @@
 //! From a [`System`] and a [`State`] back to a [`Scene`].
 
-use super::{AxisName, ConstraintEntry, Particles, Path, Row, Scene, Springs, Values};
-use crate::system::{Axes, Motion, State, System};
+use super::{
+    ActuationEntry, AxisName, ConstraintEntry, Drag, FactorPath, Flags, ForceEntry, Gravity, GravityPath, Particles,
+    Path, Row, Scene, Springs, Values,
+};
+use crate::system::{Axes, Curve, Motion, State, System};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
@@ -13,7 +16,7 @@ impl Scene {
     /// coincide, gives a scene that [`build`](Self::build) rejects.
     pub fn snapshot(name: &str, system: &System, state: &State) -> Self {
         let dimension = system.dimension();
-        let row = |v| Row::of(v, dimension);
+        let row = |v: &Vector3<f64>| Row::of(v, dimension);
         let motions = system.prescribed().motions();
         let mut positions = state.positions.clone();
         let mut groups = BTreeMap::<(usize, [bool; 3]), Vec<u32>>::new();
@@ -45,9 +48,37 @@ impl Scene {
         };
         let at_rest = state.velocities.iter().all(|v| v.iter().all(|c| c.to_bits() == 0));
         let springs = || system.springs().iter();
+        let (loads, behaviour) = (system.loads(), system.behaviour());
+        let gravity = match &loads.gravity {
+            None => Gravity::Constant(row(&system.gravity())),
+            Some(curve) => {
+                let Curve { times, values } = curve.after(state.time);
+                Gravity::Path(GravityPath { times, values: values.iter().map(row).collect() })
+            }
+        };
+        // As many entries as there are different loads.
+        let mut forces = BTreeMap::<[u64; 3], Vec<u32>>::new();
+        for (particle, force) in (0u32..).zip(&loads.forces).filter(|(_, force)| **force != Vector3::zeros()) {
+            forces.entry(<[f64; 3]>::from(*force).map(f64::to_bits)).or_default().push(particle);
+        }
+        let force = |(bits, particles): ([u64; 3], Vec<u32>)| ForceEntry {
+            particles,
+            value: row(&bits.map(f64::from_bits).into()),
+        };
+        let actuation = behaviour.actuation.iter().map(|entry| {
+            let Curve { times, values: factors } = entry.factors.after(state.time);
+            let springs = entry.springs.iter().map(|&spring| spring as u32).collect();
+            ActuationEntry { springs, path: FactorPath { times, factors } }
+        });
+        let tension_only = match &behaviour.tension_only[..] {
+            [] => None,
+            flags if flags.iter().all(|&flag| flag) => Some(Flags::Uniform(true)),
+            flags if flags.iter().all(|&flag| !flag) => None,
+            flags => Some(Flags::Each(flags.to_vec())),
+        };
         Self {
             name: name.to_owned(),
-            gravity: Some(row(&system.gravity())),
+            gravity: Some(gravity),
             particles: Particles {
                 positions: positions.iter().map(row).collect(),
                 velocities: (!at_rest).then(|| state.velocities.iter().map(row).collect()),
@@ -58,7 +89,11 @@ impl Scene {
                 stiffness: Some(Values::collect(springs().map(|s| s.stiffness))),
                 rest_lengths: Some(Values::collect(springs().map(|s| s.rest_length))),
                 damping: Some(Values::collect(springs().map(|s| s.damping))),
+                tension_only,
+                actuation: actuation.collect(),
             },
+            forces: forces.into_iter().map(force).collect(),
+            drag: (!loads.drag.is_empty()).then(|| Drag { coefficient: Values::collect(loads.drag.iter().copied()) }),
             constraints: groups.into_iter().map(entry).collect(),
             ..Self::default()
         }
@@ -68,16 +103,9 @@ impl Scene {
 impl Path {
     /// The rest of a path from time t on, with t as time zero.
     fn from_time(times: &[f64], offsets: &[Vector3<f64>], t: f64, dimension: usize) -> Self {
-        let current = times.partition_point(|&time| time <= t).saturating_sub(1);
-        let mut path = Self::default();
-        for (time, offset) in times.iter().zip(offsets).skip(current) {
-            // Times nearer than rounding may fall together: the first of them stands for all.
-            if path.times.last().is_none_or(|&last| time - t > last) {
-                path.times.push(time - t);
-                path.offsets.push(Row::of(offset, dimension));
-            }
-        }
-        path
+        let path = Curve { times: times.to_vec(), values: offsets.to_vec() };
+        let Curve { times, values } = path.after(t);
+        Self { times, offsets: values.iter().map(|offset| Row::of(offset, dimension)).collect() }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Writing a [`Scene`]: commented TOML to read and edit, compact JSON for programs. Numbers read back to the bit.
 
-use super::{ConstraintEntry, Row, Scene, Values};
+use super::{ActuationEntry, ConstraintEntry, Flags, ForceEntry, Gravity, Row, Scene, Values};
 use std::iter::Peekable;
 use toml_writer::ToTomlValue;
 
@@ -19,23 +19,36 @@ impl Scene {
         let mut toml = Toml(String::new());
         toml.comment("Scene of sprung. SI units; particles and springs are numbered from 0.");
         toml.text("name", &self.name);
-        if let Some(gravity) = &self.gravity {
-            toml.line("gravity", &row(gravity), "m/s²");
+        match &self.gravity {
+            Some(Gravity::Constant(gravity)) => toml.line("gravity", &row(gravity), "m/s²"),
+            Some(Gravity::Path(path)) => {
+                toml.list("gravity.times", path.times.iter().copied().map(number), "s");
+                toml.list("gravity.values", path.values.iter().map(row), "m/s², linear in between");
+            }
+            None => {}
         }
         self.write_mesh(&mut toml);
         self.write_particles(&mut toml);
         self.write_springs(&mut toml);
         self.constraints.iter().for_each(|entry| write_constraint(&mut toml, entry));
+        self.forces.iter().for_each(|entry| write_force(&mut toml, entry));
+        if let Some(drag) = &self.drag {
+            toml.header("[drag]", "-c v on every particle");
+            toml.values("coefficient", Some(&drag.coefficient), "c in N·s/m");
+        }
         self.write_time(&mut toml);
         toml.0
     }
 
     fn write_mesh(&self, toml: &mut Toml) {
         if let Some(mesh) = &self.mesh {
-            toml.header("[mesh]", "vertices become particles, each edge of a face once becomes a spring");
+            toml.header("[mesh]", "vertices become particles, each edge once becomes a spring");
             toml.text("file", &mesh.file);
             if let Some(scale) = mesh.scale {
                 toml.line("scale", &number(scale), "m per unit of the mesh");
+            }
+            if let Some(weld) = mesh.weld {
+                toml.line("weld", &number(weld), "m: nearer vertices are one");
             }
         }
     }
@@ -64,6 +77,14 @@ impl Scene {
             lengths => toml.values("rest_lengths", lengths.as_ref(), "l0 in m"),
         }
         toml.values("damping", springs.damping.as_ref(), "b in N·s/m, along the spring");
+        match &springs.tension_only {
+            None => {}
+            Some(Flags::Uniform(flag)) => toml.line("tension_only", &flag.to_string(), "whether springs do not push"),
+            Some(Flags::Each(flags)) => {
+                toml.list("tension_only", flags.iter().map(bool::to_string), "which springs do not push");
+            }
+        }
+        springs.actuation.iter().for_each(|entry| write_actuation(toml, entry));
     }
 
     fn write_time(&self, toml: &mut Toml) {
@@ -96,6 +117,19 @@ fn write_constraint(toml: &mut Toml, entry: &ConstraintEntry) {
     if entry.velocity.is_none() && entry.path.is_none() {
         toml.comment("no motion: held where they are");
     }
+}
+
+fn write_force(toml: &mut Toml, entry: &ForceEntry) {
+    toml.header("[[forces]]", "a constant load on each of some particles");
+    toml.list("particles", entry.particles.iter().map(u32::to_string), "");
+    toml.line("value", &row(&entry.value), "N");
+}
+
+fn write_actuation(toml: &mut Toml, entry: &ActuationEntry) {
+    toml.header("[[springs.actuation]]", "rest lengths that change in time");
+    toml.list("springs", entry.springs.iter().map(u32::to_string), "");
+    toml.list("path.times", entry.path.times.iter().copied().map(number), "s");
+    toml.list("path.factors", entry.path.factors.iter().copied().map(number), "of the rest length, linear in between");
 }
 
 fn number(value: f64) -> String {

@@ -72,7 +72,7 @@ const THROUGH_ORIGIN: f64 = 1e-9;
 impl Spring {
     /// The spring of the built-in law that has a tension and its slope at a length, with this spring's damping.
     pub(crate) fn tangent(&self, Tension { force, slope }: Tension, length: f64) -> Self {
-        let mut slope = slope.max(FLAT * self.stiffness / self.rest_length);
+        let mut slope = slope.max(FLAT * self.axial_stiffness());
         if (slope * length - force).abs() < THROUGH_ORIGIN * slope * length {
             slope *= 1.0 + 10.0 * THROUGH_ORIGIN;
         }

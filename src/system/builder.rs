@@ -1,5 +1,6 @@
 //! From a description in code or in a file to a checked [`System`] and its initial [`State`].
 
+use super::curve::check_times;
 use super::{Axes, Constraint, DofMap, Motion, Prescribed, State, System, active_springs};
 use crate::error::{Invalid, Result};
 use crate::spring::{Extension, Spring};
@@ -114,6 +115,7 @@ impl SystemBuilder {
         let (prescribed, held) = Prescribed::new(self.constraints, &self.positions, modelled);
         let dofs = DofMap::new(held.into_iter().map(|axes| modelled.without(axes)).collect());
         let active = active_springs(&self.pairs, &dofs);
+        let has_special_springs = self.springs.iter().any(|spring| spring.rest_length == 0.0);
         let system = System {
             dimension: self.dimension,
             gravity: self.gravity,
@@ -124,6 +126,10 @@ impl SystemBuilder {
             dofs,
             active,
             law: None,
+            behaviour: Default::default(),
+            actuated: Default::default(),
+            has_special_springs,
+            loads: Default::default(),
             external: Vec::new(),
             shares: Default::default(),
             part: None,
@@ -172,14 +178,15 @@ impl SystemBuilder {
             if i == j {
                 return Err(wrong("joins a particle to itself".into()));
             }
-            if Extension::between(&self.positions[i], &self.positions[j]).is_none() {
+            let has_length = || Extension::between(&self.positions[i], &self.positions[j]).is_some();
+            if spring.rest_length != 0.0 && !has_length() {
                 return Err(wrong("is a spring of zero current length".into()));
             }
             check_positive("springs.stiffness", s, spring.stiffness)?;
-            check_positive("springs.rest_lengths", s, spring.rest_length)?;
-            if !(spring.damping.is_finite() && spring.damping >= 0.0) {
-                let rule = "must be finite and not negative";
-                return Err(Invalid::new("springs.damping", spring.damping, rule).at(s));
+            for (key, value) in [("springs.rest_lengths", spring.rest_length), ("springs.damping", spring.damping)] {
+                if !(value.is_finite() && value >= 0.0) {
+                    return Err(Invalid::new(key, value, "must be finite and not negative").at(s));
+                }
             }
         }
         Ok(())
@@ -199,18 +206,7 @@ impl SystemBuilder {
             Motion::Path { times, offsets } => {
                 let times_key = format!("{key}.path.times");
                 let offsets_key = format!("{key}.path.offsets");
-                if times.is_empty() {
-                    return Err(Invalid::new(times_key, "[]", "must have at least one entry"));
-                }
-                check_length(&offsets_key, offsets.len(), times.len(), "times")?;
-                for (at, &time) in times.iter().enumerate() {
-                    if !time.is_finite() {
-                        return Err(Invalid::new(times_key, time, "must be finite").at(at));
-                    }
-                    if at > 0 && time <= times[at - 1] {
-                        return Err(Invalid::new(times_key, time, "times must increase").at(at));
-                    }
-                }
+                check_times(&format!("{key}.path"), times, ("offsets", offsets.len()))?;
                 offsets.iter().enumerate().try_for_each(|(at, x)| self.check_vector(&offsets_key, Some(at), x))?;
                 for at in 1..times.len() {
                     let speed = (offsets[at] - offsets[at - 1]) / (times[at] - times[at - 1]);

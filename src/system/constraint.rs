@@ -95,6 +95,8 @@ impl Constraint {
 pub struct Prescribed {
     motions: Vec<Motion>,
     coordinates: Vec<Coordinate>,
+    /// When something else has a kink, in s.
+    kinks: Vec<f64>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -125,7 +127,7 @@ impl Prescribed {
             coordinates.push(Coordinate { particle: particle as u32, axis: axis as u8, motion: motion as u32, start });
         }
         let motions = constraints.into_iter().map(|constraint| constraint.motion).collect();
-        (Self { motions, coordinates }, axes)
+        (Self { motions, coordinates, kinks: Vec::new() }, axes)
     }
 
     /// These and more coordinates, which are held where `positions` have them.
@@ -141,7 +143,14 @@ impl Prescribed {
         // The sort is stable: of two entries for one coordinate the older one stays.
         coordinates.sort_by_key(|c| (c.particle, c.axis));
         coordinates.dedup_by_key(|c| (c.particle, c.axis));
-        Self { motions: self.motions.iter().cloned().chain([Motion::Held]).collect(), coordinates }
+        let motions = self.motions.iter().cloned().chain([Motion::Held]).collect();
+        Self { motions, coordinates, kinks: self.kinks.clone() }
+    }
+
+    /// Makes known when what is no path has kinks: gravity, rest lengths.
+    pub(super) fn add_kinks(&mut self, times: &[f64]) {
+        self.kinks.extend_from_slice(times);
+        self.kinks.sort_by(f64::total_cmp);
     }
 
     /// Whether any prescribed coordinate ever moves.
@@ -154,13 +163,14 @@ impl Prescribed {
         &self.motions
     }
 
-    /// The first time after t at which a path has a kink, in s; there prescribed velocities jump.
+    /// The first time after t at which a path has a kink, in s, where prescribed velocities jump; or gravity or a rest length has.
     pub fn next_kink(&self, t: f64) -> Option<f64> {
+        let after = |times: &[f64]| times.get(times.partition_point(|&time| time <= t)).copied();
         let first = |motion: &Motion| match motion {
-            Motion::Path { times, .. } => times.get(times.partition_point(|&time| time <= t)).copied(),
+            Motion::Path { times, .. } => after(times),
             Motion::Held | Motion::Velocity(_) => None,
         };
-        self.motions.iter().filter_map(first).min_by(f64::total_cmp)
+        self.motions.iter().filter_map(first).chain(after(&self.kinks)).min_by(f64::total_cmp)
     }
 
     /// Every prescribed coordinate by particle, then axis: with its start, in m, and the index of its motion.

@@ -1,31 +1,38 @@
 //! The data of a scene: particles, springs and constraints, and the free degrees of freedom that follow from them.
 
 mod axes;
+mod behaviour;
 mod builder;
 mod constraint;
+mod curve;
 mod dofs;
 mod external;
 #[cfg(test)]
 pub(crate) mod fixtures;
 mod kept;
+mod loads;
 mod part;
 mod shares;
 mod state;
 
 pub use axes::Axes;
+pub use behaviour::{Actuation, Behaviour};
 pub use builder::SystemBuilder;
 #[cfg(feature = "scene")]
 pub(crate) use builder::check_length;
 pub(crate) use constraint::SAME_TIME;
 pub use constraint::{Constraint, Motion, Prescribed};
+pub use curve::Curve;
 pub use dofs::{Dof, DofMap};
-pub use external::ExternalForce;
+pub use external::{Derivatives, ExternalForce};
+pub use loads::Loads;
 pub use part::Peers;
 #[cfg(test)]
 pub(crate) use part::tests as parts;
 pub(crate) use shares::Share;
 pub use state::{Moment, State};
 
+use crate::error::Result;
 use crate::spring::{Extension, Spring, SpringLaw};
 use kept::Kept;
 use nalgebra::Vector3;
@@ -65,6 +72,12 @@ pub struct System {
     dofs: DofMap,
     active: Vec<u32>,
     law: Option<Arc<dyn SpringLaw>>,
+    behaviour: Arc<Behaviour>,
+    /// Which actuation counts for every spring; empty where there is none.
+    actuated: Arc<Vec<u32>>,
+    /// Whether some spring is not one of the built-in law with a rest length, at all times.
+    has_special_springs: bool,
+    loads: Arc<Loads>,
     external: Vec<Arc<dyn ExternalForce>>,
     shares: Shares,
     part: Option<part::Part>,
@@ -84,35 +97,115 @@ impl System {
         self
     }
 
-    /// The forces from outside.
+    /// The same system with constant loads, drag and gravity that changes in time, in place of those that it has.
+    ///
+    /// # Errors
+    /// [`Invalid`](crate::error::Invalid) for the first value that breaks a rule of the scene format, with its key and index.
+    pub fn with_loads(mut self, loads: Loads) -> Result<Self> {
+        loads.check(self.particles(), self.dimension)?;
+        if let Some(gravity) = &loads.gravity {
+            self.gravity = gravity.at(0.0);
+            self.prescribed.add_kinks(&gravity.times);
+        }
+        self.loads = Arc::new(loads);
+        Ok(self)
+    }
+
+    /// The same system with springs that do not push or change their rest length, in place of those that it has.
+    ///
+    /// # Errors
+    /// [`Invalid`](crate::error::Invalid) for the first value that breaks a rule of the scene format, with its key and index.
+    pub fn with_behaviour(mut self, behaviour: Behaviour) -> Result<Self> {
+        behaviour.check(&self.springs)?;
+        behaviour.actuation.iter().for_each(|entry| self.prescribed.add_kinks(&entry.factors.times));
+        self.actuated = Arc::new(behaviour.of_springs(self.springs.len()));
+        self.has_special_springs = !behaviour.is_empty() || self.springs.iter().any(|spring| spring.rest_length == 0.0);
+        self.behaviour = Arc::new(behaviour);
+        Ok(self)
+    }
+
+    /// Constant loads, drag and gravity in time.
+    pub fn loads(&self) -> &Loads {
+        &self.loads
+    }
+
+    /// Springs that do not push or change their rest length.
+    pub fn behaviour(&self) -> &Behaviour {
+        &self.behaviour
+    }
+
+    /// The forces from outside that are the caller's own.
     pub fn external_forces(&self) -> impl Iterator<Item = &dyn ExternalForce> + '_ {
         self.external.iter().map(|force| &**force)
     }
 
-    /// Whether there are forces from outside.
+    /// Whether there are forces from outside, [loads](Self::loads) among them.
     pub fn has_external_forces(&self) -> bool {
-        !self.external.is_empty()
+        !self.external.is_empty() || !self.loads.is_empty()
     }
 
-    /// Whether springs have a law of the caller's own.
+    /// Whether forces from outside enter the matrices.
+    pub fn has_external_derivatives(&self) -> bool {
+        self.loads.has_drag() || self.external.iter().any(|force| force.has_derivatives())
+    }
+
+    /// Whether all derivatives of forces from outside are known.
+    pub fn knows_external_derivatives(&self) -> bool {
+        self.external.iter().all(|force| force.has_derivatives())
+    }
+
+    /// Whether springs have to be asked for at their lengths: of a law of the caller's own, without a rest length, that do not push or that change
+    /// their rest lengths.
     pub fn has_spring_law(&self) -> bool {
-        self.law.is_some()
+        self.law.is_some() || self.has_special_springs
     }
 
-    /// A spring as it is at a length, in m: its own parameters, or those of the [tangent](SpringLaw) of the law.
+    /// How a spring's rest length has changed by a time: the factor, and its rate in 1/s.
+    pub(crate) fn actuation(&self, number: usize, time: f64) -> Option<[f64; 2]> {
+        let entry = self.behaviour.actuation.get(*self.actuated.get(number)? as usize)?;
+        Some([entry.factors.at(time), entry.factors.rate(time)])
+    }
+
+    /// A spring with its rest length at a time.
     #[inline]
-    pub fn spring_at(&self, number: usize, length: f64) -> Spring {
+    fn spring_then(&self, number: usize, time: f64) -> Spring {
         let spring = self.springs[number];
-        match &self.law {
+        match self.actuation(number, time) {
             None => spring,
-            Some(law) => spring.tangent(law.tension(number, &spring, length), length),
+            Some([factor, _]) => Spring { rest_length: spring.rest_length * factor, ..spring },
         }
     }
 
-    /// What a spring stores, in J.
-    pub fn elastic_energy(&self, number: usize, at: &Extension) -> f64 {
-        let spring = &self.springs[number];
-        self.law.as_ref().map_or_else(|| spring.elastic_energy(at), |law| law.energy(number, spring, at.length))
+    /// A spring as it is at a length, in m, and a time: its own parameters, or those of the [tangent](SpringLaw) of the law. One that does not
+    /// push has neither stiffness nor damping while it is shorter than at rest.
+    #[inline]
+    pub fn spring_at(&self, number: usize, length: f64, time: f64) -> Spring {
+        let spring = self.spring_then(number, time);
+        match &self.law {
+            Some(law) => spring.tangent(law.tension(number, &spring, length), length),
+            None if self.behaviour.is_tension_only(number) && length < spring.rest_length => {
+                Spring { stiffness: 0.0, rest_length: length, damping: 0.0 }
+            }
+            None => spring,
+        }
+    }
+
+    /// Where the ends of a spring are relative to each other; `None` where they coincide and the spring would need a direction.
+    #[inline]
+    pub fn extension(&self, number: usize, xi: &Vector3<f64>, xj: &Vector3<f64>) -> Option<Extension> {
+        let may_collapse = || self.springs[number].rest_length == 0.0 || self.behaviour.is_tension_only(number);
+        let collapsed = || (self.law.is_none() && may_collapse()).then_some(Extension::COLLAPSED);
+        Extension::between(xi, xj).or_else(collapsed)
+    }
+
+    /// What a spring stores at a time, in J.
+    pub fn elastic_energy(&self, number: usize, at: &Extension, time: f64) -> f64 {
+        let spring = self.spring_then(number, time);
+        match &self.law {
+            Some(law) => law.energy(number, &spring, at.length),
+            None if self.behaviour.is_tension_only(number) && at.length < spring.rest_length => 0.0,
+            None => spring.elastic_energy(at),
+        }
     }
 
     /// The same system with more coordinates held, where `positions` have them.
@@ -134,19 +227,12 @@ impl System {
         Self { prescribed, dofs, active, ..self.clone() }
     }
 
-    /// The same system without the springs that `is_idle` of their numbers and ends: they enter no matrix and exert no force. Springs keep their
-    /// numbers.
-    pub(crate) fn without_springs(&self, is_idle: impl Fn(usize, [usize; 2]) -> bool) -> Self {
-        let goes_on = |&s: &u32| !is_idle(s as usize, self.pair(s as usize));
-        Self { active: self.active.iter().copied().filter(goes_on).collect(), ..self.clone() }
-    }
-
     /// Number of modelled axes: 1, 2 or 3.
     pub fn dimension(&self) -> usize {
         self.dimension
     }
 
-    /// Gravitational acceleration, in m/s².
+    /// Gravitational acceleration, in m/s²: at time zero, where it [changes](Loads).
     pub fn gravity(&self) -> Vector3<f64> {
         self.gravity
     }
@@ -213,9 +299,9 @@ impl System {
         &self.prescribed
     }
 
-    /// Whether any spring that enters the matrices has damping. Without one there is no G.
+    /// Whether any spring that enters the matrices has damping, or any force from outside may have. Without one there is no G.
     pub fn is_damped(&self) -> bool {
-        let here = || self.active().any(|(_, _, spring)| spring.damping > 0.0);
+        let here = || self.has_external_derivatives() || self.active().any(|(_, _, spring)| spring.damping > 0.0);
         self.damping_of_parts().unwrap_or_else(here)
     }
 }
@@ -293,14 +379,14 @@ mod tests {
         builder.spring(0, 1, Spring { stiffness: 8.0, rest_length: 1.0, damping: 0.5 });
         let (system, _) = builder.build().unwrap();
         let at = Extension { direction: Vector3::x(), length: 2.0 };
-        assert_eq!((system.elastic_energy(0, &at), system.spring_at(0, 2.0)), (4.0, system.springs()[0]));
+        assert_eq!((system.elastic_energy(0, &at, 0.0), system.spring_at(0, 2.0, 0.0)), (4.0, system.springs()[0]));
         assert!(system.is_damped());
 
         let of_law = system.clone().with_spring_law(Pull);
         assert!(of_law.has_spring_law() && !of_law.has_external_forces());
-        assert_eq!(of_law.elastic_energy(0, &at), 6.0);
+        assert_eq!(of_law.elastic_energy(0, &at, 0.0), 6.0);
         // The tangent: k = T' l − T = 13 and l0 = 13/8.
-        let tangent = of_law.spring_at(0, 2.0);
+        let tangent = of_law.spring_at(0, 2.0, 0.0);
         assert_eq!(tangent, Spring { stiffness: 13.0, rest_length: 1.625, damping: 0.5 });
 
         let forced = system.with_external_force(Wind).with_external_force(Wind);

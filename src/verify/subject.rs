@@ -28,13 +28,20 @@ pub struct Subject {
 const STRETCH: f64 = 1.25;
 
 impl Subject {
-    /// A scene, built; without a `dt` of its own the step is the [`resolving_step`](Self::resolving_step).
+    /// A scene, built; without a `dt` of its own the step is the [`resolving_step`](Self::resolving_step). Loads, drag, gravity that changes, and that
+    /// springs do not push or change their rest lengths, is left out: checks do not judge it.
     ///
     /// # Errors
-    /// When the scene cannot be built.
+    /// When the scene cannot be built, or has springs without a rest length, which checks do not judge.
     #[cfg(feature = "scene")]
     pub fn of_scene(scene: &Scene) -> Result<Self> {
         let (system, state) = scene.build()?;
+        if let Some(spring) = system.springs().iter().position(|spring| spring.rest_length == 0.0) {
+            let what = format!("{}: spring {spring} has no rest length, and checks judge none without", scene.name);
+            return Err(crate::error::Error::Unsupported(what));
+        }
+        let system =
+            system.with_behaviour(crate::system::Behaviour::default())?.with_loads(crate::system::Loads::default())?;
         let subject = Self { name: scene.name.clone(), system, state, dt: 0.0 };
         let dt = scene.time.dt.unwrap_or_else(|| subject.resolving_step());
         Ok(Self { dt, ..subject })

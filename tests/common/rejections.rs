@@ -31,9 +31,8 @@ macro_rules! rejections {
             stiffness_too_many: "[100.0, 200.0]", "[100.0, 200.0, 300.0]" => "springs.stiffness = a list of 3: must have one entry for each of the 2 springs";
             stiffness_absent: "stiffness = [100.0, 200.0]", "" => "springs.stiffness = absent: must be given, one number for all or one for each of the 2 springs";
 
-            rest_length_zero: "[1.0, 1.2]", "[0.0, 1.2]" => "springs.rest_lengths[0] = 0: must be finite and positive";
-            rest_length_negative: "[1.0, 1.2]", "[1.0, -1.2]" => "springs.rest_lengths[1] = -1.2: must be finite and positive";
-            rest_length_nan: "[1.0, 1.2]", "[1.0, nan]" => "springs.rest_lengths[1] = NaN: must be finite and positive";
+            rest_length_negative: "[1.0, 1.2]", "[1.0, -1.2]" => "springs.rest_lengths[1] = -1.2: must be finite and not negative";
+            rest_length_nan: "[1.0, 1.2]", "[1.0, nan]" => "springs.rest_lengths[1] = NaN: must be finite and not negative";
             rest_length_for_all_infinite: "[1.0, 1.2]", "inf" => "springs.rest_lengths = inf: must be finite";
             rest_lengths_too_few: "[1.0, 1.2]", "[1.0]" => "springs.rest_lengths = a list of 1: must have one entry for each of the 2 springs";
 
@@ -76,13 +75,13 @@ macro_rules! rejections {
             path_offsets_ragged: "[0, 0.2, 0]", "[0, 0.2]" => "constraints[1].path.offsets[1] = [0.0, 0.2]: must have length 3, as the scene's other rows";
             path_offset_nan: "[0, 0.2, 0]", "[0, nan, 0]" => "constraints[1].path.offsets[1] = [0.0, NaN, 0.0]: must be finite";
 
-            unknown_key: "name =", "colour = 3\nname =" => "colour: unknown key colour, must be one of name, gravity, particles, springs, mesh, constraints, time at line 2 column 1";
+            unknown_key: "name =", "colour = 3\nname =" => "colour: unknown key colour, must be one of name, gravity, particles, springs, mesh, constraints, forces, drag, time at line 2 column 1";
             unknown_key_of_particles: "masses =", "mass =" => "particles.mass: unknown key mass, must be one of positions, velocities, masses at line 8 column 1; did you mean masses?";
-            unknown_key_of_springs: "damping =", "friction =" => "springs.friction: unknown key friction, must be one of pairs, stiffness, rest_lengths, damping at line 14 column 1";
+            unknown_key_of_springs: "damping =", "friction =" => "springs.friction: unknown key friction, must be one of pairs, stiffness, rest_lengths, damping, tension_only, actuation at line 14 column 1";
             unknown_key_of_constraint: "particles = [1, 2]", "particles = [1, 2]\naxis = \"x\"" => "constraints[1].axis: unknown key axis, must be one of particles, axes, velocity, path at line 23 column 1; did you mean axes?";
             unknown_key_of_path: "times = [0, 1],", "times = [0, 1], loop = true," => "constraints[1].path.loop: unknown key loop, must be times or offsets at line 23 column 26";
             unknown_key_of_time: "duration =", "end =" => "time.end: unknown key end, must be dt or duration at line 27 column 1";
-            unknown_key_of_mesh: "[time]", "[mesh]\nfile = \"a.obj\"\nunit = 1\n[time]" => "mesh.unit: unknown key unit, must be file or scale at line 27 column 1";
+            unknown_key_of_mesh: "[time]", "[mesh]\nfile = \"a.obj\"\nunit = 1\n[time]" => "mesh.unit: unknown key unit, must be one of file, scale, weld at line 27 column 1";
 
             dt_zero: "dt = 0.01", "dt = 0" => "time.dt = 0: must be positive";
             dt_nan: "dt = 0.01", "dt = nan" => "time.dt = NaN: must be finite";

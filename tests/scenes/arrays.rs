@@ -144,7 +144,7 @@ fn what_is_wrong_is_named() {
         (
             "scene",
             text(r#"{"gravty": 1}"#),
-            "gravty: unknown key gravty, must be one of name, gravity, particles, springs, mesh, constraints, time at line 1 column 9; did you mean gravity?",
+            "gravty: unknown key gravty, must be one of name, gravity, particles, springs, mesh, constraints, forces, drag, time at line 1 column 9; did you mean gravity?",
         ),
     ];
     for (name, array, expected) in cases {

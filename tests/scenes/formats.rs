@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use sprung::scene::{
-    AxisName, ConstraintEntry, Kind, Mesh, Particles, Path, Row, Scene, Springs, TimeSettings, Values, builtin,
+    AxisName, ConstraintEntry, Gravity, Kind, Mesh, Particles, Path, Row, Scene, Springs, TimeSettings, Values, builtin,
 };
 use std::io::Cursor;
 
@@ -24,6 +24,7 @@ fn valid_in_code() -> Scene {
             stiffness: Some(vec![100.0, 200.0].into()),
             rest_lengths: Some(vec![1.0, 1.2].into()),
             damping: Some(vec![0.3, 0.0].into()),
+            ..Springs::default()
         },
         mesh: None,
         constraints: vec![
@@ -145,7 +146,7 @@ fn entry(dimension: usize) -> impl Strategy<Value = ConstraintEntry> {
 fn scene() -> impl Strategy<Value = Scene> {
     let name = "[^/\\\\\\p{Cc}]{0,8}[a-z\"'\\[#éß😀]";
     let positive = || prop::option::of(1e-300..1e300);
-    let mesh = ("\\PC{1,8}", positive()).prop_map(|(file, scale)| Mesh { file, scale });
+    let mesh = ("\\PC{1,8}", positive(), positive()).prop_map(|(file, scale, weld)| Mesh { file, scale, weld });
     (1usize..=3).prop_flat_map(move |dimension| {
         (
             (name, prop::option::of(row(dimension)), prop::option::of(mesh.clone()), positive(), positive()),
@@ -159,12 +160,13 @@ fn scene() -> impl Strategy<Value = Scene> {
                 Scene {
                     name,
                     file: None,
-                    gravity,
+                    gravity: gravity.map(Gravity::Constant),
                     particles: Particles { positions, velocities, masses },
-                    springs: Springs { pairs, stiffness, rest_lengths, damping },
+                    springs: Springs { pairs, stiffness, rest_lengths, damping, ..Springs::default() },
                     mesh,
                     constraints,
                     time: TimeSettings { dt, duration },
+                    ..Scene::default()
                 }
             })
     })

@@ -57,7 +57,7 @@ fn objects_groups_normals_textures_materials_and_comments_do_not_matter() {
         usemtl red\r\nf 1/1/1 2/1/1 3/1/1\r\no two\r\nv 1 1 0\r\ng part\r\nf -1//1 -2//1 -3//1\r\nl 1 4\r\n";
     let (positions, pairs) = build(obj, "").unwrap();
     assert_eq!(positions.len(), 4);
-    assert_eq!(pairs, [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]);
+    assert_eq!(pairs, [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]);
 }
 
 #[test]
@@ -85,41 +85,60 @@ fn scale_multiplies_the_vertices() {
 }
 
 #[test]
-fn an_empty_mesh_is_an_empty_scene() {
-    assert_eq!(build("", "").unwrap(), (vec![], vec![]));
+fn an_empty_mesh_is_refused() {
+    let start = "/s.toml: mesh.file = \"shape.obj\": /shape.obj: ";
+    assert_eq!(build("", "").unwrap_err(), format!("{start}is empty"));
+    let message = build("no mesh\n", "").unwrap_err();
+    assert!(message.starts_with(&format!("{start}is no mesh")), "{message}");
+}
+
+#[test]
+fn nearby_vertices_are_welded_in_metres() {
+    let obj = "v 0 0 0\nv 1 0 0\nv 1.001 0 0\nv 2 0 0\nl 1 2\nl 3 4\n";
+    let (positions, pairs) = build(obj, ", scale = 10, weld = 0.011").unwrap();
+    assert_eq!((positions.len(), pairs), (3, vec![[0, 1], [1, 2]]));
+    assert_eq!(build(obj, ", scale = 10, weld = 0.009").unwrap().0.len(), 4);
+    let message = build(obj, ", weld = -1").unwrap_err();
+    assert!(message.contains("mesh.weld = -1: must not be negative"), "{message}");
 }
 
 #[test]
 fn wrong_meshes_are_rejected_with_the_line() {
     let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
     for (obj, message) in [
-        ("v 0 0 0\nv 1 0\nf 1 2", "/s.toml: mesh.file = \"shape.obj\": /shape.obj: position parse error: \"v 1 0\""),
+        (
+            "v 0 0 0\nv 1 0\nf 1 2",
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: line 2: a vertex has three coordinates: \"v 1 0\"",
+        ),
         (
             "v 0 0 0\nv 1 zero 0\n",
-            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: position parse error: \"v 1 zero 0\"",
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: line 2: \"zero\" is no number: \"v 1 zero 0\"",
         ),
         (
             &format!("{vertices}f 1 2 3\nf 3 2 4\nf 1 2 9"),
-            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: face vertex index out of bounds: \"f 3 2 4\"",
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: line 5: names vertex 4, and the last is 3",
         ),
         (
             &format!("{vertices}f 1 2 0"),
-            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: face vertex index out of bounds: \"f 1 2 0\"",
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: line 4: \"0\" names a vertex that there is not: \"f 1 2 0\"",
         ),
         (
             &format!("{vertices}f 1 2 -4"),
-            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: face vertex index out of bounds: \"f 1 2 -4\"",
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: line 4: \"-4\" names a vertex that there is not: \"f 1 2 -4\"",
         ),
         (
             &format!("{vertices}f 1 two 3"),
-            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: face parse error: \"f 1 two 3\"",
+            "/s.toml: mesh.file = \"shape.obj\": /shape.obj: line 4: \"two\" names no vertex: \"f 1 two 3\"",
         ),
         (
             "v 0 0 0\nv 0 inf 0\n",
             "/s.toml: mesh.file = \"shape.obj\": /shape.obj: v[1] = [0.0, inf, 0.0]: must be finite",
         ),
-        (&format!("{vertices}f 1 1 2"), "/s.toml: springs.pairs[0] = [0, 0]: joins a particle to itself"),
-        ("v 0 0 0\nv 0 0 0\nf 1 2", "/s.toml: springs.pairs[0] = [0, 1]: is a spring of zero current length"),
+        (
+            "v 0 0 0\nv 0 0 0\nf 1 2",
+            "/s.toml: mesh.file = \"shape.obj\": line 3: an edge joins vertices 1 and 2 that lie at one place: a spring of zero current \
+             length (mesh.weld = 0 joins such vertices)",
+        ),
         ("v 1e300 0 0\n", "/s.toml: particles.positions[0] = [inf, 0.0, 0.0]: must be finite"),
     ] {
         assert_eq!(build(obj, ", scale = 1e10").unwrap_err(), message);

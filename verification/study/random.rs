@@ -86,7 +86,7 @@ pub fn scene(seed: u64) -> Drawn {
     };
     let scene = Scene {
         name: name(seed),
-        gravity: gravity.map(row),
+        gravity: gravity.map(|gravity| row(gravity).into()),
         particles: Particles {
             positions: layout.points.iter().map(|x| row(x.map(|c| spacing * c))).collect(),
             velocities: velocities.map(|all| all.into_iter().map(row).collect()),
@@ -97,6 +97,7 @@ pub fn scene(seed: u64) -> Drawn {
             stiffness: Some(Values::collect(stiffness)),
             rest_lengths: Some(Values::collect(rest_lengths)),
             damping: damping.map(Values::collect),
+            ..Springs::default()
         },
         constraints,
         time: TimeSettings { dt: None, duration: Some(duration) },

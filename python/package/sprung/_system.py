@@ -19,6 +19,18 @@ from ._matrices import Factor, Matrices, linear_operator
 from ._state import Energy, Given, State
 
 
+#: The edges of cells, by the names that meshio has for them.
+_EDGES = {
+    "line": [(0, 1)],
+    "triangle": [(0, 1), (1, 2), (2, 0)],
+    "quad": [(0, 1), (1, 2), (2, 3), (3, 0)],
+    "tetra": [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
+    "pyramid": [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)],
+    "wedge": [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)],
+    "hexahedron": [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)],
+}
+
+
 class System:
     """A mass-spring system: everything that does not change while it moves.
 
@@ -33,9 +45,9 @@ class System:
     masses : float or array_like, shape (particles,)
         In kg.
     stiffness : float or array_like, shape (springs,)
-        k in N, the force per unit strain: ``f = k (l/l0 - 1)``.
+        k in N, the force per unit strain: ``f = k (l/l0 - 1)``; in N/m, ``f = k l``, where the rest length is zero.
     rest_lengths : float or array_like, shape (springs,), optional
-        l0 in m; absent: the initial distances.
+        l0 in m, zero too; absent: the initial distances.
     damping : float or array_like, shape (springs,)
         In N s/m, along the spring.
     velocities : array_like, shape (particles, dimension), optional
@@ -94,7 +106,7 @@ class System:
             _arrays.each("masses", masses, count, "particles"),
             ends,
             _arrays.each("stiffness", stiffness, springs, "springs"),
-            None if rest_lengths is None else _arrays.each("rest_lengths", rest_lengths, springs, "springs"),
+            None if rest_lengths is None else _arrays.each("rest_lengths", rest_lengths, springs, "springs", zero=True),
             _arrays.each("damping", damping, springs, "springs", zero=True),
             [0.0] * 3 if gravity is None else vector("gravity", gravity, dimension),
             [entry._given(at, count, dimension) for at, entry in enumerate(entries)],
@@ -118,6 +130,41 @@ class System:
             For a file that cannot be read.
         """
         return cls._of(_native.System.load(os.fspath(path)))
+
+    @classmethod
+    def from_meshio(cls, path: str | os.PathLike[str], *, masses: ArrayLike, **parameters: Any) -> System:
+        """Read any mesh that the package ``meshio`` reads: points become particles, each edge of a cell once becomes a spring.
+
+        Parameters
+        ----------
+        path : path-like
+            The mesh. Its lines, triangles, quadrilaterals, tetrahedra, pyramids, wedges and hexahedra count; vertices are passed over.
+        masses, **parameters
+            As of the class.
+
+        Raises
+        ------
+        ImportError
+            Where ``meshio`` is not installed.
+        ValueError
+            For cells with curved edges, which are not read, and for values that break a rule.
+        """
+        import meshio
+
+        mesh = meshio.read(path)
+        found = [np.empty((0, 2), dtype=np.int64)]
+        for block in mesh.cells:
+            if block.type == "vertex":
+                continue
+            if block.type == "polygon":
+                found += [np.column_stack([face, np.roll(face, -1)]) for face in block.data]
+            elif block.type in _EDGES:
+                found += [np.asarray(block.data)[:, list(edge)] for edge in _EDGES[block.type]]
+            else:
+                raise ValueError(f"{os.fspath(path)}: cells of type {block.type!r}: only cells with straight edges are read")
+        pairs = np.sort(np.concatenate(found), axis=1)
+        pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
+        return cls(mesh.points, pairs, masses=masses, **parameters)
 
     @classmethod
     def parse(cls, text: str, format: str = "toml") -> System:

@@ -132,7 +132,7 @@ pub(in crate::integrate) fn joint(fine: f64, coarse: f64) -> f64 {
 
 /// Of all forces; `None` where the ends of a spring coincide.
 fn accelerations(system: &System, state: &State) -> Option<Vec<Vector3<f64>>> {
-    let extensions = Extensions::at(system, &state.positions).ok()?;
+    let extensions = Extensions::at(system, state).ok()?;
     let mut accelerations = vec![Vector3::zeros(); system.particles()];
     set_accelerations(system, &extensions, &state.moment(), &mut accelerations);
     Some(accelerations)

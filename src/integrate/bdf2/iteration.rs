@@ -60,7 +60,7 @@ impl<'s> Iteration<'s> {
 
     /// Says that the next step has no past: its springs have the tensions at its start.
     pub fn forget(&mut self, state: &State) {
-        self.tensions.set(self.newton.linear.system, &state.positions);
+        self.tensions.set(self.newton.linear.system, state);
     }
 
     /// To count what belongs to the stepper.
@@ -73,7 +73,7 @@ impl<'s> Iteration<'s> {
         let linear = &mut self.newton.linear;
         let system = linear.system;
         linear.statistics.work.force_evaluations += 1;
-        linear.set_extensions(&state.positions)?;
+        linear.set_extensions(state)?;
         set_accelerations(system, &linear.extensions, &state.moment(), accelerations);
         Ok(())
     }

@@ -17,7 +17,7 @@
 
 use crate::force::Extensions;
 use crate::spring::{Extension, Spring};
-use crate::system::System;
+use crate::system::{State, System};
 use nalgebra::Vector3;
 
 /// How much more than the stretch by turning there must be (C). Of cloths that swing down with steps of 5 to 17 ms the error is
@@ -36,12 +36,12 @@ impl Tensions {
         Self { last: vec![0.0; system.active_springs().len()] }
     }
 
-    /// Takes the tensions at some positions for the last ones.
-    pub fn set(&mut self, system: &System, positions: &[Vector3<f64>]) {
+    /// Takes the tensions at a state for the last ones.
+    pub fn set(&mut self, system: &System, state: &State) {
         for (last, (number, [i, j], _)) in self.last.iter_mut().zip(system.active()) {
             // Coincident ends have no tension that lasts, and a step from there fails for its own reasons.
-            let extension = Extension::between(&positions[i], &positions[j]);
-            *last = extension.map_or(0.0, |at| tension(&system.spring_at(number, at.length), &at));
+            let extension = Extension::between(&state.positions[i], &state.positions[j]);
+            *last = extension.map_or(0.0, |at| tension(&system.spring_at(number, at.length, state.time), &at));
         }
     }
 
@@ -49,15 +49,19 @@ impl Tensions {
     pub fn learn(&mut self, system: &System, extensions: &Extensions, displacement: &[Vector3<f64>]) {
         for (last, ((_, [i, j], spring), at)) in self.last.iter_mut().zip(extensions.springs(system)) {
             let stretch = at.direction.dot(&(displacement[i] - displacement[j]));
-            *last = tension(spring, at) + spring.stiffness * stretch / spring.rest_length;
+            *last = tension(spring, at) + spring.axial_stiffness() * stretch;
         }
     }
 
     /// The transverse coefficient of the spring at a position among the active ones, in N/m, when its ends have moved relative to
     /// each other by `moved` to where they are.
     pub fn transverse(&self, position: usize, spring: &Spring, at: &Extension, moved: &Vector3<f64>) -> f64 {
+        // Without a rest length all directions are alike.
+        if spring.rest_length == 0.0 {
+            return spring.axial_stiffness();
+        }
         let across = moved.norm_squared() - at.direction.dot(moved).powi(2);
-        let turning = TURNING * spring.stiffness / spring.rest_length * across / (2.0 * at.length);
+        let turning = TURNING * spring.axial_stiffness() * across / (2.0 * at.length);
         let lasting = tension(spring, at).min(self.last[position]) - turning;
         lasting.max(0.0) / at.length
     }
@@ -89,7 +93,7 @@ mod tests {
         let mut tensions = Tensions::new(&system);
         let still = Vector3::zeros();
         assert_eq!(tensions.transverse(0, &spring, &at, &still), 0.0);
-        tensions.set(&system, &state.positions);
+        tensions.set(&system, &state);
         assert_eq!(tensions.transverse(0, &spring, &at, &still), 5.0);
         // Moving along the spring is no turning; 0.2 m across stretch by 0.04/6 m, of 15 N/m.
         assert_eq!(tensions.transverse(0, &spring, &at, &Vector3::new(0.5, 0.0, 0.0)), 5.0);

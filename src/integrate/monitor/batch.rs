@@ -53,7 +53,7 @@ impl pulp::NullaryFnOnce for Pass<'_> {
             lists.set_spans();
             let now = lists.now();
             if system.has_spring_law() {
-                slots.add_energies_by_law(system, first, springs.len(), kept, &now);
+                slots.add_energies_by_law(&step, first, springs.len(), kept, &now);
             } else {
                 slots.add_energies(kept, &now);
             }
@@ -175,12 +175,14 @@ impl Slots {
     }
 
     /// Of `count` springs from `first` on that have a law of the caller's own, with the stiffness of their tangents.
-    fn add_energies_by_law(&mut self, system: &System, first: usize, count: usize, kept: &mut Kept, now: &Now) {
+    fn add_energies_by_law(&mut self, step: &Step, first: usize, count: usize, kept: &mut Kept, now: &Now) {
+        let (system, time) = (step.system, step.at.time);
         for (slot, spring) in (first..first + count).enumerate().filter(|&(_, spring)| system.counts(spring)) {
             let length = now.length[slot];
-            let tangent = system.spring_at(spring, length);
-            kept.stiffness[slot] = tangent.stiffness / tangent.rest_length;
-            self.elastic[slot] += system.elastic_energy(spring, &Extension { direction: Vector3::zeros(), length });
+            let tangent = system.spring_at(spring, length, time);
+            kept.stiffness[slot] = tangent.axial_stiffness();
+            let at = Extension { direction: Vector3::zeros(), length };
+            self.elastic[slot] += system.elastic_energy(spring, &at, time);
         }
     }
 

@@ -149,12 +149,12 @@ impl<'s> Drive<'s> {
             let ends = [End::of(&driven.d, &relative(&driven.velocities)), End::of(&d, &relative(&velocities))];
             let force = [0, 1].map(|end: usize| {
                 let Span { length, rate } = ends[end].span;
-                let spring = system.spring_at(driven.spring, length);
-                let stiffness = spring.stiffness / spring.rest_length;
+                let spring = system.spring_at(driven.spring, length, state.time);
+                let stiffness = spring.axial_stiffness();
                 (stiffness * (length - spring.rest_length), stiffness * rate)
             });
             let step = Step { dt, is_resolved: dt <= driven.resolved };
-            let damping = system.springs()[driven.spring].damping;
+            let damping = system.spring_at(driven.spring, d.norm(), state.time).damping;
             exchange.add(&step.exchange(&ends, force, damping, &(only(i) - only(j))));
             (driven.d, driven.velocities) = (d, velocities);
         }

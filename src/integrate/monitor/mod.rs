@@ -19,7 +19,7 @@ pub use ledger::Balance;
 use super::watch::Watch;
 use super::{CompletedStep, PropagatedError, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::Energy;
+use crate::force::{Energy, actuation_power};
 use crate::memory;
 use crate::system::{State, System};
 use driven::Drive;
@@ -94,6 +94,8 @@ pub struct Monitor<'s> {
     particles: Particles<'s>,
     drive: Drive<'s>,
     external: Option<External>,
+    /// The power that springs take up by changing their rest lengths, in W.
+    power: f64,
     ledger: Ledger,
     /// At the state before, with its time.
     before: Ledger,
@@ -141,6 +143,7 @@ impl<'s> Monitor<'s> {
             particles,
             drive,
             external: External::new(system, state),
+            power: actuation_power(system, &state.moment()),
             ledger,
             before: ledger,
             times: [state.time; 2],
@@ -164,6 +167,10 @@ impl<'s> Monitor<'s> {
         let (springs, particles) = (self.springs.enter(state, dt), self.particles.pass(state));
         let mut exchange = self.drive.pass(state, dt);
         exchange.work += self.external.as_mut().map_or(0.0, |external| external.pass(self.system, state));
+        // The trapezoidal rule of what springs take up by changing their rest lengths.
+        let power = actuation_power(self.system, &state.moment());
+        exchange.work += 0.5 * (self.power + power) * dt;
+        self.power = power;
         self.ledger.enter(&springs, &particles, self.drive.energy(state), &exchange);
         if self.has_overflowed() {
             return Err(StepFailure::NonFinite);

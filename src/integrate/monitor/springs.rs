@@ -54,7 +54,7 @@ impl<'s> Springs<'s> {
         for (number, spring) in springs.iter().enumerate().filter(|(number, _)| system.counts(*number)) {
             let Block { kept, damping, .. } = &mut blocks[number / BLOCK];
             let (batch, slot) = (number % BLOCK / BATCH, number % BATCH);
-            kept[batch].stiffness[slot] = spring.stiffness / spring.rest_length;
+            kept[batch].stiffness[slot] = spring.axial_stiffness();
             let is_driven = driven.next_if_eq(&number).is_some();
             if let Some(of_batch) = damping.get_mut(batch) {
                 of_batch.damping[slot] = if is_driven { 0.0 } else { spring.damping };
@@ -141,7 +141,7 @@ fn mobility_of(system: &System, spring: usize) -> f64 {
 pub(super) fn resolved_step(system: &System, spring: usize) -> f64 {
     let mobility = mobility_of(system, spring);
     let spring = &system.springs()[spring];
-    let vibration = (spring.stiffness / spring.rest_length * mobility).sqrt();
+    let vibration = (spring.axial_stiffness() * mobility).sqrt();
     1.0 / vibration.max(spring.damping * mobility)
 }
 

@@ -12,11 +12,13 @@ pub(in crate::integrate) const BRAKE: f64 = 0.4;
 /// `U = ½ κ L²`, `L = (h v⊥)²/(2 l)`, `K_s = ½ μ v⊥²`.
 pub(super) fn braked(system: &System, extensions: &Extensions, velocities: &[Vector3<f64>], h: f64) -> f64 {
     let inverse = |p: usize| if system.dofs().free_axes(p) == Axes::NONE { 0.0 } else { 1.0 / system.masses()[p] };
-    let taken = extensions.iter().zip(system.active()).map(|(at, (_, [i, j], spring))| {
+    // A spring without a rest length is not stretched by turning.
+    let turning = extensions.springs(system).filter(|((.., spring), _)| spring.rest_length > 0.0);
+    let taken = turning.map(|((_, [i, j], spring), at)| {
         let v = velocities[i] - velocities[j];
         let across = v.norm_squared() - at.direction.dot(&v).powi(2);
         let lift = 0.5 * h * h * across / at.length;
-        let half = 0.5 * spring.stiffness / spring.rest_length;
+        let half = 0.5 * spring.axial_stiffness();
         half * lift * lift * half * (inverse(i) + inverse(j)) * lift * h * h / at.length
     });
     let taken = BRAKE * taken.sum::<f64>();

@@ -33,6 +33,10 @@ pub(super) const C: [Row; STAGES] = [
     [8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054, 0.0],
 ];
 
+/// When the point of each stage is, and what its right-hand side takes of the forces' rate of change: both parts of h.
+pub(super) const TIMES: Row = [0.0, 0.386, 0.21, 0.63, 1.0, 1.0];
+pub(super) const RATES: Row = [0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0];
+
 /// The new state: the point of the last stage and the last stage.
 pub(super) const B: Row = [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 1.0, 1.0];
 

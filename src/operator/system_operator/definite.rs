@@ -1,6 +1,6 @@
 //! What masses make definite for certain, without looking at a matrix.
 
-use super::SystemOperator;
+use super::{SystemOperator, lowest};
 use crate::spring::SpringBlock;
 use crate::system::{Axes, System};
 
@@ -64,12 +64,19 @@ impl SystemOperator<'_> {
         let most = self.blocks.iter().map(|block| -least(block)).fold(0.0, f64::max);
         // Two products on one side and one on the other are rounded, and the terms of the sum are.
         let rounding = (self.most_springs + 4.0) * f64::EPSILON;
-        if self.mass * self.lightest * (1.0 - rounding) > 2.0 * most * self.most_springs {
+        if self.external.is_empty() && self.mass * self.lightest * (1.0 - rounding) > 2.0 * most * self.most_springs {
             return SurelyDefinite::Matrix;
         }
         for (margin, mass) in margins.0.iter_mut().zip(self.system.masses()) {
             let mass = self.mass * mass;
             *margin = Margin { matrix: mass, block: mass, rounding: rounding * mass };
+        }
+        for (margin, external) in margins.0.iter_mut().zip(&self.external) {
+            let least = lowest(external);
+            margin.matrix += least;
+            margin.block += least;
+            // Eigenvalues of three rows are off by some rounding errors of the matrix.
+            margin.rounding += (rounding + 16.0 * f64::EPSILON) * external.norm();
         }
         for (pair, block) in self.stamps() {
             let least = least(block);

@@ -34,6 +34,7 @@ pub fn column(size: usize) -> Result<Scene> {
             stiffness: Some(1000.0.into()),
             rest_lengths: Some(0.1.into()),
             damping: Some(1.0.into()),
+            ..Springs::default()
         },
         constraints: vec![hold([0, last])],
         time: lasting(0.5),

@@ -20,7 +20,7 @@ pub use pendulum::pendulum;
 pub use refined::refined;
 pub use string::string;
 
-use super::{ConstraintEntry, Row, Scene, TimeSettings};
+use super::{ConstraintEntry, Gravity, Scene, TimeSettings};
 use crate::error::{Error, Result};
 use std::ops::RangeInclusive;
 
@@ -135,7 +135,7 @@ fn links(count: usize) -> Vec<[u32; 2]> {
     (0..count as u32).map(|i| [i, i + 1]).collect()
 }
 
-fn gravity() -> Option<Row> {
+fn gravity() -> Option<Gravity> {
     Some(GRAVITY.into())
 }
 

@@ -62,6 +62,7 @@ pub fn network(size: usize, seed: u64) -> Result<Scene> {
             rest_lengths: Some(Values::Each(lengths.iter().zip(at_rest).map(|(l, a)| short(l * a)).collect())),
             damping: Some(Values::Each(damping)),
             pairs,
+            ..Springs::default()
         },
         constraints: vec![hold(highest)],
         time: lasting(1.0),

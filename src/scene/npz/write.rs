@@ -1,7 +1,7 @@
 //! From a [`Scene`] to arrays, and any arrays to a zip.
 
 use super::TEXT;
-use crate::scene::{Row, Scene, Values};
+use crate::scene::{Row, Scene, Springs, Values};
 use npyz::WriterBuilder;
 use std::io::{self, BufWriter, Write};
 use zip::write::{SimpleFileOptions, StreamWriter};
@@ -49,9 +49,16 @@ impl Scene {
     fn without_arrays(&self) -> Self {
         Self {
             name: self.name.clone(),
-            gravity: self.gravity,
+            gravity: self.gravity.clone(),
             mesh: self.mesh.clone(),
             constraints: self.constraints.clone(),
+            forces: self.forces.clone(),
+            drag: self.drag.clone(),
+            springs: Springs {
+                tension_only: self.springs.tension_only.clone(),
+                actuation: self.springs.actuation.clone(),
+                ..Springs::default()
+            },
             time: self.time,
             ..Self::default()
         }

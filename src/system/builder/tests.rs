@@ -119,17 +119,17 @@ fn lists_have_an_entry_for_everything() {
 #[test]
 fn masses_and_parameters_are_finite_and_positive() {
     for value in [0.0, -1.0, f64::INFINITY, f64::NAN] {
-        let messages = [
-            changed(|builder| builder.masses[1] = value),
-            changed(|builder| builder.springs[0].stiffness = value),
-            changed(|builder| builder.springs[0].rest_length = value),
-        ];
-        for (message, key) in
-            messages.iter().zip(["particles.masses[1]", "springs.stiffness[0]", "springs.rest_lengths[0]"])
-        {
+        let messages =
+            [changed(|builder| builder.masses[1] = value), changed(|builder| builder.springs[0].stiffness = value)];
+        for (message, key) in messages.iter().zip(["particles.masses[1]", "springs.stiffness[0]"]) {
             let message = message.as_deref().unwrap_or_default();
             assert!(message.starts_with(key) && message.ends_with("must be finite and positive"), "{value}: {message}");
         }
     }
     assert_eq!(changed(|builder| builder.masses[1] = f64::MIN_POSITIVE), None);
+    for value in [-1.0, f64::INFINITY, f64::NAN] {
+        let message = changed(|builder| builder.springs[0].rest_length = value).unwrap();
+        assert!(message.starts_with("springs.rest_lengths[0]") && message.ends_with("not negative"), "{message}");
+    }
+    assert_eq!(changed(|builder| builder.springs[0].rest_length = 0.0), None);
 }

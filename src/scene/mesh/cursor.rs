@@ -1,0 +1,162 @@
+//! A place in the bytes of a file, which moves on by words, lines or bytes.
+
+use super::raw::Fault;
+
+pub struct Cursor<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    line: u32,
+}
+
+/// How binary numbers are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    I64,
+    U64,
+    F32,
+    F64,
+}
+
+/// In which order the bytes of a binary number are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    Little,
+    Big,
+}
+
+impl Kind {
+    /// By one of the names that VTK and PLY have for it.
+    pub fn named(name: &str) -> Option<Self> {
+        Some(match name.to_ascii_lowercase().as_str() {
+            "char" | "int8" | "signed_char" => Self::I8,
+            "uchar" | "uint8" | "unsigned_char" => Self::U8,
+            "short" | "int16" => Self::I16,
+            "ushort" | "uint16" | "unsigned_short" => Self::U16,
+            "int" | "int32" => Self::I32,
+            "uint" | "uint32" | "unsigned_int" => Self::U32,
+            "long" | "int64" | "vtktypeint64" | "vtkidtype" => Self::I64,
+            "unsigned_long" | "uint64" => Self::U64,
+            "float" | "float32" => Self::F32,
+            "double" | "float64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    /// Bytes of one.
+    pub fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::I64 | Self::U64 | Self::F64 => 8,
+        }
+    }
+
+    /// The number in some bytes; NaN where there are too few. Numbers of things are exact up to 2⁵³.
+    pub fn number(self, bytes: &[u8], order: Order) -> f64 {
+        let mut eight = [0; 8];
+        let size = self.size();
+        let (Some(own), Some(place)) = (bytes.get(..size), eight.get_mut(..size)) else { return f64::NAN };
+        place.copy_from_slice(own);
+        if order == Order::Big {
+            place.reverse();
+        }
+        let bits = u64::from_le_bytes(eight);
+        match self {
+            Self::I8 => f64::from(bits as u8 as i8),
+            Self::U8 => f64::from(bits as u8),
+            Self::I16 => f64::from(bits as u16 as i16),
+            Self::U16 => f64::from(bits as u16),
+            Self::I32 => f64::from(bits as u32 as i32),
+            Self::U32 => f64::from(bits as u32),
+            Self::I64 => bits as i64 as f64,
+            Self::U64 => bits as f64,
+            Self::F32 => f64::from(f32::from_bits(bits as u32)),
+            Self::F64 => f64::from_bits(bits),
+        }
+    }
+}
+
+/// A number that counts something, if it is one.
+pub fn whole(number: f64) -> Option<u32> {
+    (number.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(&number)).then_some(number as u32)
+}
+
+impl<'a> Cursor<'a> {
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0, line: 1 }
+    }
+
+    /// The line that the cursor is in, from 1.
+    pub fn line(&self) -> u32 {
+        self.line
+    }
+
+    /// The bytes that are left.
+    pub fn rest(&self) -> &'a [u8] {
+        self.bytes.get(self.at..).unwrap_or_default()
+    }
+
+    /// What is wrong here.
+    pub fn fault(&self, message: impl std::fmt::Display) -> Fault {
+        Fault(format!("line {}: {message}", self.line))
+    }
+
+    /// The next word, behind any white space.
+    pub fn word(&mut self) -> Option<&'a str> {
+        let blank = self.rest().iter().take_while(|byte| byte.is_ascii_whitespace()).count();
+        self.skip(blank);
+        let rest = self.rest();
+        let length = rest.iter().take_while(|byte| !byte.is_ascii_whitespace()).count();
+        self.at += length;
+        (length > 0).then(|| text(&rest[..length]))
+    }
+
+    /// What is left of the line, whose end is passed.
+    pub fn rest_of_line(&mut self) -> &'a str {
+        let rest = self.rest();
+        let length = rest.iter().take_while(|&&byte| byte != b'\n').count();
+        self.skip((length + 1).min(rest.len()));
+        text(&rest[..length]).trim_end_matches('\r')
+    }
+
+    /// The next word as a number.
+    pub fn number(&mut self) -> Result<f64, Fault> {
+        let word = self.word().ok_or_else(|| self.fault("ends where a number is missing"))?;
+        word.parse().map_err(|_| self.fault(format_args!("{word:?} is no number")))
+    }
+
+    /// The next word as a number of something.
+    pub fn whole(&mut self) -> Result<u32, Fault> {
+        let number = self.number()?;
+        whole(number).ok_or_else(|| self.fault(format_args!("{number} is no number of anything")))
+    }
+
+    /// The next bytes.
+    pub fn take(&mut self, count: usize) -> Result<&'a [u8], Fault> {
+        let bytes = self.rest().get(..count).ok_or_else(|| self.fault("binary data end too early"))?;
+        self.at += count;
+        Ok(bytes)
+    }
+
+    /// The next binary number.
+    pub fn binary(&mut self, kind: Kind, order: Order) -> Result<f64, Fault> {
+        Ok(kind.number(self.take(kind.size())?, order))
+    }
+
+    fn skip(&mut self, count: usize) {
+        self.line += self.rest().iter().take(count).filter(|&&byte| byte == b'\n').count() as u32;
+        self.at += count;
+    }
+}
+
+/// Bytes as text; what is none has no meaning in any format.
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).unwrap_or("\u{fffd}")
+}

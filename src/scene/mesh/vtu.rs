@@ -1,0 +1,216 @@
+//! VTK's XML files, of unstructured grids and polygons: numbers as text, in base64 or appended, compressed by zlib or not.
+
+use super::cursor::{Kind, Order};
+use super::raw::{Fault, Raw};
+use super::vtk::{Cells, indices};
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use flate2::read::ZlibDecoder;
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+use std::io::Read;
+
+/// How the numbers of a file are stored.
+struct Storage<'a> {
+    order: Order,
+    /// Of lengths.
+    header: Kind,
+    is_compressed: bool,
+    appended: &'a [u8],
+    is_raw: bool,
+}
+
+/// An array, named by the element that it stands in and itself.
+struct Array {
+    parent: String,
+    name: String,
+    kind: Option<Kind>,
+    format: String,
+    offset: usize,
+    text: String,
+}
+
+pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
+    // What is appended need not be XML.
+    let cut = find(bytes, b"<AppendedData").unwrap_or(bytes.len());
+    let (xml, tail) = bytes.split_at(cut);
+    let opening = tail.get(..find(tail, b">").unwrap_or(0)).unwrap_or_default();
+    let appended = find(tail, b"_").and_then(|start| tail.get(start + 1..)).unwrap_or_default();
+    let mut storage = Storage {
+        order: Order::Little,
+        header: Kind::U32,
+        is_compressed: false,
+        appended,
+        is_raw: find(opening, b"raw").is_some(),
+    };
+    let mut raw = Raw::new("cell", 0);
+    let mut reader = Reader::from_reader(xml);
+    let mut parents: Vec<String> = Vec::new();
+    let mut piece: Vec<Array> = Vec::new();
+    let mut is_vtk = false;
+    loop {
+        match reader.read_event().map_err(|error| Fault(format!("is no XML: {error}")))? {
+            Event::Start(element) => {
+                let name = String::from_utf8_lossy(element.name().as_ref()).into_owned();
+                match name.as_str() {
+                    "VTKFile" => {
+                        is_vtk = true;
+                        storage.begin(&element)?;
+                    }
+                    "DataArray" => piece.push(array(&element, parents.last())),
+                    _ => {}
+                }
+                parents.push(name);
+            }
+            Event::Empty(element) if element.name().as_ref() == b"DataArray" => {
+                piece.push(array(&element, parents.last()));
+            }
+            Event::Text(text) if parents.last().is_some_and(|parent| parent == "DataArray") => {
+                if let Some(array) = piece.last_mut() {
+                    array.text.push_str(&String::from_utf8_lossy(&text));
+                }
+            }
+            Event::End(element) => {
+                parents.pop();
+                if element.name().as_ref() == b"Piece" {
+                    add_piece(&mut raw, &storage, &std::mem::take(&mut piece))?;
+                }
+            }
+            Event::Eof => break,
+            _ => {}
+        }
+    }
+    if !is_vtk {
+        return Err(Fault("is no mesh: XML, but no VTKFile".into()));
+    }
+    Ok(raw)
+}
+
+fn find(bytes: &[u8], wanted: &[u8]) -> Option<usize> {
+    bytes.windows(wanted.len()).position(|window| window == wanted)
+}
+
+fn attribute(element: &BytesStart, name: &str) -> Option<String> {
+    let attribute = element.try_get_attribute(name).ok()??;
+    Some(String::from_utf8_lossy(&attribute.value).into_owned())
+}
+
+fn array(element: &BytesStart, parent: Option<&String>) -> Array {
+    let text = |name| attribute(element, name).unwrap_or_default();
+    Array {
+        parent: parent.cloned().unwrap_or_default(),
+        name: text("Name"),
+        kind: Kind::named(&text("type")),
+        format: text("format"),
+        offset: text("offset").parse().unwrap_or(0),
+        text: String::new(),
+    }
+}
+
+fn add_piece(raw: &mut Raw, storage: &Storage, arrays: &[Array]) -> Result<(), Fault> {
+    // The vertices of a piece are numbered from zero.
+    let before = raw.vertices() as u32;
+    let numbers = |parent: &str, name: &str| {
+        let array = arrays.iter().find(|array| array.parent == parent && (name.is_empty() || array.name == name));
+        array.map(|array| storage.numbers(array)).transpose()
+    };
+    if let Some(points) = numbers("Points", "")? {
+        points.chunks_exact(3).for_each(|x| raw.add_vertex([x[0], x[1], x[2]]));
+    }
+    let cells = |parent: &str| -> Result<Option<Cells>, Fault> {
+        let (Some(corners), Some(ends)) = (numbers(parent, "connectivity")?, numbers(parent, "offsets")?) else {
+            return Ok(None);
+        };
+        let corners = indices(&corners)?.into_iter().map(|corner| corner.saturating_add(before)).collect();
+        Ok(Some(Cells { corners, ends: indices(&ends)? }))
+    };
+    if let (Some(cells), Some(types)) = (cells("Cells")?, numbers("Cells", "types")?) {
+        cells.add_typed(raw, &types)?;
+    }
+    for (parent, add) in
+        [("Lines", Raw::add_line as fn(&mut Raw, &[u32], u32)), ("Polys", Raw::add_face), ("Strips", Raw::add_strip)]
+    {
+        if let Some(cells) = cells(parent)? {
+            cells.add(raw, add);
+        }
+    }
+    Ok(())
+}
+
+impl Storage<'_> {
+    fn begin(&mut self, element: &BytesStart) -> Result<(), Fault> {
+        let kind = attribute(element, "type").unwrap_or_default();
+        if !matches!(kind.as_str(), "UnstructuredGrid" | "PolyData") {
+            return Err(Fault(format!("{kind:?} is no data set with cells: UnstructuredGrid and PolyData are read")));
+        }
+        if attribute(element, "byte_order").as_deref() == Some("BigEndian") {
+            self.order = Order::Big;
+        }
+        self.header = attribute(element, "header_type").and_then(|name| Kind::named(&name)).unwrap_or(Kind::U32);
+        self.is_compressed = match attribute(element, "compressor").as_deref() {
+            None => false,
+            Some("vtkZLibDataCompressor") => true,
+            Some(other) => return Err(Fault(format!("is compressed by {other}: only vtkZLibDataCompressor is read"))),
+        };
+        Ok(())
+    }
+
+    fn numbers(&self, array: &Array) -> Result<Vec<f64>, Fault> {
+        let wrong = |what: &str| Fault(format!("the array {:?} of {} {what}", array.name, array.parent));
+        let kind = array.kind.ok_or_else(|| wrong("has no type of numbers"))?;
+        let bytes = match array.format.as_str() {
+            "ascii" => {
+                let number = |word: &str| word.parse().map_err(|_| wrong("has a word that is no number"));
+                return array.text.split_whitespace().map(number).collect();
+            }
+            "binary" => decoded(array.text.as_bytes()),
+            "appended" => {
+                let appended =
+                    self.appended.get(array.offset..).ok_or_else(|| wrong("begins behind the file's end"))?;
+                if self.is_raw { Some(appended.to_vec()) } else { decoded(appended) }
+            }
+            _ => None,
+        };
+        let bytes = bytes.and_then(|bytes| self.unpacked(&bytes)).ok_or_else(|| wrong("cannot be decoded"))?;
+        Ok(bytes.chunks_exact(kind.size()).map(|bytes| kind.number(bytes, self.order)).collect())
+    }
+
+    /// What stands behind its length, or behind those of its compressed blocks.
+    fn unpacked(&self, bytes: &[u8]) -> Option<Vec<u8>> {
+        let mut lengths = bytes.chunks_exact(self.header.size()).map(|bytes| self.header.number(bytes, self.order));
+        let size = self.header.size();
+        if !self.is_compressed {
+            let length = lengths.next()? as usize;
+            return bytes.get(size..size.checked_add(length)?).map(<[u8]>::to_vec);
+        }
+        let [blocks, whole, last] = [lengths.next()? as usize, lengths.next()? as usize, lengths.next()? as usize];
+        let mut at = blocks.checked_add(3)?.checked_mul(size)?;
+        let mut unpacked = Vec::new();
+        for block in 0..blocks {
+            let end = at.checked_add(lengths.next()? as usize)?;
+            let room = if block + 1 == blocks && last > 0 { last } else { whole };
+            let decoder = ZlibDecoder::new(bytes.get(at..end)?);
+            decoder.take(room as u64).read_to_end(&mut unpacked).ok()?;
+            at = end;
+        }
+        Some(unpacked)
+    }
+}
+
+/// The bytes of base64 text, in which several pieces may follow each other, each filled up to four characters.
+fn decoded(text: &[u8]) -> Option<Vec<u8>> {
+    let is_meant = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'/' | b'=');
+    let spaced = text.iter().copied().filter(|byte| !byte.is_ascii_whitespace());
+    let text: Vec<u8> = spaced.take_while(is_meant).collect();
+    let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
+    let mut start = 0;
+    let mut groups = text.chunks_exact(4).enumerate().peekable();
+    while let Some((number, group)) = groups.next() {
+        let end = 4 * (number + 1);
+        if group.contains(&b'=') || groups.peek().is_none() {
+            BASE64_STANDARD.decode_vec(text.get(start..end)?, &mut bytes).ok()?;
+            start = end;
+        }
+    }
+    Some(bytes)
+}
