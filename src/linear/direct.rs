@@ -201,7 +201,7 @@ impl LinearSolver for CholeskySolver {
         work.solves += 1;
         self.assembled.scale(b);
         x.copy_from_slice(&self.assembled.scaled);
-        self.factorization.solve_in_place(x);
+        self.factorization.substitute(x);
         self.assembled.set_residual(&a, x);
         self.assembled.unscale(x);
         self.assembled.solution()
@@ -256,7 +256,7 @@ impl LinearSolver for LdltSolver {
         work.solves += 1;
         self.assembled.scale(b);
         x.copy_from_slice(&self.assembled.scaled);
-        self.factorization.solve_in_place(x);
+        self.factorization.substitute(x);
         self.assembled.set_residual(&a, x);
         let error_of =
             |assembled: &Assembled, norm, x: &[f64]| backward_error(&assembled.residual, norm, x, &assembled.scaled);
@@ -266,7 +266,7 @@ impl LinearSolver for LdltSolver {
                 break;
             }
             self.correction.copy_from_slice(&self.assembled.residual);
-            self.factorization.solve_in_place(&mut self.correction);
+            self.factorization.substitute(&mut self.correction);
             for (x, c) in x.iter_mut().zip(&self.correction) {
                 *x += c;
             }

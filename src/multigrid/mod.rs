@@ -99,20 +99,15 @@
 mod aggregate;
 mod block;
 mod coarsest;
-#[cfg(target_arch = "x86_64")]
-mod eight;
 mod finest;
 mod galerkin;
 mod gauss_seidel;
 mod graph;
 mod modes;
 mod order;
-mod packed;
-mod pairs;
 mod parallel;
 mod parts;
 mod prolongator;
-mod smoother;
 mod sparse;
 mod stage;
 
@@ -151,13 +146,16 @@ pub struct LevelSize {
 }
 
 /// Why there is no preconditioner for a matrix.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SetupFailure {
     /// The diagonal block of a particle is not positive definite, so A is not.
+    #[error("the diagonal block at {0} is not positive definite")]
     DiagonalBlock(Dof),
     /// The factorization of a small A met a pivot that is not positive at this coordinate or another of its particle.
+    #[error("the pivot of {0}, or of another coordinate of its particle, is not positive")]
     Pivot(Dof),
     /// The matrix of a coarse level, `Pᵀ A P`, is not positive definite, so A is not.
+    #[error("the matrix of coarse level {level} is not positive definite near {dof}")]
     CoarseLevel {
         /// The level, from 1.
         level: usize,
@@ -165,6 +163,7 @@ pub enum SetupFailure {
         dof: Dof,
     },
     /// The matrix has an infinite or undefined entry.
+    #[error("the matrix has entries that are not finite")]
     NonFinite,
 }
 
@@ -182,8 +181,8 @@ pub enum SetupFailure {
 /// let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.05));
 /// let mut multigrid = Multigrid::new(&system)?;
 /// multigrid.place(&state.positions);
-/// multigrid.refill(&a).map_err(|_| "not definite")?;
-/// multigrid.rebuild(&a).map_err(|_| "not definite")?;
+/// multigrid.refill(&a)?;
+/// multigrid.rebuild(&a)?;
 /// let (r, mut z) = (vec![1.0; system.dofs().len()], vec![0.0; system.dofs().len()]);
 /// multigrid.apply(&r, &mut z); // about A⁻¹ r
 /// assert!(z.iter().zip(&r).map(|(z, r)| z * r).sum::<f64>() > 0.0);
@@ -280,11 +279,6 @@ impl Multigrid {
         hierarchy!(&self.0, h => h.stage.sizes(&h.finest.pattern))
     }
 
-    /// Multiplications of numbers in `Pᵀ A P` of all levels: what most of a [`rebuild`](Self::rebuild) is.
-    pub fn multiplications(&self) -> f64 {
-        hierarchy!(&self.0, h => h.stage.multiplications())
-    }
-
     /// Bytes of memory held.
     pub fn bytes(&self) -> usize {
         hierarchy!(&self.0, h => h.bytes())
@@ -305,7 +299,7 @@ struct Hierarchy<const D: usize, const M: usize> {
 impl<const D: usize, const M: usize> Hierarchy<D, M> {
     fn new(system: &System, largest_dense: usize) -> Result<Self> {
         let (finest, graph) = Finest::new(system)?;
-        let stage = Stage::new(&finest.pattern, finest.is_symmetric(), &graph, largest_dense)?;
+        let stage = Stage::new(&finest.pattern, &graph, largest_dense)?;
         let zeros = || vec![[0.0; D]; finest.pattern.rows()];
         let (right_hand_side, solution) = (zeros(), zeros());
         Ok(Self { finest, stage, factor: 1.0, right_hand_side, solution })
@@ -319,7 +313,6 @@ impl<const D: usize, const M: usize> Hierarchy<D, M> {
 
     fn rebuild(&mut self, a: &SystemOperator, done: Watch) -> Result<(), SetupFailure> {
         let Self { finest, stage, factor, .. } = self;
-        stage.find_pairs(&finest.rows(a), *factor);
         stage.update_coarse(&finest.rows(a), *factor, finest, done).map_err(|refusal| self.explain(a, refusal))
     }
 
@@ -341,6 +334,9 @@ impl<const D: usize, const M: usize> Hierarchy<D, M> {
 
     /// Powers of two keep the numbers of the cycle within single precision, and are exact.
     fn apply(&mut self, r: &[f64], z: &mut [f64], done: Watch) {
+        if [r.len(), z.len()] != [self.finest.unknowns(); 2] {
+            return z.fill(f64::NAN);
+        }
         let Self { finest, stage, factor, right_hand_side, solution } = self;
         let scale = near_one(largest(r));
         finest.gather(r, scale, right_hand_side);

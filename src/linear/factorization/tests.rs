@@ -97,9 +97,9 @@ fn times_add_up() {
         assert_eq!(cholesky.factor(if call == 1 { &indefinite } else { &a }).is_err(), call == 1);
         ldlt.factor(&a).unwrap();
         if call != 1 {
-            cholesky.solve_in_place(&mut x);
+            cholesky.substitute(&mut x);
         }
-        ldlt.solve_in_place(&mut x);
+        ldlt.substitute(&mut x);
         let now = [cholesky.report().times, ldlt.report().times];
         for (now, before) in now.iter().zip(before) {
             assert!(now.analysis_seconds > 0.0);
@@ -120,8 +120,8 @@ fn columns_are_solved_like_vectors() {
     for columns in [1, 4, 5, 9] {
         let mut together: Vec<f64> = (0..columns * n).map(|at| noise(at, 3 * at + 1)).collect();
         let mut alone = together.clone();
-        factorization.solve_columns_in_place(n, &mut together);
-        alone.chunks_mut(n).for_each(|x| factorization.solve_in_place(x));
+        factorization.substitute_columns(n, &mut together);
+        alone.chunks_mut(n).for_each(|x| factorization.substitute(x));
         let error = together.iter().zip(&alone).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(error < 1e-14, "{columns} columns: {error:e}");
     }
