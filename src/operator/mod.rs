@@ -3,6 +3,7 @@
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `matrices`.
 
 pub(crate) mod inner_product;
+mod lanes;
 mod prefetch;
 mod stream;
 mod system_operator;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::force::Extensions;
-use crate::operator::{Combination, LinearOperator, SystemOperator};
+use crate::operator::{Combination, SystemOperator};
 use crate::spring::{Spring, Stiffness};
 use crate::system::{Axes, Constraint, Motion, State, SystemBuilder};
 use nalgebra::Vector3;
@@ -43,8 +43,15 @@ fn update(stream: &mut SpringStream, system: &System, blocks: &[SpringBlock]) {
 fn by_matrix(system: &System, blocks: &[SpringBlock]) -> Vec<u32> {
     let mut stream = SpringStream::new(system, &shares(system, &[system.particles()]));
     update(&mut stream, system, blocks);
-    let by_matrix = stream.parts[0].springs.iter().filter(|spring| spring.ends[0] == BY_MATRIX);
-    by_matrix.map(|spring| spring.ends[1]).collect()
+    let part = &stream.parts[0];
+    let mut found = Vec::new();
+    for (number, quad) in part.in_a_row.quads.iter().enumerate() {
+        let springs = part.in_a_row.positions(number).into_iter().enumerate();
+        found.extend(springs.filter(|(n, _)| quad.ends.by_matrix & (1 << n) != 0).map(|(_, position)| position));
+    }
+    let ends = part.others.quads.iter().flat_map(|quad| std::iter::zip(quad.ends[0], quad.ends[1]));
+    found.extend(ends.filter(|ends| ends.0 == quad::BY_MATRIX).map(|ends| ends.1));
+    found
 }
 
 /// Springs longer than half their rest length are streamed, whatever sign the combination gives to the stiffness; a spring
@@ -105,33 +112,43 @@ fn products_are_the_same_to_the_bit_for_any_shares() {
     }
 }
 
-/// As the formulas say it, spring by spring: every row has its own term first; what a particle gets as the first end of successive springs is
-/// added up apart.
+/// As the formulas say it, spring by spring: every row has its own term first. Then come, stretch by stretch, what its particle gets as the other end
+/// of springs in a row, what it gets as the first of them, all together, and what it gets from any others.
 fn one_by_one(system: &System, blocks: &[SpringBlock], diagonal: &[f64], w: &[f64]) -> Vec<f64> {
     let mut y: Vec<f64> = diagonal.iter().zip(w).map(|(m, w)| m * w).collect();
-    let mut positions: Vec<u32> = (0..blocks.len() as u32).collect();
-    positions.sort_by_key(|&position| (ends(system, position)[0], position));
-    for run in positions.chunk_by(|&a, &b| ends(system, a)[0] == ends(system, b)[0]) {
-        let mut sum = [0.0; 3];
+    let product = |position: u32| {
+        let block = &blocks[position as usize];
         // What is held has no rows.
-        let rows = |end: usize| system.dofs().rows(end);
-        for &position in run {
-            let block = &blocks[position as usize];
-            let [first, other] = ends(system, position).map(rows);
-            let g = block.direction * (block.axial - block.transverse).sqrt();
-            let of = |mut rows: Range<usize>, axis: usize| rows.nth(axis).map_or(0.0, |row| w[row]);
-            let d: [f64; 3] = std::array::from_fn(|axis| of(first.clone(), axis) - of(other.clone(), axis));
-            let along = g[0] * d[0] + g[1] * d[1] + g[2] * d[2];
-            let s: [f64; 3] = std::array::from_fn(|axis| block.transverse * d[axis] + g[axis] * along);
-            (0..3).for_each(|axis| sum[axis] += s[axis]);
+        let ends = order::ends(system, position).map(|end| system.dofs().rows(end));
+        let g = block.direction * (block.axial - block.transverse).sqrt();
+        let d: [f64; 3] = std::array::from_fn(|axis| {
+            let [first, other] = ends.clone().map(|mut rows| rows.nth(axis).map_or(0.0, |row| w[row]));
+            first - other
+        });
+        let along = g[0] * d[0] + g[1] * d[1] + g[2] * d[2];
+        (ends, std::array::from_fn::<_, 3, _>(|axis| block.transverse * d[axis] + g[axis] * along))
+    };
+    let springs = |four: &order::Four| four.iter().copied().filter(|&p| p != order::NO_SPRING).collect::<Vec<_>>();
+    for stretch in order::stretches(system) {
+        for quads in stretch.in_a_row.chunk_by(|a, b| a.0[0] == b.0[0]) {
+            let mut sums = vec![0.0; y.len()];
+            for position in quads.iter().flat_map(|(_, four)| springs(four)) {
+                let ([first, other], s) = product(position);
+                first.zip(s).for_each(|(row, s)| sums[row] += s);
+                other.zip(s).for_each(|(row, s)| y[row] -= s);
+            }
+            y.iter_mut().zip(sums).for_each(|(y, sum)| *y += sum);
+        }
+        for position in stretch.others.iter().flat_map(springs) {
+            let ([first, other], s) = product(position);
+            first.zip(s).for_each(|(row, s)| y[row] += s);
             other.zip(s).for_each(|(row, s)| y[row] -= s);
         }
-        rows(ends(system, run[0])[0]).zip(sum).for_each(|(row, sum)| y[row] += sum);
     }
     y
 }
 
-/// Particles in a crooked line, numbered without order, with springs that share ends and some that do not. Some are held.
+/// Enough particles for several stretches, crooked, numbered without order, with springs that share ends and some that do not. Some are held.
 fn tangle(dimension: usize) -> (System, State) {
     let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
     let count = 301;
@@ -152,9 +169,9 @@ fn tangle(dimension: usize) -> (System, State) {
     builder.build().unwrap()
 }
 
-/// The product is that of the plain loop, to the bit.
+/// In any registers the product is that of the plain loop, to the bit.
 #[test]
-fn products_are_those_of_the_formulas() {
+fn four_springs_at_a_time_are_each_by_itself() {
     for dimension in 1..=3 {
         let (system, state) = tangle(dimension);
         let extensions = Extensions::at(&system, &state.positions).unwrap();
@@ -162,12 +179,29 @@ fn products_are_those_of_the_formulas() {
         let rows = system.dofs().len();
         let mut stream = SpringStream::new(&system, &shares(&system, &[system.particles()]));
         update(&mut stream, &system, operator.blocks());
-        assert!(by_matrix(&system, operator.blocks()).is_empty());
+        let part = &stream.parts[0];
+        assert!(part.stretches.len() == 5 && by_matrix(&system, operator.blocks()).is_empty());
+        assert_eq!(part.in_a_row.quads.len() > 200, dimension == 3, "{}", part.in_a_row.quads.len());
+        assert!(part.others.quads.len() > 70, "{}", part.others.quads.len());
         let w: Vec<f64> = (0..rows).map(|row| (row as f64 * 12.9898).sin()).collect();
         let diagonal: Vec<f64> = (0..rows).map(|row| 1.0 + row as f64).collect();
         let expected = one_by_one(&system, operator.blocks(), &diagonal, &w);
+        let springs = Springs { system: &system, blocks: operator.blocks(), sign: stream.sign };
         let mut y = vec![f64::NAN; rows];
         stream.multiply(&system, operator.blocks(), &diagonal, &w, &mut y);
+        assert_eq!(y, expected, "{dimension}");
+        y.fill(f64::NAN);
+        let (part, diagonal, w) = (&stream.parts[0], &diagonal[..], &w[..]);
+        macro_rules! portable {
+            ($n:literal) => {
+                Product::<_, $n> { lanes: Portable, part, springs: &springs, diagonal, w, y: &mut y }
+            };
+        }
+        match dimension {
+            1 => pulp::NullaryFnOnce::call(portable!(1)),
+            2 => pulp::NullaryFnOnce::call(portable!(2)),
+            _ => pulp::NullaryFnOnce::call(portable!(3)),
+        }
         assert_eq!(y, expected, "{dimension}");
     }
 }
@@ -211,5 +245,69 @@ fn springs_of_both_kinds_may_be_mixed() {
     // Components of w are at most 1, their differences 2, and a dozen roundings count.
     for ((y, expected), magnitude) in one.iter().zip(&expected).zip(&magnitudes) {
         assert!((y - expected).abs() <= 20.0 * f64::EPSILON * (100.0 + magnitude), "{y} {expected}");
+    }
+}
+
+/// What is sorted: every active spring once, those in a row with the ends that they are said to have.
+fn check_order(system: &System) -> [usize; 2] {
+    let mut seen = vec![0; system.active_springs().len()];
+    let mut count = [0; 2];
+    for stretch in order::stretches(system) {
+        for (rows, four) in &stretch.in_a_row {
+            for (lane, &position) in four.iter().enumerate().filter(|(_, position)| **position != order::NO_SPRING) {
+                for (end, &row) in order::ends(system, position).into_iter().zip(rows) {
+                    let row = row as usize + 3 * lane;
+                    let is_held = rows[1] == quad::NO_ROW && system.dofs().rows(end).is_empty();
+                    assert!(is_held || system.dofs().rows(end) == (row..row + 3), "{rows:?} {four:?}");
+                }
+                seen[position as usize] += 1;
+                count[0] += 1;
+            }
+            let fours = rows.iter().filter(|&&row| row != quad::NO_ROW).map(|&row| row as usize);
+            assert!(fours.flat_map(|row| (row..row + 12).step_by(3)).all(|row| system.dofs().dof(row).axis == 0));
+        }
+        for position in stretch.others.iter().flatten().filter(|position| **position != order::NO_SPRING) {
+            seen[*position as usize] += 1;
+            count[1] += 1;
+        }
+    }
+    assert!(seen.iter().all(|times| *times == 1), "{seen:?}");
+    count
+}
+
+/// In a chain of nine particles two fours begin with four particles each: the last spring of eight has none behind it that would make four.
+#[test]
+fn springs_are_in_a_row_where_ends_follow_each_other() {
+    let chain_of = |count: usize, more: &[[usize; 2]], held: &[usize]| {
+        let mut builder = SystemBuilder::new();
+        (0..count).for_each(|p| _ = builder.particle([p as f64, 0.0, 0.0], 1.0));
+        let spring = Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 };
+        (1..count).for_each(|p| _ = builder.spring(p - 1, p, spring));
+        more.iter().for_each(|&[i, j]| _ = builder.spring(i, j, spring));
+        held.iter().for_each(|&p| _ = builder.hold(p));
+        builder.build().unwrap().0
+    };
+    assert_eq!(check_order(&chain_of(9, &[], &[])), [8, 0]);
+    // Of eight particles, four have no four behind them.
+    assert_eq!(check_order(&chain_of(8, &[], &[])), [4, 3]);
+    // One that is held is skipped, and its own springs are not in a row with others.
+    assert_eq!(check_order(&chain_of(9, &[], &[0])), [4, 4]);
+    assert_eq!(check_order(&chain_of(13, &[], &[3])), [7, 5]);
+    // One that moves along two axes keeps its four from being in a row, first or others.
+    let rail = Constraint { particles: vec![3], axes: Axes::of(&[0]), motion: Motion::Held };
+    let mut builder = SystemBuilder::new();
+    (0..13).for_each(|p| _ = builder.particle([f64::from(p), 0.0, 0.0], 1.0));
+    let spring = Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 };
+    (1..13).for_each(|p| _ = builder.spring(p - 1, p, spring));
+    builder.constrain(rail);
+    assert_eq!(check_order(&builder.build().unwrap().0), [8, 4]);
+    // Springs to four that are held, in either direction; the one to the last of them in the chain is alone with its distance.
+    assert_eq!(check_order(&chain_of(12, &[[0, 4], [1, 5], [2, 6], [7, 3]], &[0, 1, 2, 3])), [8, 4]);
+    // The second of two between the same ends, in either direction; and one that is alone with its distance.
+    assert_eq!(check_order(&chain_of(9, &[[1, 0], [5, 4], [0, 3]], &[])), [8, 3]);
+    // Springs across: of two with one distance.
+    assert_eq!(check_order(&chain_of(9, &[[4, 0], [7, 3]], &[])), [10, 0]);
+    for dimension in 1..=3 {
+        check_order(&tangle(dimension).0);
     }
 }
