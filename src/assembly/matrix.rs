@@ -333,4 +333,21 @@ mod tests {
         a.apply(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], &mut y);
         assert_eq!(y, [2.0 - 2.0 + 16.0, -1.0 + 6.0, 15.0, 4.0 - 28.0, 0.0, 0.0]);
     }
+
+    /// Vectors that are short, long or empty are errors, and leave nothing that looks like a product.
+    #[test]
+    fn wrong_lengths_are_refused() {
+        let mut a = SymmetricMatrix::zeros(Arc::new(
+            BlockPattern::new(&DofMap::unconstrained(2), [[0, 1]].into_iter()).unwrap(),
+        ));
+        assert!(a.scale(&[1.0; 6]).is_ok() && a.multiply(&[1.0; 6], &mut [0.0; 6]).is_ok());
+        for length in [0, 5, 7] {
+            assert!(a.scale(&vec![1.0; length]).is_err(), "{length}");
+            assert!(a.multiply(&vec![1.0; length], &mut [0.0; 6]).is_err(), "{length}");
+            assert!(a.multiply(&[1.0; 6], &mut vec![0.0; length]).is_err(), "{length}");
+            let mut y = [0.0; 6];
+            a.apply(&vec![1.0; length], &mut y);
+            assert!(y.iter().all(|y| y.is_nan()), "{length}");
+        }
+    }
 }

@@ -19,8 +19,8 @@
 //! no two threads write to one row, and every row adds up its springs in one order: the result is the same to the bit
 //! for any number of parts.
 
-mod any;
-mod in_a_row;
+mod contiguous;
+mod gathered;
 mod order;
 mod part;
 mod product;
@@ -88,13 +88,7 @@ fn update_parts(parts: &mut [Part], springs: &Springs) {
 }
 
 /// `y` holds the rows of these parts.
-fn multiply_parts<const N: usize>(
-    parts: &[Part],
-    springs: &Springs,
-    diagonal: &[f64],
-    w: &[f64],
-    y: &mut [f64],
-) {
+fn multiply_parts<const N: usize>(parts: &[Part], springs: &Springs, diagonal: &[f64], w: &[f64], y: &mut [f64]) {
     match parts {
         [] => {}
         [part] => multiply_part::<N>(part, springs, diagonal, w, y),
@@ -111,13 +105,7 @@ fn multiply_parts<const N: usize>(
 }
 
 /// With the widest registers that the processor has and this knows.
-fn multiply_part<const N: usize>(
-    part: &Part,
-    springs: &Springs,
-    diagonal: &[f64],
-    w: &[f64],
-    y: &mut [f64],
-) {
+fn multiply_part<const N: usize>(part: &Part, springs: &Springs, diagonal: &[f64], w: &[f64], y: &mut [f64]) {
     #[cfg(target_arch = "x86_64")]
     if let Some(lanes) = pulp::x86::V3::try_new() {
         return lanes.vectorize(Product::<_, N> { lanes, part, springs, diagonal, w, y });

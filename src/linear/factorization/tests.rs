@@ -144,3 +144,16 @@ fn factors_hold_what_they_say() {
         assert_eq!((held(&shared), shared.report().times), (held(&factorization), FactorTimes::default()));
     }
 }
+
+/// Right-hand sides that do not fit are errors.
+#[test]
+fn wrong_lengths_are_refused() {
+    let a = crate::linear::fixtures::banded(2, 1, |row, column| if row == column { 2.0 } else { 0.1 });
+    let mut cholesky = Cholesky::analyse(a.pattern(), Par::Seq).unwrap();
+    cholesky.factor(&a).unwrap();
+    assert!(cholesky.solve_in_place(&mut [1.0; 6]).is_ok() && cholesky.solve_columns_in_place(&mut [1.0; 12]).is_ok());
+    for length in [0, 5, 7, 12] {
+        assert!(cholesky.solve_in_place(&mut vec![1.0; length]).is_err(), "{length}");
+    }
+    assert!(cholesky.solve_columns_in_place(&mut [1.0; 13]).is_err());
+}

@@ -161,7 +161,6 @@ fn reference<const N: usize, const M: usize>(
     levels: &mut usize,
 ) -> DMatrix<f64> {
     *levels += 1;
-    let depth = *levels;
     let unscaled = dense(a);
     let scaled = factor * &unscaled;
     let Stage::Coarsen(level) = stage else {

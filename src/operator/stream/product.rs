@@ -1,9 +1,9 @@
 //! The product of one part, stretch by stretch. Rows get their first term just before springs add to them, while they are in the cache.
 
 use super::Springs;
-use super::any::Run;
-use super::in_a_row::Row;
-use super::part::{Part, Quads, Progress};
+use super::contiguous::Row;
+use super::gathered::Run;
+use super::part::{Part, Progress, Quads};
 use super::quad::{InARow, Quad};
 use crate::operator::lanes::Lanes;
 use crate::operator::prefetch;
