@@ -202,9 +202,9 @@ mod tests {
             (solver.name(), work.symbolic_factorizations, solver.choice().is_some())
         };
         let (large, too_large) = (system(500_000), system(500_001));
-        assert_eq!(chosen(&large, Assurance::Unknown), ("cg", 1, false));
+        assert_eq!(chosen(&large, Assurance::Unknown), ("cg", 1, true));
         for assurance in [Assurance::Definite, Assurance::MadeDefinite, Assurance::Unknown] {
-            assert_eq!(chosen(&too_large, assurance), ("cg", 0, false));
+            assert_eq!(chosen(&too_large, assurance), ("cg", 0, true));
         }
         // Of what is sure or made to be definite factorizations are looked at only when they may pay.
         for assurance in [Assurance::Definite, Assurance::MadeDefinite] {
