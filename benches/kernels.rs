@@ -86,7 +86,7 @@ fn solve(bencher: Bencher, scene: (&str, usize)) {
     let mut cholesky = Cholesky::analyse(matrix.matrix().pattern(), faer::Par::Seq).expect("a factor that fits");
     cholesky.factor(matrix.matrix()).expect("a definite matrix");
     let mut x = vec![1.0; system.dofs().len()];
-    bencher.bench_local(|| cholesky.solve_in_place(&mut x));
+    bencher.bench_local(|| cholesky.solve_in_place(&mut x).expect("a vector that fits"));
 }
 
 #[divan::bench(args = SCENES, consts = [1, 100], sample_count = 5)]
@@ -94,7 +94,7 @@ fn cg_iterations<const ITERATIONS: u64>(bencher: Bencher, scene: (&str, usize)) 
     let (system, state) = system(scene);
     let operator = operator(&system, &state);
     let mut solver =
-        CgSolver::matrix_free(&system, Some(PreconditionerKind::BlockJacobi), 1e-10).expect("a system that fits");
+        CgSolver::matrix_free(&system, PreconditionerKind::BlockJacobi, 1e-10).expect("a system that fits");
     let mut work = Work::default();
     let mut solver = solver.prepare(&operator, &mut work).expect("a definite matrix");
     solver.method().iteration_limit = ITERATIONS;

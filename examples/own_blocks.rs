@@ -38,7 +38,7 @@ pub(crate) fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut cholesky = Cholesky::analyse(&pattern, faer::Par::Seq)?;
     cholesky.factor(&matrix).map_err(|pivot| format!("not positive definite at {}", pivot.dof))?;
     let mut x = vec![1.0; dofs.len()];
-    cholesky.solve_in_place(&mut x);
+    cholesky.solve_in_place(&mut x)?;
     println!("{} entries, x = {:.3} … {:.3}", pattern.entries(), x[0], x[75]);
     Ok(())
 }

@@ -69,7 +69,7 @@ pub(crate) fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (system, start) = builtin(Kind::Network, 300)?.build()?;
     let own = CgSolver::with_preconditioner(&system, Box::new(GaussSeidel::new(&system)?), 1e-10);
     let (iterations, a) = run(&system, &start, own)?;
-    let jacobi = CgSolver::matrix_free(&system, Some(PreconditionerKind::BlockJacobi), 1e-10)?;
+    let jacobi = CgSolver::matrix_free(&system, PreconditionerKind::BlockJacobi, 1e-10)?;
     let (with_jacobi, b) = run(&system, &start, jacobi)?;
     let apart = a.positions.iter().zip(&b.positions).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
     println!("{iterations} iterations instead of {with_jacobi} with block Jacobi, {apart:.1e} m apart");

@@ -1,7 +1,7 @@
 //! Hands a linear solver of your own to a time step: here a dense Cholesky factorization by nalgebra.
 //!
 //! A solver is given every matrix once (`take`) and then solves with it (`solve`). What it cannot solve it must refuse, so that the
-//! method can do something else: here a matrix that is not positive definite.
+//! method can do something else: here a matrix that is not positive definite, for which `on-demand` then hands over a softer one.
 
 use sprung::assembly::{SpringPattern, SystemMatrix};
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
@@ -34,7 +34,7 @@ impl LinearSolver for Dense {
         self.factor = Cholesky::new(DMatrix::from(&self.matrix.matrix().to_csc()));
         match self.factor {
             Some(_) => Ok(Definiteness::Positive),
-            None => Err(SolveFailure::NonFinite),
+            None => Err(SolveFailure::INDEFINITE),
         }
     }
 

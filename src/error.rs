@@ -91,6 +91,14 @@ impl Error {
     }
 }
 
+/// Refuses a vector of the wrong length.
+pub(crate) fn check_length(name: &str, found: usize, expected: usize) -> Result<()> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(Invalid::new(name, format!("{found} entries"), format!("must have {expected}")).into())
+}
+
 /// Bytes as people read them.
 fn readable(bytes: u64) -> String {
     let bytes = bytes as f64;

@@ -209,7 +209,7 @@ fn straight_chain() -> Outcome {
     let mut b = vec![0.0; system.dofs().len()];
     b.iter_mut().step_by(3).enumerate().for_each(|(p, b)| *b = 1.0 + p as f64);
     let mut work = Work::default();
-    let mut cg = CgSolver::matrix_free(&system, Some(PreconditionerKind::None), 1e-12)?;
+    let mut cg = CgSolver::matrix_free(&system, PreconditionerKind::None, 1e-12)?;
     let mut prepared = cg.prepare(&a, &mut work)?;
     let known = prepared.definiteness();
     let mut x = vec![0.0; b.len()];

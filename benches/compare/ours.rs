@@ -256,7 +256,7 @@ impl Measurement<'_> {
         let mut cholesky = Cholesky::analyse(matrix.matrix().pattern(), par).expect("a factor that fits");
         self.time("factor", || cholesky.factor(matrix.matrix()).expect("a definite matrix"), size);
         let mut x = b.to_vec();
-        self.time("solve", || cholesky.solve_in_place(&mut x), json!({}));
+        self.time("solve", || cholesky.solve_in_place(&mut x).expect("a vector that fits"), json!({}));
     }
 
     /// Prints a kernel's time beside its floor: the bytes that it must move over the bandwidth measured between repeats.

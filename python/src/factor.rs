@@ -17,7 +17,7 @@ enum Kind {
 }
 
 impl Kind {
-    fn solve_in_place(&mut self, x: &mut [f64]) {
+    fn solve_in_place(&mut self, x: &mut [f64]) -> sprung::Result<()> {
         match self {
             Self::Llt(factor) => factor.solve_in_place(x),
             Self::Ldlt(factor) => factor.solve_in_place(x),
@@ -94,7 +94,8 @@ impl Factor {
         };
         let kind = &mut *kind;
         let order = self.order.max(1);
-        compute(py, &Flag::new(), || x.chunks_exact_mut(order).for_each(|column| kind.solve_in_place(column)))?;
+        compute(py, &Flag::new(), || x.chunks_exact_mut(order).try_for_each(|column| kind.solve_in_place(column)))?
+            .map_err(raised)?;
         numpy::PyArray1::from_vec(py, x).reshape(shape)
     }
 

@@ -2,53 +2,18 @@
 //!
 //! The columns of a particle lie together in the values, and every spring that ends in it adds to them. So each particle
 //! gathers from its own springs, in the order of the springs: no two particles write to one place, every entry adds up in
-//! one order whatever the number of threads, and nothing has to be set to zero first. The price is that both ends of a
+//! one order whatever the number of threads. The price is that both ends of a
 //! spring compute its 3×3 block; blocks are read twice, but the second time from cache where the ends are numbered closely.
 
 use super::pattern::BlockPattern;
 use super::spring_pattern::{Incidence, SpringPattern};
-use crate::operator::lanes::{Lanes, Portable};
-use crate::operator::{SystemOperator, prefetch};
+use crate::operator::SystemOperator;
 use crate::parallel::{for_parts, parts, share};
-use crate::spring::SpringBlock;
 use nalgebra::Matrix3;
 use std::ops::Range;
 
 /// Values that are not worth a second thread.
 const LEAST: usize = 16_384;
-
-/// How many incidences ahead of its use a spring's block is asked for.
-const AHEAD: usize = 48;
-
-/// The columns of some particles, to be filled by one thread with the widest registers that the processor has and this knows.
-struct Stretch<'a, L> {
-    lanes: L,
-    filling: Filling<'a>,
-    particles: Range<usize>,
-    values: &'a mut [f64],
-}
-
-impl<L: Lanes> pulp::NullaryFnOnce for Stretch<'_, L> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Self { lanes, filling, particles, values } = self;
-        let pattern = filling.springs.pattern();
-        let mut rest = values;
-        for particle in particles {
-            let (own, others) =
-                rest.split_at_mut(pattern.values_before(particle + 1) - pattern.values_before(particle));
-            if filling.springs.is_free(particle) {
-                filling.fill_free(lanes, particle, own);
-            } else {
-                filling.fill_any(particle, own);
-            }
-            filling.add_external(particle, own);
-            rest = others;
-        }
-    }
-}
 
 /// What a refill reads.
 #[derive(Clone, Copy)]
@@ -73,65 +38,18 @@ impl Filling<'_> {
 
     /// Overwrites the columns of some particles, which are what `values` holds.
     fn fill(&self, particles: Range<usize>, values: &mut [f64]) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(lanes) = pulp::x86::V3::try_new() {
-            return lanes.vectorize(Stretch { lanes, filling: *self, particles, values });
-        }
-        pulp::NullaryFnOnce::call(Stretch { lanes: Portable, filling: *self, particles, values });
-    }
-
-    /// The columns of a particle when it and its neighbours in them are free along all axes. Of the [matrix](crate::spring::SpringBlock::matrix)
-    /// of a block the diagonal and what is beside it are computed at once each, by the same operations.
-    #[inline(always)]
-    fn fill_free<L: Lanes>(&self, lanes: L, particle: usize, own: &mut [f64]) {
-        let blocks = self.operator.blocks();
-        let mass = self.operator.mass_factor() * self.operator.system().masses()[particle];
-        // The three columns are 3, 2 and 1 values of the diagonal block, each with the same number of values below.
-        let below = (own.len() - 6) / 3;
-        let (x, yz) = own.split_at_mut(3 + below);
-        let (y, z) = yz.split_at_mut(2 + below);
-        let (x_diagonal, x) = x.split_at_mut(3);
-        let (y_diagonal, y) = y.split_at_mut(2);
-        let (z_diagonal, z) = z.split_at_mut(1);
-        let zero = lanes.four([0.0; 4]);
-        let (mut diagonal, mut beside) = (lanes.four([0.0 + mass; 4]), zero);
-        for &Incidence { spring, place } in self.springs.incidences(particle) {
-            let SpringBlock { direction, transverse, axial } = blocks[spring as usize];
-            // What lies behind the direction comes along: the fourth lane is of no use.
-            let n = lanes.four([direction.x, direction.y, direction.z, transverse]);
-            let turned = lanes.turned(n);
-            let twice = lanes.turned(turned);
-            let (axial, transverse) = (lanes.four([axial; 4]), lanes.four([transverse; 4]));
-            let along = lanes.mul(n, n);
-            let across = lanes.add(lanes.mul(turned, turned), lanes.mul(twice, twice));
-            let of_axes = lanes.add(lanes.mul(axial, along), lanes.mul(transverse, across));
-            let of_pairs = lanes.mul(lanes.sub(axial, transverse), lanes.mul(n, turned));
-            diagonal = lanes.add(diagonal, of_axes);
-            beside = lanes.add(beside, of_pairs);
-            let Some(offset) = place.offset() else { continue };
-            let rows = offset as usize..offset as usize + 3;
-            let columns = lanes.columns(of_axes, of_pairs);
-            for (column, values) in columns.into_iter().zip([&mut *x, &mut *y, &mut *z]) {
-                let values = &mut values[rows.clone()];
-                let before = if place.is_again() { lanes.four([values[0], values[1], values[2], 0.0]) } else { zero };
-                let (xy, z) = lanes.pieces(lanes.sub(before, column));
-                let [first, second] = lanes.numbers(xy);
-                (values[0], values[1], values[2]) = (first, second, z);
-            }
-        }
-        let [x, y, z] = lanes.columns(diagonal, beside).map(|column| {
-            let (xy, z) = lanes.pieces(column);
-            (lanes.numbers(xy), z)
-        });
-        x_diagonal.copy_from_slice(&[x.0[0], x.0[1], x.1]);
-        y_diagonal.copy_from_slice(&[y.0[1], y.1]);
-        z_diagonal.copy_from_slice(&[z.1]);
-        for ahead in self.springs.incidences_ahead(particle, AHEAD) {
-            prefetch(&blocks[ahead.spring as usize]);
+        let pattern = self.springs.pattern();
+        let mut rest = values;
+        for particle in particles {
+            let (own, others) =
+                rest.split_at_mut(pattern.values_before(particle + 1) - pattern.values_before(particle));
+            self.fill_particle(particle, own);
+            self.add_external(particle, own);
+            rest = others;
         }
     }
 
-    /// Adds what forces from outside do to the diagonal block.
+    /// Adds the derivatives of forces from outside to the diagonal block.
     fn add_external(&self, particle: usize, own: &mut [f64]) {
         let Some(block) = self.operator.external().get(particle) else { return };
         let (pattern, free) = (self.springs.pattern(), self.operator.system().dofs().free_axes(particle));
@@ -143,8 +61,8 @@ impl Filling<'_> {
         }
     }
 
-    /// The columns of any particle.
-    fn fill_any(&self, particle: usize, own: &mut [f64]) {
+    /// Overwrites the columns of a particle.
+    fn fill_particle(&self, particle: usize, own: &mut [f64]) {
         let system = self.operator.system();
         let (pattern, free) = (self.springs.pattern(), system.dofs().free_axes(particle));
         let columns = free.count();

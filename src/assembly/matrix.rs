@@ -1,6 +1,7 @@
 //! A symmetric sparse matrix of particle blocks: values on a [`BlockPattern`].
 
 use super::{BlockPattern, BlockSlot};
+use crate::error::{Result, check_length};
 use crate::operator::{BlockDiagonal, LinearOperator};
 use crate::system::DofMap;
 use faer::sparse::SparseColMatRef;
@@ -65,7 +66,17 @@ impl SymmetricMatrix {
     }
 
     /// Replaces A by `S A S` with the diagonal S; by Sylvester's law the signs of the eigenvalues stay.
-    pub fn scale(&mut self, diagonal: &[f64]) {
+    ///
+    /// # Errors
+    /// [`Invalid`](crate::error::Invalid) for a diagonal whose length is not the order of A.
+    pub fn scale(&mut self, diagonal: &[f64]) -> Result<()> {
+        check_length("diagonal", diagonal.len(), self.pattern.order())?;
+        self.scale_rows_and_columns(diagonal);
+        Ok(())
+    }
+
+    /// As [`scale`](Self::scale), for a diagonal of the right length.
+    pub(crate) fn scale_rows_and_columns(&mut self, diagonal: &[f64]) {
         let symbolic = self.pattern.symbolic();
         for (column, factor) in diagonal.iter().enumerate() {
             let range = symbolic.col_range(column);
@@ -146,6 +157,17 @@ impl SymmetricMatrix {
         sums.iter().fold(0.0, |largest, &sum| if sum <= largest { largest } else { sum })
     }
 
+    /// `y = A w`, with lengths checked; [`apply`](LinearOperator::apply) is the same without an error.
+    ///
+    /// # Errors
+    /// [`Invalid`](crate::error::Invalid) for vectors whose length is not the order of A.
+    pub fn multiply(&self, w: &[f64], y: &mut [f64]) -> Result<()> {
+        check_length("w", w.len(), self.pattern.order())?;
+        check_length("y", y.len(), self.pattern.order())?;
+        self.apply(w, y);
+        Ok(())
+    }
+
     /// Entries (row, column, value) of the stored lower triangle, by columns, rows ascending.
     pub fn iter(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
         let symbolic = self.pattern.symbolic();
@@ -186,6 +208,9 @@ impl LinearOperator for SymmetricMatrix {
     }
 
     fn apply(&self, w: &[f64], y: &mut [f64]) {
+        if w.len() != self.order() || y.len() != self.order() {
+            return y.fill(f64::NAN);
+        }
         let symbolic = self.pattern.symbolic();
         y.fill(0.0);
         for column in 0..self.order() {
@@ -258,7 +283,7 @@ mod tests {
     #[test]
     fn scaling_is_from_both_sides() {
         let mut a = matrix();
-        a.scale(&[2.0, 3.0, 10.0, 0.5, 1.0, 1.0]);
+        a.scale(&[2.0, 3.0, 10.0, 0.5, 1.0, 1.0]).unwrap();
         assert_eq!(entries(&a), [(0, 0, 8.0), (1, 0, -6.0), (3, 0, 4.0), (1, 1, 27.0), (2, 2, 500.0), (3, 3, -1.75)]);
     }
 
@@ -307,5 +332,22 @@ mod tests {
         let mut y = [9.0; 6];
         a.apply(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], &mut y);
         assert_eq!(y, [2.0 - 2.0 + 16.0, -1.0 + 6.0, 15.0, 4.0 - 28.0, 0.0, 0.0]);
+    }
+
+    /// Vectors that are short, long or empty are errors, and leave nothing that looks like a product.
+    #[test]
+    fn wrong_lengths_are_refused() {
+        let mut a = SymmetricMatrix::zeros(Arc::new(
+            BlockPattern::new(&DofMap::unconstrained(2), [[0, 1]].into_iter()).unwrap(),
+        ));
+        assert!(a.scale(&[1.0; 6]).is_ok() && a.multiply(&[1.0; 6], &mut [0.0; 6]).is_ok());
+        for length in [0, 5, 7] {
+            assert!(a.scale(&vec![1.0; length]).is_err(), "{length}");
+            assert!(a.multiply(&vec![1.0; length], &mut [0.0; 6]).is_err(), "{length}");
+            assert!(a.multiply(&[1.0; 6], &mut vec![0.0; length]).is_err(), "{length}");
+            let mut y = [0.0; 6];
+            a.apply(&vec![1.0; length], &mut y);
+            assert!(y.iter().all(|y| y.is_nan()), "{length}");
+        }
     }
 }

@@ -3,7 +3,7 @@
 use super::{BlockPattern, BlockSlot};
 use crate::error::Result;
 use crate::memory;
-use crate::system::{Axes, System};
+use crate::system::System;
 use std::sync::Arc;
 
 /// A spring as one of its ends sees it.
@@ -21,23 +21,11 @@ pub(super) struct Place(u32);
 impl Place {
     /// Nowhere: this end is the row of the block.
     pub const ROW: Self = Self(u32::MAX);
-    const AGAIN: u32 = 0x8000_0000;
-
-    /// So many values behind the diagonal part; `again` says that another spring between the same particles came before.
-    pub fn column(offset: u32, again: bool) -> Self {
-        Self(if again { offset | Self::AGAIN } else { offset })
-    }
 
     /// The values between the diagonal part and the block.
     #[inline]
     pub fn offset(self) -> Option<u32> {
-        (self != Self::ROW).then_some(self.0 & !Self::AGAIN)
-    }
-
-    /// Whether another spring was there before.
-    #[inline]
-    pub fn is_again(self) -> bool {
-        self.0 & Self::AGAIN != 0
+        (self != Self::ROW).then_some(self.0)
     }
 }
 
@@ -52,8 +40,6 @@ pub struct SpringPattern {
     /// The springs of particle p are `incidences[starts[p]..starts[p + 1]]`, ascending.
     starts: Vec<u32>,
     incidences: Vec<Incidence>,
-    /// Whether a particle and its neighbours in its columns are free along all three axes.
-    free: Vec<bool>,
 }
 
 impl SpringPattern {
@@ -91,24 +77,15 @@ impl SpringPattern {
         let (starts, mut ends) = row_starts(system.particles(), &pairs);
         let nothing = Incidence { spring: 0, place: Place::ROW };
         let mut incidences = vec![nothing; 2 * pairs.len()];
-        let is_free = |particle: usize| system.dofs().free_axes(particle) == Axes::ALL;
-        let mut free: Vec<bool> = (0..system.particles()).map(is_free).collect();
-        // A search among a particle's earlier springs would be quadratic in their number.
-        let mut has_spring = vec![false; pattern.blocks_below()];
         for (position, (_, [i, j], _)) in chosen() {
-            let block = pattern.block_below(i, j).and_then(|block| has_spring.get_mut(block));
-            let (Some(has_spring), Some(BlockSlot { row, column, offset, .. })) = (block, pattern.slot(i, j)) else {
-                continue;
-            };
-            free[column as usize] &= is_free(row as usize);
-            let is_repeat = std::mem::replace(has_spring, true);
-            for (particle, place) in [(column, Place::column(offset, is_repeat)), (row, Place::ROW)] {
+            let Some(BlockSlot { row, column, offset, .. }) = pattern.slot(i, j) else { continue };
+            for (particle, place) in [(column, Place(offset)), (row, Place::ROW)] {
                 let end = &mut ends[particle as usize];
                 incidences[*end as usize] = Incidence { spring: position, place };
                 *end += 1;
             }
         }
-        Ok(Self { pattern: Arc::new(pattern), starts, incidences, free })
+        Ok(Self { pattern: Arc::new(pattern), starts, incidences })
     }
 
     /// The springs of a particle.
@@ -120,19 +97,6 @@ impl SpringPattern {
     /// The positions of a particle's springs among the active ones, ascending.
     pub(crate) fn springs_at(&self, particle: usize) -> impl Iterator<Item = usize> + '_ {
         self.incidences(particle).iter().map(|incidence| incidence.spring as usize)
-    }
-
-    /// As many incidences as the particle has, `distance` further on.
-    #[inline]
-    pub(super) fn incidences_ahead(&self, particle: usize, distance: usize) -> &[Incidence] {
-        let [start, end] = [particle, particle + 1].map(|p| self.starts[p] as usize + distance);
-        self.incidences.get(start..end).unwrap_or_default()
-    }
-
-    /// Whether a particle and its neighbours in its columns are free along all three axes.
-    #[inline]
-    pub(super) fn is_free(&self, particle: usize) -> bool {
-        self.free[particle]
     }
 
     /// The pattern of the entries.
@@ -183,54 +147,19 @@ mod tests {
         let (system, _) = ring().build().unwrap();
         let (pattern, bytes) = asked("the pattern of the matrix", || SpringPattern::of_stiffness(&system).unwrap());
         assert_eq!(bytes, 128 * 12);
-        let held = size_of_val(&pattern.incidences[..]) + size_of_val(&pattern.starts[..]) + pattern.free.len();
+        let held = size_of_val(&pattern.incidences[..]) + size_of_val(&pattern.starts[..]);
         assert!(held < bytes as usize, "{held}");
     }
 
-    /// In a ring the springs four incidences ahead are those of the particle two further on; behind the last particle there
-    /// are none.
+    /// Both ends know the spring; a block has its place in the columns of the particle with the lower number.
     #[test]
-    fn incidences_ahead_are_those_of_later_particles() {
+    fn both_ends_know_a_spring() {
         let (system, _) = ring().build().unwrap();
         let pattern = SpringPattern::of_stiffness(&system).unwrap();
-        let springs = |incidences: &[Incidence]| incidences.iter().map(|at| at.spring).collect::<Vec<_>>();
-        assert_eq!(springs(pattern.incidences(3)), [2, 3]);
-        assert!(pattern.springs_at(3).eq([2, 3]));
-        for particle in 0..6 {
-            let ahead = springs(pattern.incidences_ahead(particle, 4));
-            let of_later = if particle < 4 { springs(pattern.incidences(particle + 2)) } else { vec![] };
-            assert_eq!(ahead, of_later, "{particle}");
-        }
-    }
-
-    /// A particle's columns are those of whole blocks where it and its neighbours of higher number are free along all axes.
-    #[test]
-    fn held_particles_and_their_lower_neighbours_are_not_free() {
-        let mut builder = ring();
-        builder.constrain(crate::Constraint { particles: vec![3], axes: Axes::of(&[1]), motion: crate::Motion::Held });
-        let (system, _) = builder.build().unwrap();
-        let pattern = SpringPattern::of_stiffness(&system).unwrap();
-        assert_eq!([0, 1, 2, 3, 4, 5].map(|p| pattern.is_free(p)), [true, true, false, false, true, true]);
-    }
-
-    /// The second spring of a pair is known for a repeat, the first and those of other pairs are not, however many springs the
-    /// particle has: a search among those before it would make this 2·10¹⁰ comparisons.
-    #[test]
-    fn hubs_are_mapped_in_one_pass() {
-        let spokes = 200_000;
-        let mut builder = SystemBuilder::new();
-        builder.dimension = 1;
-        builder.particle([0.0; 3], 1.0);
-        for spoke in 1..=spokes {
-            builder.particle([1.0, 0.0, 0.0], 1.0);
-            builder.spring(spoke, 0, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        }
-        builder.spring(0, 7, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-        let (system, _) = builder.build().unwrap();
-        let pattern = SpringPattern::of_stiffness(&system).unwrap();
-        let hub = pattern.incidences(0);
-        assert_eq!((hub.len(), pattern.pattern().entries()), (spokes + 1, 2 * spokes + 1));
-        let repeats: Vec<usize> = (0..hub.len()).filter(|&at| hub[at].place.is_again()).collect();
-        assert_eq!(repeats, [spokes]);
+        assert!(pattern.springs_at(3).eq([2, 3]) && pattern.springs_at(0).eq([0, 5]));
+        let offsets = |particle: usize| -> Vec<_> {
+            pattern.incidences(particle).iter().map(|incidence| incidence.place.offset()).collect()
+        };
+        assert_eq!([offsets(0), offsets(3), offsets(5)], [[Some(0), Some(3)], [None, Some(0)], [None, None]]);
     }
 }

@@ -94,7 +94,7 @@ impl<'s> DefinitenessWatch<'s> {
             let a = self.matrix.matrix();
             let lost = unit(self.direction.clone()).map(|u| eigenpair(a, u));
             // One inverse iteration brings out the eigenvector nearest to zero, the one that has just been lost, or one above zero.
-            self.factorization.solve_in_place(&mut self.direction);
+            self.factorization.substitute(&mut self.direction);
             let nearest = unit(self.direction.clone()).map(|u| eigenpair(a, u)).filter(|pair| pair.value < 0.0);
             if let Some(pair) = nearest.or(lost) {
                 loss.curvature = pair.value;

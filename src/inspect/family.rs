@@ -201,7 +201,7 @@ impl<'s> Family<'s> {
             }
             before = s;
             work.solves += (columns.len() / n) as u64;
-            factorization.solve_columns_in_place(n, &mut columns);
+            factorization.substitute_columns(n, &mut columns);
             let size = space.len();
             for column in columns.chunks_mut(n) {
                 column.iter_mut().zip(&self.roots).for_each(|(x, root)| *x *= root);

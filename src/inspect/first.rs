@@ -87,7 +87,7 @@ pub(super) fn first_answer(
     let mut best = eigenpair(a, unit(u)?);
     for _ in 0..INVERSE_STEPS {
         let mut u = best.vector.clone();
-        factorization.solve_in_place(&mut u);
+        factorization.substitute(&mut u);
         work.solves += 1;
         let next = unit(u).map(|u| eigenpair(a, u));
         // Of an indefinite A inverse iteration may go on to an eigenvalue above zero.

@@ -328,7 +328,7 @@ fn equilibrated(a: &SymmetricMatrix) -> SymmetricMatrix {
         for (s, &entry) in scaling.iter_mut().zip(&largest) {
             *s = if entry > 0.0 && entry.is_finite() { (-(entry.log2() / 2.0).round()).exp2() } else { 1.0 };
         }
-        c.scale(&scaling);
+        c.scale_rows_and_columns(&scaling);
     }
     c
 }

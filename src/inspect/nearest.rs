@@ -41,7 +41,7 @@ impl Search<'_> {
                 rest.clear();
                 rest.extend_from_slice(y);
                 work.solves += (1 + refinements as u64) * (x.len() / n) as u64;
-                factorization.solve_columns_in_place(n, y);
+                factorization.substitute_columns(n, y);
                 (0..refinements).for_each(|_| refine(a, factorization, &rest, y));
             }
         };
@@ -65,7 +65,7 @@ impl Search<'_> {
             }
             let mut solution = probe.clone();
             self.work.solves += 1 + refinements as u64;
-            self.factorization.solve_columns_in_place(self.n(), &mut solution);
+            self.factorization.substitute_columns(self.n(), &mut solution);
             (0..refinements).for_each(|_| refine(self.a, self.factorization, &probe, &mut solution));
             let allowed = f64::max(SOLVED * norm(&probe), STABLE * size * norm(&solution));
             if norm(&left(self.a, &probe, &solution)) <= allowed {
@@ -89,6 +89,6 @@ fn left(a: &SymmetricMatrix, x: &[f64], y: &[f64]) -> Vec<f64> {
 /// Adds to Y what solves for `X − A·Y`.
 fn refine(a: &SymmetricMatrix, factorization: &mut Ldlt, x: &[f64], y: &mut [f64]) {
     let mut rest = left(a, x, y);
-    factorization.solve_columns_in_place(a.dofs().len(), &mut rest);
+    factorization.substitute_columns(a.dofs().len(), &mut rest);
     y.iter_mut().zip(&rest).for_each(|(y, rest)| *y += rest);
 }

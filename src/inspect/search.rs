@@ -277,7 +277,7 @@ impl<'a> Search<'a> {
         let mut solve = |x: &[f64], y: &mut [f64]| {
             work.solves += (x.len() / n) as u64;
             y.iter_mut().zip(x).for_each(|(y, x)| *y = -side.outwards() * x);
-            factorization.solve_columns_in_place(n, y);
+            factorization.substitute_columns(n, y);
         };
         let start: Vec<Vec<f64>> = before.into_iter().map(|pair| pair.vector).collect();
         let mut space = Krylov::from_vectors(n, wanted, &start, &mut solve);

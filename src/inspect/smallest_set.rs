@@ -252,7 +252,7 @@ impl<'s> Trial<'s> {
             for (column, z) in together.iter().zip(z.chunks_mut(n)) {
                 column.iter().for_each(|&(row, value)| z[row] = value);
             }
-            self.factorization.solve_columns_in_place(n, &mut z);
+            self.factorization.substitute_columns(n, &mut z);
             work.solves += together.len() as u64;
             for (c, z) in z.chunks(n).enumerate() {
                 for (r, row) in columns.iter().enumerate() {

@@ -304,7 +304,7 @@ impl<'s> Turning<'s> {
         }
         let mut solve = |r: &mut [f64]| {
             work.solves += 1;
-            factorization.solve_in_place(r);
+            factorization.substitute(r);
         };
         if let Some((option, at, nearby)) = &mut self.at_hand
             && *option == solved
@@ -325,7 +325,7 @@ impl<'s> Turning<'s> {
         let Self { operator, factorization, work, .. } = self;
         let mut solve = |r: &mut [f64]| {
             work.solves += 1;
-            factorization.solve_in_place(r);
+            factorization.substitute(r);
         };
         if !nearby.solve(s, operator, &mut solve, &mut self.reduced) {
             self.reduced.copy_from_slice(&right);

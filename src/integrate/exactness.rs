@@ -189,7 +189,7 @@ mod tests {
             for dof in 0..12 {
                 let mut error = vec![0.0; 12];
                 error[dof] = 1.0;
-                factor.solve_in_place(&mut error);
+                factor.substitute(&mut error);
                 let mut displacement = vec![Vector3::zeros(); 5];
                 system.dofs().scatter(&error, &mut displacement);
                 let norm = mass_norm(&system, |p| displacement[p]);

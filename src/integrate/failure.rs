@@ -135,7 +135,10 @@ impl StepFailure {
         match self {
             Self::Solve(SolveFailure::Indefinite(_)) => Status::Indefinite,
             Self::Solve(
-                SolveFailure::NotConverged { .. } | SolveFailure::Untrusted { .. } | SolveFailure::Unprepared,
+                SolveFailure::NotConverged { .. }
+                | SolveFailure::Untrusted { .. }
+                | SolveFailure::Unprepared
+                | SolveFailure::WrongLength { .. },
             ) => Status::NotConverged,
             Self::Solve(SolveFailure::NonFinite) | Self::NonFinite => Status::NonFinite,
             Self::Solve(SolveFailure::Interrupted) => Status::Interrupted,

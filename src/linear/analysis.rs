@@ -25,7 +25,8 @@ use std::time::Instant;
 pub const SOLVE_COLUMNS: usize = 4;
 
 /// A pivot that is not positive (LLᵀ), or is zero or not finite (LDLᵀ).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the pivot of {dof}, in row {row}, is not positive")]
 pub struct NonPositivePivot {
     /// The row of A, not of the permuted matrix.
     pub row: usize,

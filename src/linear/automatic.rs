@@ -1,251 +1,305 @@
-//! A factorization or conjugate gradients, whichever turns out to cost less.
+//! Conjugate gradients with block Jacobi, conjugate gradients with multigrid, or a Cholesky factorization: whichever costs less.
 //!
-//! What conjugate gradients cost depends on the stiffness, the step, the tolerance and the first guesses; only trying shows it. What
-//! factorizations cost is in the pattern, but to analyse it costs as much as dozens of steps may. So nothing is analysed at first:
-//! conjugate gradients are tried, and watched. The effort by which they exceed the factorizations that they replace is
-//! added up, starting again from zero whenever it falls below:
+//! What iterations a matrix takes is known only when they have been done, and what factorizations cost only when the pattern has been analysed. So
+//! block Jacobi comes first and may spend on a matrix what the cheaper of the other two would (the argument of renting or buying skis: never more than
+//! twice the better choice). Then that one takes over, from where the iterations are, and for the matrices that follow. Multigrid in turn may spend
+//! what a factorization would. Motions change: block Jacobi is tried again after [`FIRST_TRIAL`] matrices, and after twice as many each time that it has
+//! spent too much.
 //!
-//! - as long as nothing is known of the pattern, against factorizations that fill nothing in. When this exceeds a first ordering and
-//!   one of them, the particles are ordered, which shows what factorizations take at least;
-//! - then against those. When it exceeds an analysis and one of them, the pattern is analysed, and what factorizations cost is known;
-//! - from then on against these. When it exceeds one of them the solver changes to factorizations. Every now and then a matrix is left to conjugate gradients
-//!   [again](again), and if they take less than eight tenths of the effort, so are those that follow, watched as before.
+//! The pattern is analysed when block Jacobi first spends too much, or has spent [`LOOK`] times what an analysis costs at least. A factor takes memory
+//! only when it is chosen, and no more than half of what the process may hold.
 //!
-//! A matrix that is refused as indefinite would have taken a part of a factorization only.
-//!
-//! Where the mean matrix has cost more than what became known, the next look is taken at once. Whatever a scene is like, this wastes at
-//! most the cost of a first ordering, an analysis and three factorizations, one for each of them (the argument of renting or buying skis); of a lattice, whose
-//! analysis takes as long as a dozen solves with multigrid, the first ordering says that it cannot pay. Every return to conjugate gradients may waste two
-//! factorizations more; they become as rare as trials.
-//!
-//! Effort is [counted](CostModel), not timed: the same run makes the same choice, and gives the same bits, as often as it is repeated
-//! and for any number of threads. (Another kind of processor rounds differently where its vector registers are wider, which may cost an
-//! iteration more or less and so, where it is close, decide otherwise.)
-//!
-//! A factor takes memory only when the choice has fallen on it, and only as much as leaves room for everything else: one that would
-//! take more than half of what the process may hold is not considered, whatever it costs.
-
-mod again;
+//! Effort is [counted](CostModel), not timed: the same run makes the same choice whenever it is repeated, and for any number of threads.
 
 use super::analysis::{FactorReport, FactorSize};
 use super::cost::CostModel;
 use super::direct::{CholeskyGlance, CholeskyPlan, CholeskySolver};
-use super::iterative::CgSolver;
-use super::outcome::{Definiteness, Solution, SolveFailure};
+use super::iterative::{Application, CgSolver};
+use super::outcome::{Definiteness, NotConverged, Solution, SolveFailure};
+use super::preconditioner::Preconditioner;
+use super::preconditioner_kind::PreconditionerKind;
+use super::select::SolverOptions;
 use super::{Held, LinearSolver};
+use crate::error::Result;
 use crate::memory;
 use crate::operator::SystemOperator;
 use crate::system::System;
 use crate::work::Work;
-use again::Trials;
 use faer::Par;
 use nalgebra::Vector3;
 
-/// Factorizations that cost more than this many force evaluations are not considered: multigrid takes about a hundred to set up and
-/// to solve.
-const HOPELESS: f64 = 2000.0;
+/// Matrices before block Jacobi is tried again for the first time: the trial costs at most the price of one of them.
+const FIRST_TRIAL: u64 = 16;
 
-/// What a factorization that is refused takes, of a whole one: it ends at the first bad pivot. A step whose first matrix is refused takes 1.15
-/// (cloth 100) and 1.33 times (network 2000) what one with a single factorization takes, with all that steps do beside.
-const REFUSED: f64 = 0.25;
+/// An analysis that costs a twentieth of what has been spent is looked into whatever it shows: fill may make it cost a few times more.
+const LOOK: f64 = 20.0;
 
-/// What is known of factorizations.
-enum Direct {
-    /// Nothing.
-    Unseen,
-    /// The least that they take.
-    Glanced(Box<CholeskyGlance>),
-    /// Analysed, and without memory yet.
-    Seen(Box<CholeskyPlan>),
-    /// Chosen.
-    Chosen(Box<CholeskySolver>),
-    /// Chosen once, while conjugate gradients cost less now.
-    Resting(Box<CholeskySolver>),
-    /// Far too expensive, or too large.
-    Hopeless,
-}
+/// Iterations that a solve to ten digits takes with multigrid, before any is known: 12 to 35 on cloths, lattices and networks.
+const MULTIGRID_ITERATIONS: f64 = 25.0;
 
-/// What factorizations cost, in force evaluations.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct DirectCost {
-    factor: f64,
-    solve: f64,
-}
+/// Factorizations that cost so many times what multigrid does are not analysed further.
+const HOPELESS: f64 = 10.0;
 
-impl DirectCost {
-    fn of(size: FactorSize, costs: &CostModel) -> Self {
-        Self { factor: costs.factorization(size), solve: costs.direct_solve(size) }
-    }
-
-    fn step(self) -> f64 {
-        self.factor + self.solve
-    }
-
-    /// Whether a factor of so many bytes is considered.
-    fn is_affordable(self, bytes: u64) -> bool {
-        self.step() <= HOPELESS && fits(bytes)
-    }
-}
+/// Degrees of freedom beyond which nothing is analysed: ordering alone would take seconds.
+pub(super) const LARGEST_ANALYSED: usize = 1_500_000;
 
 /// Whether a factor of so many bytes leaves as much room for everything else, in what the process may ever hold.
 pub(super) fn fits(bytes: u64) -> bool {
     memory::limit().is_none_or(|limit| bytes <= limit / 2)
 }
 
-/// Sparse Cholesky and conjugate gradients for one system; one of them solves.
+/// What solves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Method {
+    BlockJacobi,
+    Multigrid,
+    Cholesky,
+}
+
+/// What is known of factorizations.
+enum Direct {
+    Unknown,
+    /// Analysed, and without memory yet.
+    Known(Box<CholeskyPlan>),
+    Ready(Box<CholeskySolver>),
+    /// Not wanted, too expensive, or too large.
+    Never,
+}
+
+/// What a matrix costs, in force evaluations: once, and for every solve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Price {
+    once: f64,
+    solve: f64,
+}
+
+impl Price {
+    const UNAFFORDABLE: Self = Self { once: f64::INFINITY, solve: 0.0 };
+
+    fn direct(costs: &CostModel, size: FactorSize) -> Self {
+        Self { once: costs.factorization(size), solve: costs.direct_solve(size) }
+    }
+
+    fn of(self, solves: f64) -> f64 {
+        self.once + solves * self.solve
+    }
+}
+
+/// Three solvers for one system, one of which solves.
 pub struct AutomaticSolver {
+    method: Method,
+    /// With the preconditioner of the method.
     iterative: CgSolver,
+    /// The preconditioner that is not in use.
+    other: Option<Preconditioner>,
     direct: Direct,
     par: Par,
     costs: CostModel,
-    /// Of factorizations, as far as known.
-    cost: DirectCost,
-    /// By how much conjugate gradients have cost more than factorizations since they last cost less.
-    lost: f64,
-    /// Matrices that conjugate gradients were tried on.
-    tried: u64,
-    /// When they are tried again where factorizations are chosen.
-    trials: Trials,
+    multigrid_price: Price,
+    direct_price: Price,
+    /// Where the particles are, for multigrid.
+    positions: Vec<Vector3<f64>>,
+    /// Solves with the matrix at hand, and what the method has spent on it.
+    solves: f64,
+    spent: f64,
+    /// What block Jacobi has spent on all matrices.
+    spent_in_all: f64,
+    /// Matrices before block Jacobi is tried again, and after the next trial in vain.
+    until_trial: u64,
+    interval: u64,
 }
 
 impl AutomaticSolver {
-    /// For a system; factorizations, should there be any, are shared out as `par` says.
-    pub fn new(system: &System, iterative: CgSolver, par: Par) -> Self {
+    /// For a system, with products by `application`; `factors` says whether factorizations are considered.
+    pub(super) fn new(
+        system: &System,
+        options: &SolverOptions,
+        application: Application,
+        factors: bool,
+    ) -> Result<Self> {
         let costs = CostModel::of(system);
-        let cost = DirectCost { factor: costs.least_factorization(), solve: costs.least_direct_solve() };
-        Self { iterative, direct: Direct::Unseen, par, costs, cost, lost: 0.0, tried: 0, trials: Trials::NONE_YET }
+        let iterative =
+            CgSolver::new(system, PreconditionerKind::BlockJacobi, options.tolerance.strictest(), application)?;
+        let solve = MULTIGRID_ITERATIONS * costs.iteration(PreconditionerKind::Multigrid);
+        let is_wanted = factors && system.dofs().len() <= LARGEST_ANALYSED;
+        Ok(Self {
+            method: Method::BlockJacobi,
+            iterative: iterative.interrupted_by(options.interrupt),
+            other: None,
+            direct: if is_wanted { Direct::Unknown } else { Direct::Never },
+            par: options.par,
+            multigrid_price: Price { once: costs.multigrid_setup(), solve },
+            direct_price: Price::UNAFFORDABLE,
+            costs,
+            positions: vec![Vector3::zeros(); system.particles()],
+            solves: 0.0,
+            spent: 0.0,
+            spent_in_all: 0.0,
+            until_trial: FIRST_TRIAL,
+            interval: FIRST_TRIAL,
+        })
     }
 
-    fn chosen(&self) -> &dyn LinearSolver {
-        match &self.direct {
-            Direct::Chosen(direct) => &**direct,
+    fn current(&self) -> &dyn LinearSolver {
+        match (&self.direct, self.method) {
+            (Direct::Ready(direct), Method::Cholesky) => &**direct,
             _ => &self.iterative,
         }
     }
 
-    /// The effort so far over the matrices so far.
-    fn mean_effort(&self) -> f64 {
-        self.iterative.effort() / self.tried.max(1) as f64
-    }
-
-    /// What may be lost before something else is tried.
-    fn patience(&self) -> f64 {
-        match &self.direct {
-            Direct::Unseen => self.costs.glance() + self.cost.step(),
-            Direct::Glanced(glance) => self.costs.analysis(glance.least()) + self.cost.step(),
-            Direct::Seen(_) | Direct::Resting(_) => self.cost.step(),
-            Direct::Chosen(_) | Direct::Hopeless => f64::INFINITY,
+    /// What the method may spend on the matrix at hand: what the cheaper of those that follow would.
+    fn allowance(&self) -> f64 {
+        let [multigrid, direct] = [self.multigrid_price, self.direct_price].map(|price| price.of(self.solves));
+        match self.method {
+            Method::BlockJacobi => multigrid.min(direct),
+            Method::Multigrid => direct,
+            Method::Cholesky => f64::INFINITY,
         }
     }
 
-    /// Takes note of what factorizations cost, exactly or at least, and goes on at once where conjugate gradients have cost more in the mean.
-    fn know(&mut self, direct: Direct, size: FactorSize, bytes: u64, system: &System, work: &mut Work) {
-        let cost = DirectCost::of(size, &self.costs);
-        if !cost.is_affordable(bytes) {
+    /// Analyses the pattern, as far as factorizations seem to pay.
+    fn analyse(&mut self, system: &System, work: &mut Work) {
+        if !matches!(self.direct, Direct::Unknown) {
             return;
         }
-        (self.direct, self.cost, self.lost) = (direct, cost, 0.0);
-        if self.mean_effort() > cost.step() {
-            self.reconsider(system, work);
+        self.direct = Direct::Never;
+        let most = HOPELESS * self.multigrid_price.of(1.0);
+        let is_worth = |size: FactorSize, bytes: u64| Price::direct(&self.costs, size).of(1.0) <= most && fits(bytes);
+        let glance = CholeskyGlance::new(system, work).ok();
+        let glance = glance.filter(|glance| is_worth(glance.least(), 8 * glance.least().entries as u64));
+        let plan = glance.and_then(|glance| glance.plan(self.par).ok());
+        if let Some(plan) = plan.filter(|plan| is_worth(plan.size(), plan.bytes())) {
+            self.direct_price = Price::direct(&self.costs, plan.size());
+            self.direct = Direct::Known(Box::new(plan));
         }
     }
 
-    /// Out of patience: looks at the pattern, analyses it, or changes to factorizations. What cannot be had is hopeless.
-    fn reconsider(&mut self, system: &System, work: &mut Work) {
-        match std::mem::replace(&mut self.direct, Direct::Hopeless) {
-            Direct::Unseen => {
-                if let Ok(glance) = CholeskyGlance::new(system, work) {
-                    let least = glance.least();
-                    self.know(Direct::Glanced(Box::new(glance)), least, 8 * least.entries as u64, system, work);
+    /// Changes to the cheaper one of those that follow; what cannot be had is not considered again.
+    fn change(&mut self, a: &SystemOperator, work: &mut Work) -> Result<(), SolveFailure> {
+        if self.method == Method::BlockJacobi {
+            self.interval = self.interval.saturating_mul(2);
+            self.until_trial = self.interval;
+        }
+        self.analyse(a.system(), work);
+        self.spent = 0.0;
+        let [multigrid, direct] = [self.multigrid_price, self.direct_price].map(|price| price.of(self.solves));
+        if self.method == Method::Multigrid || direct <= multigrid {
+            self.direct = match std::mem::replace(&mut self.direct, Direct::Never) {
+                Direct::Known(plan) => {
+                    plan.solver(a.system()).map_or(Direct::Never, |direct| Direct::Ready(Box::new(direct)))
                 }
+                direct => direct,
+            };
+            if let Direct::Ready(direct) = &mut self.direct {
+                let taken = direct.take(a, work).map(drop);
+                self.use_blocks();
+                self.method = Method::Cholesky;
+                return taken;
             }
-            Direct::Glanced(glance) => {
-                if let Ok(plan) = glance.plan(self.par) {
-                    let (size, bytes) = (plan.size(), plan.bytes());
-                    self.know(Direct::Seen(Box::new(plan)), size, bytes, system, work);
-                }
+            self.direct_price = Price::UNAFFORDABLE;
+            return Ok(());
+        }
+        let made = || Preconditioner::new(PreconditionerKind::Multigrid, a.system());
+        match self.other.take().map_or_else(made, Ok) {
+            Ok(mut multigrid) => {
+                multigrid.place(&self.positions);
+                self.exchange(multigrid);
+                self.method = Method::Multigrid;
+                let setups = work.multigrid_setups;
+                let updated = self.iterative.update_preconditioner(a, work);
+                self.spent += (work.multigrid_setups - setups) as f64 * self.costs.multigrid_setup();
+                updated
             }
-            // Where there is no room for the factor after all, there is nothing to consider any more.
-            Direct::Seen(plan) => {
-                if let Ok(direct) = plan.solver(system) {
-                    self.direct = Direct::Chosen(Box::new(direct));
-                }
+            Err(_) => {
+                self.multigrid_price = Price::UNAFFORDABLE;
+                Ok(())
             }
-            Direct::Resting(direct) => self.direct = Direct::Chosen(direct),
-            decided => self.direct = decided,
         }
     }
 
-    /// Leaves what follows to conjugate gradients, which a trial has shown to cost less.
-    fn leave(&mut self) {
-        self.trials.end();
-        self.direct = match std::mem::replace(&mut self.direct, Direct::Hopeless) {
-            Direct::Chosen(direct) => Direct::Resting(direct),
-            other => other,
-        };
+    fn exchange(&mut self, mut preconditioner: Preconditioner) {
+        self.iterative.exchange_preconditioner(&mut preconditioner);
+        self.other = Some(preconditioner);
+    }
+
+    /// Gives conjugate gradients their first preconditioner back.
+    fn use_blocks(&mut self) {
+        if self.method == Method::Multigrid
+            && let Some(blocks) = self.other.take()
+        {
+            self.exchange(blocks);
+        }
+        self.method = Method::BlockJacobi;
+    }
+
+    /// Block Jacobi once more, where it is time to try it.
+    fn try_again(&mut self) {
+        if self.method == Method::BlockJacobi {
+            return;
+        }
+        if self.until_trial > 0 {
+            self.until_trial -= 1;
+            return;
+        }
+        self.use_blocks();
+    }
+
+    fn kind(&self) -> PreconditionerKind {
+        match self.method {
+            Method::Multigrid => PreconditionerKind::Multigrid,
+            Method::BlockJacobi | Method::Cholesky => PreconditionerKind::BlockJacobi,
+        }
     }
 }
 
 impl LinearSolver for AutomaticSolver {
     fn name(&self) -> &'static str {
-        self.chosen().name()
+        self.current().name()
     }
 
     fn preconditioner(&self) -> Option<&'static str> {
-        self.chosen().preconditioner()
+        self.current().preconditioner()
     }
 
     fn factor(&self) -> Option<FactorReport> {
         match &self.direct {
-            Direct::Seen(plan) => Some(plan.report()),
-            Direct::Chosen(direct) | Direct::Resting(direct) => direct.factor(),
-            Direct::Unseen | Direct::Glanced(_) | Direct::Hopeless => None,
+            Direct::Known(plan) => Some(plan.report()),
+            Direct::Ready(direct) => direct.factor(),
+            Direct::Unknown | Direct::Never => None,
         }
     }
 
     fn choice(&self) -> Option<String> {
-        let name = self.name();
-        let tried =
-            format!("conjugate gradients took the work of {:.1} force evaluations a matrix", self.mean_effort());
-        Some(match self.direct {
-            Direct::Unseen => format!("{name}: {tried}, which does not pay for a look at factorizations"),
-            Direct::Glanced(_) => {
-                format!("{name}: {tried}, factoring and solving would take that of {:.1} at least", self.cost.step())
-            }
-            Direct::Seen(_) | Direct::Chosen(_) | Direct::Resting(_) => {
-                format!("{name}: {tried}, factoring and solving take that of {:.1}", self.cost.step())
-            }
-            Direct::Hopeless => {
-                format!("{name}: {tried}, factorizations are far more expensive, or too large for the memory")
-            }
-        })
+        let [multigrid, direct] = [self.multigrid_price, self.direct_price].map(|price| price.of(1.0));
+        let direct = match self.direct {
+            Direct::Unknown => "a factorization has not been considered".into(),
+            Direct::Never => "a factorization costs far more, or is too large".into(),
+            Direct::Known(_) | Direct::Ready(_) => format!("a factorization and a solve cost {direct:.0}"),
+        };
+        let what = self.preconditioner().map_or(String::new(), |preconditioner| format!(" with {preconditioner}"));
+        Some(format!("{}{what}: in force evaluations, multigrid costs about {multigrid:.0}; {direct}", self.name()))
     }
 
     fn place(&mut self, positions: &[Vector3<f64>]) {
+        self.positions.iter_mut().zip(positions).for_each(|(place, position)| *place = *position);
         self.iterative.place(positions);
     }
 
     fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
-        if self.lost > self.patience() {
-            self.reconsider(a.system(), work);
+        (self.solves, self.spent) = (0.0, 0.0);
+        if self.spent_in_all > LOOK * self.costs.least_analysis() {
+            self.analyse(a.system(), work);
         }
-        let before = self.iterative.effort();
-        if let Direct::Chosen(direct) = &mut self.direct {
-            if !self.trials.take(before, self.cost.step()) {
-                return direct.take(a, work);
+        self.try_again();
+        match (&mut self.direct, self.method) {
+            (Direct::Ready(direct), Method::Cholesky) => direct.take(a, work),
+            _ => {
+                let setups = work.multigrid_setups;
+                let taken = self.iterative.take(a, work);
+                self.spent += (work.multigrid_setups - setups) as f64 * self.costs.multigrid_setup();
+                taken
             }
-            // What was lost before factorizations were chosen is no concern of the trial's.
-            self.lost = 0.0;
         }
-        self.tried += 1;
-        let prepared = self.iterative.take(a, work);
-        let is_refused = matches!(prepared, Err(SolveFailure::Indefinite(_)));
-        let share = if is_refused { REFUSED } else { 1.0 };
-        self.lost = self.lost.max(0.0) + self.iterative.effort() - before - share * self.cost.factor;
-        if is_refused {
-            self.trials.refused(REFUSED * self.cost.factor);
-        }
-        prepared
     }
 
     fn set_tolerance(&mut self, tolerance: f64) {
@@ -253,39 +307,36 @@ impl LinearSolver for AutomaticSolver {
     }
 
     fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
+        self.solves += 1.0;
         loop {
-            let before = self.iterative.effort();
-            let trial = self.trials.left(before);
-            if let (Direct::Chosen(direct), None) = (&mut self.direct, trial) {
+            if let (Direct::Ready(direct), Method::Cholesky) = (&mut self.direct, self.method) {
                 let solved = direct.solve(a, b, x, work)?;
                 // A trial begins where conjugate gradients would be.
                 self.iterative.remember(x);
                 return Ok(solved);
             }
-            self.iterative.allow(trial.unwrap_or(self.patience() + self.cost.solve - self.lost));
+            let iteration = self.costs.iteration(self.kind());
+            let own_limit = self.iterative.method().iteration_limit;
+            let most = ((self.allowance() - self.spent) / iteration).max(1.0) as u64;
+            self.iterative.method().iteration_limit = own_limit.min(most);
+            let before = work.cg_iterations;
             let solved = self.iterative.solve(a, b, x, work);
-            self.lost += self.iterative.effort() - before;
-            // A factorization would have been refused too, and not whole, and nothing solved with it.
-            if matches!(solved, Err(SolveFailure::Indefinite(_))) {
-                self.lost += (1.0 - REFUSED) * self.cost.factor;
-                self.trials.refused(REFUSED * self.cost.factor);
-            } else {
-                self.lost -= self.cost.solve;
+            self.iterative.method().iteration_limit = own_limit;
+            let cost = (work.cg_iterations - before) as f64 * iteration;
+            self.spent += cost;
+            match self.method {
+                Method::BlockJacobi => self.spent_in_all += cost,
+                Method::Multigrid if solved.is_ok() => {
+                    self.multigrid_price.solve = 0.5 * (self.multigrid_price.solve + cost);
+                }
+                Method::Multigrid => self.multigrid_price.solve = self.multigrid_price.solve.max(cost),
+                Method::Cholesky => {}
             }
-            match (&solved, &self.direct) {
-                (Err(SolveFailure::NotConverged { .. }), Direct::Chosen(_)) => self.trials.end(),
-                (Err(SolveFailure::NotConverged { .. }), Direct::Hopeless) => return solved,
-                (Err(SolveFailure::NotConverged { .. }), _) => self.reconsider(a.system(), work),
-                (Ok(_), Direct::Chosen(_)) => {
-                    self.leave();
-                    return solved;
+            match solved {
+                Err(SolveFailure::NotConverged { reason: NotConverged::IterationLimit, .. }) if most < own_limit => {
+                    self.change(&a, work)?;
                 }
                 _ => return solved,
-            }
-            // Conjugate gradients go on from where they were.
-            if let Direct::Chosen(direct) = &mut self.direct {
-                direct.take(&a, work)?;
-                x.fill(0.0);
             }
         }
     }

@@ -9,7 +9,6 @@
 //! is multiplied by a power of two first, and the solution divided by it: the same iteration, digit by digit.
 
 use super::norms::{dot, norm, scaling};
-use super::outcome::Progress;
 use super::preconditioner::Preconditioner;
 use super::vector::{advance, descend, subtract};
 use crate::interrupt::Interrupt;
@@ -52,9 +51,6 @@ pub struct CgReport {
     pub relative_residual: f64,
 }
 
-/// How many iterations more there may be.
-pub(super) type Ask<'a> = &'a mut dyn FnMut(Progress) -> u64;
-
 /// The method's parameters and its four work vectors.
 ///
 /// # Examples
@@ -95,8 +91,6 @@ pub struct ConjugateGradient {
     preconditioned: Vec<f64>,
     direction: Vec<f64>,
     product: Vec<f64>,
-    /// Room for the sums over the pieces of an inner product.
-    sums: Vec<f64>,
 }
 
 impl ConjugateGradient {
@@ -111,7 +105,6 @@ impl ConjugateGradient {
             preconditioned: zeros(),
             direction: zeros(),
             product: zeros(),
-            sums: Vec::new(),
         }
     }
 
@@ -120,7 +113,7 @@ impl ConjugateGradient {
         &self.direction
     }
 
-    /// Solves `A x = b` starting from the given x.
+    /// Solves `A x = b` starting from the given x. Vectors that do not fit end as [`NonFinite`](CgOutcome::NonFinite).
     pub fn solve(
         &mut self,
         a: &impl LinearOperator,
@@ -128,25 +121,22 @@ impl ConjugateGradient {
         b: &[f64],
         x: &mut [f64],
     ) -> CgReport {
-        self.solve_or_ask(a, preconditioner, b, x, &mut |_| 0)
-    }
-
-    /// As [`solve`](Self::solve); at the iteration limit, and where those are done again, asks how many iterations more there may be.
-    pub(super) fn solve_or_ask(
-        &mut self,
-        a: &impl LinearOperator,
-        preconditioner: &mut Preconditioner,
-        b: &[f64],
-        x: &mut [f64],
-        more: Ask,
-    ) -> CgReport {
+        if [b.len(), x.len(), a.order()] != [self.residual.len(); 3] {
+            let nothing = f64::NAN;
+            return CgReport {
+                outcome: CgOutcome::NonFinite,
+                iterations: 0,
+                first_residual: nothing,
+                relative_residual: nothing,
+            };
+        }
         let factor = scaling(b);
         if factor != 1.0 {
             x.iter_mut().for_each(|x| *x *= factor);
         }
         self.product.fill(0.0);
         let size = if factor == 1.0 { norm(b) } else { subtract(factor, b, &self.product, &mut self.residual).sqrt() };
-        let report = self.solve_scaled(a, preconditioner, &Scaled { factor, b, norm: size }, x, more);
+        let report = self.solve_scaled(a, preconditioner, &Scaled { factor, b, norm: size }, x);
         if factor != 1.0 {
             x.iter_mut().for_each(|x| *x /= factor);
         }
@@ -159,13 +149,11 @@ impl ConjugateGradient {
         preconditioner: &mut Preconditioner,
         b: &Scaled,
         x: &mut [f64],
-        more: Ask,
     ) -> CgReport {
         let scale = b.norm;
         let target = self.tolerance * scale;
-        let (mut iterations, mut limit) = (0, self.iteration_limit);
+        let mut iterations = 0;
         let mut residual = self.set_true_residual(a, b, x);
-        let first = residual;
         let relative = |residual: f64| if residual == 0.0 { 0.0 } else { residual / scale };
         let first_residual = relative(residual);
         let mut last = f64::INFINITY;
@@ -181,12 +169,7 @@ impl ConjugateGradient {
                 break CgOutcome::Stagnated;
             }
             last = residual;
-            let stop = self.iterate(a, preconditioner, x, target, &mut iterations, &mut |iterations, size| {
-                if iterations >= limit {
-                    limit = iterations + more(Progress::new(iterations, first, size, target));
-                }
-                iterations < limit
-            });
+            let stop = self.iterate(a, preconditioner, x, target, &mut iterations);
             residual = self.set_true_residual(a, b, x);
             match stop {
                 Some(CgOutcome::IterationLimit) if residual <= target => break CgOutcome::Converged,
@@ -205,9 +188,8 @@ impl ConjugateGradient {
         x: &mut [f64],
         target: f64,
         iterations: &mut u64,
-        goes_on: &mut dyn FnMut(u64, f64) -> bool,
     ) -> Option<CgOutcome> {
-        let Self { residual: r, preconditioned: z, direction: p, product: q, sums, interrupt, .. } = self;
+        let Self { residual: r, preconditioned: z, direction: p, product: q, interrupt, iteration_limit, .. } = self;
         // With the identity z is r, and need not be made.
         let is_identity = matches!(preconditioner, Preconditioner::Identity);
         let mut rz = if is_identity { dot(r, r) } else { preconditioner.apply(r, z) };
@@ -216,13 +198,14 @@ impl ConjugateGradient {
         // Further down than rounding the recurrence knows nothing of the true residual, and would end in underflow.
         let floor = target.max(f64::EPSILON * size);
         while size > floor {
-            if !goes_on(*iterations, size) {
+            if *iterations >= *iteration_limit {
                 return Some(CgOutcome::IterationLimit);
             }
             if interrupt.is_requested() {
                 return Some(CgOutcome::Interrupted);
             }
-            let curvature = a.apply_and_dot(p, q, sums);
+            a.apply(p, q);
+            let curvature = dot(p, q);
             if !curvature.is_finite() {
                 return Some(CgOutcome::NonFinite);
             }

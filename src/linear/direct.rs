@@ -104,13 +104,6 @@ impl CholeskyGlance {
     }
 }
 
-/// What is known of a system's matrix once it has been analysed, without memory for a factor: kept with systems that have room for it.
-struct Analysed {
-    pattern: Arc<SpringPattern>,
-    factorization: Cholesky,
-    par: Par,
-}
-
 /// A sparse Cholesky factorization that is known but has no memory yet: what it would take can be asked.
 pub struct CholeskyPlan {
     pattern: Arc<SpringPattern>,
@@ -118,19 +111,12 @@ pub struct CholeskyPlan {
 }
 
 impl CholeskyPlan {
-    /// Analyses the system's pattern and counts one symbolic factorization, or takes over what is kept with the system.
+    /// Analyses the system's pattern and counts one symbolic factorization.
     ///
     /// # Errors
     /// When the factor does not fit 32-bit indices, or its analysis the memory.
     pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
-        if let Some(analysed) = system.kept().get::<Analysed>().filter(|analysed| analysed.par == par) {
-            let factorization = analysed.factorization.analysis_alone();
-            return Ok(Self { pattern: analysed.pattern.clone(), factorization });
-        }
-        let plan = CholeskyGlance::new(system, work)?.plan(par)?;
-        let factorization = plan.factorization.analysis_alone();
-        system.kept().keep(Analysed { pattern: plan.pattern.clone(), factorization, par });
-        Ok(plan)
+        CholeskyGlance::new(system, work)?.plan(par)
     }
 
     /// Entries and operations of the factor.
@@ -201,7 +187,7 @@ impl LinearSolver for CholeskySolver {
         work.solves += 1;
         self.assembled.scale(b);
         x.copy_from_slice(&self.assembled.scaled);
-        self.factorization.solve_in_place(x);
+        self.factorization.substitute(x);
         self.assembled.set_residual(&a, x);
         self.assembled.unscale(x);
         self.assembled.solution()
@@ -256,7 +242,7 @@ impl LinearSolver for LdltSolver {
         work.solves += 1;
         self.assembled.scale(b);
         x.copy_from_slice(&self.assembled.scaled);
-        self.factorization.solve_in_place(x);
+        self.factorization.substitute(x);
         self.assembled.set_residual(&a, x);
         let error_of =
             |assembled: &Assembled, norm, x: &[f64]| backward_error(&assembled.residual, norm, x, &assembled.scaled);
@@ -266,7 +252,7 @@ impl LinearSolver for LdltSolver {
                 break;
             }
             self.correction.copy_from_slice(&self.assembled.residual);
-            self.factorization.solve_in_place(&mut self.correction);
+            self.factorization.substitute(&mut self.correction);
             for (x, c) in x.iter_mut().zip(&self.correction) {
                 *x += c;
             }

@@ -8,7 +8,7 @@ use super::ordering::Glance;
 use super::substitution::Diagonal;
 use super::supernode::supernodes;
 use crate::assembly::{BlockPattern, SymmetricMatrix};
-use crate::error::Result;
+use crate::error::{Result, check_length};
 use faer::dyn_stack::MemStack;
 use faer::linalg::cholesky::ldlt::factor::LdltError;
 use faer::linalg::cholesky::llt::factor::LltError;
@@ -35,16 +35,16 @@ use std::time::Instant;
 /// let (system, state) = builder.build()?;
 /// let short = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.1)?;
 /// let mut cholesky = Cholesky::analyse(short.a.pattern(), Par::Seq)?;
-/// cholesky.factor(&short.a).map_err(|pivot| pivot.dof.to_string())?;
+/// cholesky.factor(&short.a)?;
 /// let mut x = short.b.clone();
-/// cholesky.solve_in_place(&mut x);
+/// cholesky.solve_in_place(&mut x)?;
 /// assert!((x[0] - 10.0 / 110.0).abs() < 1e-15);
 ///
 /// // A step of a second: 1 − 10 N/m across the compressed spring.
 /// let long = StepMatrices::assemble(&system, &state, Stiffness::Full, 1.0)?;
 /// assert!(cholesky.factor(&long.a).is_err());
 /// let mut ldlt = Ldlt::analyse(long.a.pattern(), Par::Seq)?;
-/// ldlt.factor(&long.a).map_err(|pivot| pivot.dof.to_string())?;
+/// ldlt.factor(&long.a)?;
 /// assert_eq!(ldlt.pivots().filter(|(_, d)| *d < 0.0).count(), 2);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -218,12 +218,33 @@ impl<K: SolvingKind> Factorization<K> {
     }
 
     /// `x ← A⁻¹ x` with the last factored matrix.
-    pub fn solve_in_place(&mut self, x: &mut [f64]) {
-        self.solve_columns_in_place(x.len(), x);
+    ///
+    /// # Errors
+    /// [`Invalid`](crate::error::Invalid) for a vector whose length is not the order of A.
+    pub fn solve_in_place(&mut self, x: &mut [f64]) -> Result<()> {
+        check_length("x", x.len(), self.analysis.symbolic.nrows())?;
+        self.substitute(x);
+        Ok(())
     }
 
-    /// `X ← A⁻¹ X` for a matrix of n rows, n the order of A, stored by columns: [`SOLVE_COLUMNS`] at a time.
-    pub fn solve_columns_in_place(&mut self, n: usize, x: &mut [f64]) {
+    /// `X ← A⁻¹ X` for a matrix stored by columns, each as long as A: [`SOLVE_COLUMNS`] at a time.
+    ///
+    /// # Errors
+    /// [`Invalid`](crate::error::Invalid) for a length that is no multiple of the order of A.
+    pub fn solve_columns_in_place(&mut self, x: &mut [f64]) -> Result<()> {
+        let n = self.analysis.symbolic.nrows();
+        check_length("x", x.len(), x.len() / n.max(1) * n)?;
+        self.substitute_columns(n, x);
+        Ok(())
+    }
+
+    /// As [`solve_in_place`](Self::solve_in_place), for a vector of the right length.
+    pub(crate) fn substitute(&mut self, x: &mut [f64]) {
+        self.substitute_columns(x.len(), x);
+    }
+
+    /// As [`solve_columns_in_place`](Self::solve_columns_in_place), for columns of the right length n.
+    pub(crate) fn substitute_columns(&mut self, n: usize, x: &mut [f64]) {
         let start = Instant::now();
         for x in x.chunks_mut((SOLVE_COLUMNS * n).max(1)) {
             let Analysis { symbolic, values, substitution, .. } = &mut self.analysis;
@@ -268,8 +289,11 @@ impl Factorization<Ldl> {
     }
 
     /// A direction of negative curvature of the last factored matrix: `u = L⁻ᵀ e_j/d_j`, for which `uᵀAu = 1/d_j`, with j
-    /// the most negative pivot. Returns whether there is one; not normalised.
+    /// the most negative pivot. Returns whether there is one that fits the length of u; not normalised.
     pub fn negative_direction(&mut self, u: &mut [f64]) -> bool {
+        if u.len() != self.analysis.symbolic.nrows() {
+            return false;
+        }
         let pivots = supernodes(&self.analysis.symbolic).flat_map(|s| (0..s.columns).map(move |c| (s, c)));
         let worst = pivots
             .map(|(s, c)| (self.analysis.values[s.diagonal(c)], s, c))
@@ -289,7 +313,7 @@ impl Factorization<Ldl> {
         for (&at, value) in s.below.iter().zip(bottom) {
             u[row(at as usize)] = *value;
         }
-        self.solve_in_place(u);
+        self.substitute(u);
         true
     }
 }

@@ -6,10 +6,9 @@
 //! 1973; Karypis and Kumar 1998), which lattices need. The elimination tree and the exact column counts of either (Liu
 //! 1990) say what it costs; the cheaper one is put into postorder, so that columns of one structure lie side by side.
 //!
-//! A dissection takes ten to twenty times as long as a minimum degree, and for surfaces never pays: it is tried only on what is like a
-//! [volume].
-
-mod volume;
+//! A dissection takes ten to twenty times as long as a minimum degree, and for surfaces never pays: it is tried only where a minimum degree is
+//! dearer than that of surfaces. Eliminating separators of `c √n` vertices of w rows each takes `c³ w³ n^(3/2)` operations, with c³ below a
+//! hundred where a cloth is joined up to the second neighbour; volumes, whose separators have some n^(2/3) vertices, take more.
 
 use crate::assembly::BlockPattern;
 use feral_amd::CscPattern;
@@ -18,6 +17,9 @@ use std::time::{Duration, Instant};
 
 /// Operations from which a nested dissection is tried: below, a whole factorization takes less time than the dissection.
 const DISSECTION_FLOPS: f64 = 1e8;
+
+/// c³ above which a factorization is dearer than a surface's: cloths of 24² to 1000² particles have 37 to 109, slabs of three layers 160.
+const SURFACE_COST: f64 = 130.0;
 
 /// The power of the number of vertices by which a dissection takes fewer operations than a minimum degree, at most, as measured: lattices of 10³ to 60³
 /// take 1.7 to 14.1 times fewer, networks of 3000 to 10⁵ particles 1.8 to 3.5 times.
@@ -67,7 +69,7 @@ impl Glance {
             None => (OrderingMethod::Natural, natural()),
         };
         let elimination = Elimination::new(&graph, order);
-        let may_gain = elimination.flops > DISSECTION_FLOPS && graph.is_like_a_volume(&elimination);
+        let may_gain = elimination.flops > DISSECTION_FLOPS && graph.is_dear(elimination.flops);
         Self { graph, method, elimination, may_gain, took: start.elapsed() }
     }
 
@@ -175,13 +177,11 @@ impl ParticleGraph {
         checked(feral_metis::metis_order(&self.as_columns()?).ok()?, self.len())
     }
 
-    fn is_like_a_volume(&self, elimination: &Elimination) -> bool {
-        let rows = self.weights.iter().map(|&weight| f64::from(weight)).sum::<f64>();
-        let neighbours = |v: u32| self.neighbours(v);
-        volume::is_costly(elimination.flops, self.len(), rows)
-            || elimination
-                .largest_root()
-                .is_some_and(|root| volume::dimension(self.len(), root, neighbours) > volume::SURFACE)
+    /// Whether an elimination of so many operations takes more than those of surfaces do.
+    fn is_dear(&self, flops: f64) -> bool {
+        let rows: f64 = self.weights.iter().map(|&weight| f64::from(weight)).sum();
+        let vertices = self.len() as f64;
+        flops > SURFACE_COST * (rows / vertices).powi(3) * vertices.powf(1.5)
     }
 
     fn as_columns(&self) -> Option<CscPattern<'_>> {
@@ -236,19 +236,6 @@ impl Elimination {
         let (entries, flops) =
             columns.fold((0.0, 0.0), |(entries, flops), column| (entries + column, flops + column * column));
         Self { order, parents, entries, flops }
-    }
-
-    /// The vertex of the largest component that is eliminated last: in the last separator, thus inside. The last of all may be a particle
-    /// without springs.
-    fn largest_root(&self) -> Option<u32> {
-        let mut sizes = vec![1u32; self.order.len()];
-        for (k, &parent) in self.parents.iter().enumerate() {
-            if parent != NONE {
-                sizes[parent as usize] += sizes[k];
-            }
-        }
-        let trees = self.parents.iter().zip(&sizes).zip(&self.order).filter(|((parent, _), _)| **parent == NONE);
-        trees.max_by_key(|((_, size), _)| **size).map(|(_, &root)| root)
     }
 
     /// The order with every subtree of the elimination tree in one piece. The fill is the same.

@@ -19,22 +19,6 @@ pub enum Definiteness {
     Unknown,
 }
 
-/// How far a solve has come when its iterations are done.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Progress {
-    pub iterations: u64,
-    /// Digits of the residual that were gained, and those that are left to the tolerance.
-    pub gained: f64,
-    pub left: f64,
-}
-
-impl Progress {
-    /// After so many iterations, by the norm of the residual at first, now, and at the tolerance.
-    pub fn new(iterations: u64, first: f64, now: f64, target: f64) -> Self {
-        Self { iterations, gained: (first / now).log10(), left: (now / target).log10() }
-    }
-}
-
 /// A solution that the solver vouches for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Solution {
@@ -73,6 +57,14 @@ pub enum SolveFailure {
     /// The solver has no matrix: none was prepared, or the last one was refused.
     #[error("no matrix is prepared")]
     Unprepared,
+    /// A right-hand side or a solution does not have one number for every row.
+    #[error("a vector of {found} entries for a matrix of {expected} rows")]
+    WrongLength {
+        /// Rows of the matrix.
+        expected: usize,
+        /// Entries of the vector.
+        found: usize,
+    },
     /// It was asked to stop.
     #[error("interrupted")]
     Interrupted,
@@ -105,6 +97,14 @@ pub enum Evidence {
         /// Iteration in which it was met, from 0.
         iteration: u64,
     },
+    /// A solver says so, without saying where.
+    Reported,
+}
+
+impl SolveFailure {
+    /// What a solver of one's own says of a matrix that it finds not to be positive definite, so that
+    /// [`OnDemand`](crate::integrate::StiffnessPolicy::OnDemand) goes on with a softer one.
+    pub const INDEFINITE: Self = Self::Indefinite(Evidence::Reported);
 }
 
 impl std::fmt::Display for Evidence {
@@ -115,6 +115,7 @@ impl std::fmt::Display for Evidence {
             Self::CoarseLevel { level, dof } => {
                 write!(f, "coarse level {level} of multigrid is not positive definite near {dof}")
             }
+            Self::Reported => f.write_str("the solver found it so"),
             Self::Curvature { iteration } => {
                 write!(f, "conjugate gradients met negative curvature in iteration {iteration}")
             }

@@ -1,10 +1,10 @@
 //! The preconditioners of conjugate gradients behind one type.
 
 use super::block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
+use super::lagged_multigrid::LaggedMultigrid;
 use super::norms::dot;
 use super::outcome::{Evidence, SolveFailure};
 use super::preconditioner_kind::PreconditionerKind;
-use super::reuse::ReusedMultigrid;
 use crate::error;
 use crate::operator::SystemOperator;
 use crate::spring::SpringBlock;
@@ -41,7 +41,7 @@ pub enum Preconditioner {
     /// One block a particle.
     BlockJacobi(BlockJacobi),
     /// A V-cycle.
-    Multigrid(Box<ReusedMultigrid>),
+    Multigrid(Box<LaggedMultigrid>),
     /// The caller's own.
     Own(Box<dyn Precondition>),
 }
@@ -57,7 +57,7 @@ impl Preconditioner {
             PreconditionerKind::None => Self::Identity,
             PreconditionerKind::Jacobi => diagonal(DiagonalPart::Entries),
             PreconditionerKind::BlockJacobi => diagonal(DiagonalPart::Blocks),
-            PreconditionerKind::Multigrid => Self::Multigrid(Box::new(ReusedMultigrid::new(system)?)),
+            PreconditionerKind::Multigrid => Self::Multigrid(Box::new(LaggedMultigrid::new(system)?)),
         })
     }
 

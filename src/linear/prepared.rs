@@ -7,7 +7,7 @@
 
 use super::outcome::{Definiteness, Solution, SolveFailure};
 use super::{FactorReport, LinearSolver};
-use crate::operator::SystemOperator;
+use crate::operator::{LinearOperator, SystemOperator};
 use crate::work::Work;
 use nalgebra::Vector3;
 use std::ops::Deref;
@@ -86,7 +86,11 @@ impl<S: LinearSolver + ?Sized> Prepared<'_, S> {
     /// # Errors
     /// When no solution can be vouched for; `x` is then unspecified.
     pub fn solve(&mut self, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
-        self.solver.solve(self.matrix, b, x, work)
+        let expected = self.matrix.order();
+        match [b.len(), x.len()].into_iter().find(|&found| found != expected) {
+            Some(found) => Err(SolveFailure::WrongLength { expected, found }),
+            None => self.solver.solve(self.matrix, b, x, work),
+        }
     }
 
     /// The solver, for those who give it no other matrix.

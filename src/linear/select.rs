@@ -1,9 +1,9 @@
 //! Choosing a solver.
 
-use super::automatic::fits;
+use super::automatic::{AutomaticSolver, LARGEST_ANALYSED, fits};
 use super::{
-    AutomaticSolver, CgSolver, CholeskyGlance, CholeskySolver, FactorSize, LdltSolver, LinearSolver,
-    PreconditionerKind, Tolerance,
+    Application, CgSolver, CholeskyGlance, CholeskySolver, FactorSize, LdltSolver, LinearSolver, PreconditionerKind,
+    Tolerance,
 };
 use crate::error::{Invalid, Result};
 use crate::interrupt::Interrupt;
@@ -61,7 +61,7 @@ impl SolverChoice {
 pub struct SolverOptions {
     /// Which.
     pub solver: SolverChoice,
-    /// For conjugate gradients; `None` chooses, see [`CgSolver::matrix_free`].
+    /// For conjugate gradients; `None` chooses, by counted effort.
     pub preconditioner: Option<PreconditionerKind>,
     /// For conjugate gradients.
     pub tolerance: Tolerance,
@@ -125,11 +125,9 @@ const WORTH_PROVING: f64 = 3e5;
 /// Degrees of freedom up to which `Auto` always factors: that takes about as long as a solve by conjugate gradients.
 const SMALL: usize = 60;
 
-/// Degrees of freedom beyond which `Auto` does not even analyse: the analysis alone would take seconds.
-const LARGEST_ANALYSED: usize = 1_500_000;
-
 /// Makes the solver. `Auto` factors what is small, or where a proof of definiteness is worth it, and what fits half of the memory;
-/// elsewhere it tries conjugate gradients and keeps what costs less, see [`AutomaticSolver`].
+/// elsewhere conjugate gradients with block Jacobi, with multigrid, or a factorization solve, whichever turns out to cost less: a matrix
+/// takes at most about twice the effort that it takes the best of them.
 ///
 /// # Errors
 /// When the matrix or its factor is too large.
@@ -139,28 +137,34 @@ pub fn select(
     assurance: Assurance,
     work: &mut Work,
 ) -> Result<Box<dyn LinearSolver>> {
-    let (preconditioner, tolerance) = (options.preconditioner, options.tolerance.strictest());
-    let interrupted = |solver: CgSolver| solver.interrupted_by(options.interrupt);
-    let matrix_free = || CgSolver::matrix_free(system, preconditioner, tolerance).map(interrupted);
     let dofs = system.dofs().len();
+    let iterative = |application, factors| -> Result<Box<dyn LinearSolver>> {
+        Ok(match options.preconditioner {
+            Some(kind) => {
+                let solver = CgSolver::new(system, kind, options.tolerance.strictest(), application)?;
+                Box::new(solver.interrupted_by(options.interrupt))
+            }
+            None => Box::new(AutomaticSolver::new(system, options, application, factors)?),
+        })
+    };
     Ok(match options.solver {
         SolverChoice::Llt => Box::new(CholeskySolver::new(system, options.par, work)?),
         SolverChoice::Ldlt => Box::new(LdltSolver::new(system, options.par, work)?),
-        SolverChoice::Cg => Box::new(matrix_free()?),
-        SolverChoice::CgAssembled => Box::new(CgSolver::assembled(system, preconditioner, tolerance).map(interrupted)?),
-        SolverChoice::Auto if dofs > LARGEST_ANALYSED => Box::new(matrix_free()?),
+        SolverChoice::Cg => iterative(Application::MatrixFree, false)?,
+        SolverChoice::CgAssembled => iterative(Application::assembled(system)?, false)?,
         SolverChoice::Auto if dofs <= SMALL => Box::new(CholeskySolver::new(system, options.par, work)?),
         SolverChoice::Auto if assurance == Assurance::Unknown => {
             let springs = system.active_springs().len().max(1) as f64;
             let is_worth = |size: FactorSize| size.flops <= WORTH_PROVING * springs;
-            let glance = CholeskyGlance::new(system, work).ok().filter(|glance| is_worth(glance.least()));
-            let plan = glance.and_then(|glance| glance.plan(options.par).ok());
+            let glance = if dofs <= LARGEST_ANALYSED { CholeskyGlance::new(system, work).ok() } else { None };
+            let plan =
+                glance.filter(|glance| is_worth(glance.least())).and_then(|glance| glance.plan(options.par).ok());
             match plan.filter(|plan| is_worth(plan.size()) && fits(plan.bytes())).map(|plan| plan.solver(system)) {
                 Some(Ok(direct)) => Box::new(direct),
-                _ => Box::new(matrix_free()?),
+                _ => iterative(Application::MatrixFree, false)?,
             }
         }
-        SolverChoice::Auto => Box::new(AutomaticSolver::new(system, matrix_free()?, options.par)),
+        SolverChoice::Auto => iterative(Application::MatrixFree, true)?,
     })
 }
 
@@ -198,9 +202,9 @@ mod tests {
             (solver.name(), work.symbolic_factorizations, solver.choice().is_some())
         };
         let (large, too_large) = (system(500_000), system(500_001));
-        assert_eq!(chosen(&large, Assurance::Unknown), ("cg", 1, false));
+        assert_eq!(chosen(&large, Assurance::Unknown), ("cg", 1, true));
         for assurance in [Assurance::Definite, Assurance::MadeDefinite, Assurance::Unknown] {
-            assert_eq!(chosen(&too_large, assurance), ("cg", 0, false));
+            assert_eq!(chosen(&too_large, assurance), ("cg", 0, true));
         }
         // Of what is sure or made to be definite factorizations are looked at only when they may pay.
         for assurance in [Assurance::Definite, Assurance::MadeDefinite] {

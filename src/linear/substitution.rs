@@ -12,8 +12,8 @@
 //! Every sum is taken in one order, whatever the processor and the number of threads.
 
 use super::supernode::{Supernode, supernodes};
-use crate::operator::lanes::{Lanes, Portable};
 use crate::operator::prefetch;
+use crate::registers::widely;
 use faer::sparse::linalg::cholesky::SymbolicCholesky;
 
 /// Columns that are read side by side.
@@ -64,13 +64,11 @@ impl Substitution {
         for (k, ordered) in ordered.iter_mut().enumerate() {
             *ordered = b[row(k)];
         }
-        #[cfg(target_arch = "x86_64")]
-        match pulp::x86::V3::try_new() {
-            Some(lanes) => lanes.vectorize(Pass { lanes, symbolic, values, diagonal, b: ordered, w: block }),
-            None => portable(Pass { lanes: Portable, symbolic, values, diagonal, b: ordered, w: block }),
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        portable(Pass { lanes: Portable, symbolic, values, diagonal, b: ordered, w: block });
+        let pass = Pass { symbolic, values, diagonal };
+        widely(
+            #[inline(always)]
+            || pass.solve(ordered, block),
+        );
         for (k, ordered) in ordered.iter().enumerate() {
             b[row(k)] = *ordered;
         }
@@ -82,26 +80,19 @@ fn longest(symbolic: &SymbolicCholesky<u32>) -> usize {
     supernodes(symbolic).map(|s| s.rows()).max().unwrap_or(0)
 }
 
-fn portable(pass: Pass<'_, Portable>) {
-    pulp::NullaryFnOnce::call(pass);
-}
-
-/// `b ← A⁻¹ b` in the order of elimination. (No closures here: their code would not be made for the processor's registers.)
-struct Pass<'a, L> {
-    lanes: L,
+/// What a solve reads.
+#[derive(Clone, Copy)]
+struct Pass<'a> {
     symbolic: &'a SymbolicCholesky<u32>,
     values: &'a [f64],
     diagonal: Diagonal,
-    b: &'a mut [f64],
-    w: &'a mut [f64],
 }
 
-impl<L: Lanes> pulp::NullaryFnOnce for Pass<'_, L> {
-    type Output = ();
-
+impl Pass<'_> {
+    /// `b ← A⁻¹ b` in the order of elimination, with room for the longest block in w.
     #[inline(always)]
-    fn call(self) {
-        let Self { lanes, symbolic, values, diagonal, b, w } = self;
+    fn solve(self, b: &mut [f64], w: &mut [f64]) {
+        let Self { symbolic, values, diagonal } = self;
         for s in supernodes(symbolic) {
             let w = &mut w[..s.rows()];
             let (top, below) = w.split_at_mut(s.columns);
@@ -109,10 +100,10 @@ impl<L: Lanes> pulp::NullaryFnOnce for Pass<'_, L> {
             below.fill(0.0);
             for first in (0..s.columns).step_by(COLUMNS) {
                 match s.columns - first {
-                    1 => Columns::<1>::of(values, s, first).forward(lanes, diagonal, &mut w[first..]),
-                    2 => Columns::<2>::of(values, s, first).forward(lanes, diagonal, &mut w[first..]),
-                    3 => Columns::<3>::of(values, s, first).forward(lanes, diagonal, &mut w[first..]),
-                    _ => Columns::<COLUMNS>::of(values, s, first).forward(lanes, diagonal, &mut w[first..]),
+                    1 => Columns::<1>::of(values, s, first).forward(diagonal, &mut w[first..]),
+                    2 => Columns::<2>::of(values, s, first).forward(diagonal, &mut w[first..]),
+                    3 => Columns::<3>::of(values, s, first).forward(diagonal, &mut w[first..]),
+                    _ => Columns::<COLUMNS>::of(values, s, first).forward(diagonal, &mut w[first..]),
                 }
             }
             let (top, below) = w.split_at(s.columns);
@@ -130,10 +121,10 @@ impl<L: Lanes> pulp::NullaryFnOnce for Pass<'_, L> {
             }
             for first in (0..s.columns).step_by(COLUMNS).rev() {
                 match s.columns - first {
-                    1 => Columns::<1>::of(values, s, first).back(lanes, diagonal, &mut w[first..]),
-                    2 => Columns::<2>::of(values, s, first).back(lanes, diagonal, &mut w[first..]),
-                    3 => Columns::<3>::of(values, s, first).back(lanes, diagonal, &mut w[first..]),
-                    _ => Columns::<COLUMNS>::of(values, s, first).back(lanes, diagonal, &mut w[first..]),
+                    1 => Columns::<1>::of(values, s, first).back(diagonal, &mut w[first..]),
+                    2 => Columns::<2>::of(values, s, first).back(diagonal, &mut w[first..]),
+                    3 => Columns::<3>::of(values, s, first).back(diagonal, &mut w[first..]),
+                    _ => Columns::<COLUMNS>::of(values, s, first).back(diagonal, &mut w[first..]),
                 }
             }
             b[s.first..][..s.columns].copy_from_slice(&w[..s.columns]);
@@ -171,29 +162,30 @@ impl<'v, const N: usize> Columns<'v, N> {
 
     /// `x = L_top⁻¹ w_top`, `w_below −= L_below x`.
     #[inline(always)]
-    fn forward<L: Lanes>(self, lanes: L, diagonal: Diagonal, w: &mut [f64]) {
+    fn forward(self, diagonal: Diagonal, w: &mut [f64]) {
         let Self { top: l, fours, rest, .. } = self;
         let (top, below) = w.split_at_mut(N);
-        let (mut x, mut wide) = ([0.0; N], [lanes.four([0.0; 4]); N]);
+        let mut x = [0.0; N];
         for n in 0..N {
             let mut sum = top[n];
             for m in 0..n {
                 sum -= l[m][n] * x[m];
             }
             x[n] = if diagonal == Diagonal::Roots { sum / l[n][n] } else { sum };
-            wide[n] = lanes.four([x[n]; 4]);
         }
         top.copy_from_slice(&x);
-        let (chunks, left) = below.as_chunks_mut();
+        let (chunks, left) = below.as_chunks_mut::<4>();
         for row in 0..chunks.len() {
             if row % 2 == 0 {
                 self.ask_for(row / 2, AHEAD);
             }
-            let mut sum = lanes.four(chunks[row]);
+            let mut sum = chunks[row];
             for n in 0..N {
-                sum = lanes.sub(sum, lanes.mul(lanes.four(fours[n][row]), wide[n]));
+                for k in 0..4 {
+                    sum[k] -= fours[n][row][k] * x[n];
+                }
             }
-            chunks[row] = lanes.all(sum);
+            chunks[row] = sum;
         }
         for (row, w) in left.iter_mut().enumerate() {
             for n in 0..N {
@@ -204,31 +196,32 @@ impl<'v, const N: usize> Columns<'v, N> {
 
     /// `w_top = L_top⁻ᵀ (w_top − L_belowᵀ w_below)`, with pivots `L_top⁻ᵀ (D⁻¹ w_top − L_belowᵀ w_below)`.
     #[inline(always)]
-    fn back<L: Lanes>(self, lanes: L, diagonal: Diagonal, w: &mut [f64]) {
+    fn back(self, diagonal: Diagonal, w: &mut [f64]) {
         let Self { top: l, fours, rest, .. } = self;
         let (top, below) = w.split_at_mut(N);
-        let (chunks, left) = below.as_chunks();
+        let (chunks, left) = below.as_chunks::<4>();
         let (pairs, odd) = chunks.as_chunks();
         // Two sums of four a column: one waits while the other is added to.
-        let mut sums = [[lanes.four([0.0; 4]); 2]; N];
+        let mut sums = [[[0.0; 4]; 2]; N];
         for (pair, [first, second]) in pairs.iter().enumerate() {
             self.ask_for(pair, AHEAD.wrapping_neg());
-            let w = [lanes.four(*first), lanes.four(*second)];
             for n in 0..N {
-                for k in 0..2 {
-                    sums[n][k] = lanes.add(sums[n][k], lanes.mul(lanes.four(fours[n][2 * pair + k]), w[k]));
+                for k in 0..4 {
+                    sums[n][0][k] += fours[n][2 * pair][k] * first[k];
+                    sums[n][1][k] += fours[n][2 * pair + 1][k] * second[k];
                 }
             }
         }
         if let [last] = odd {
             for n in 0..N {
-                let product = lanes.mul(lanes.four(fours[n][chunks.len() - 1]), lanes.four(*last));
-                sums[n][0] = lanes.add(sums[n][0], product);
+                for k in 0..4 {
+                    sums[n][0][k] += fours[n][chunks.len() - 1][k] * last[k];
+                }
             }
         }
         for n in (0..N).rev() {
-            let [a, b, c, d] = lanes.all(lanes.add(sums[n][0], sums[n][1]));
-            let mut product = (a + b) + (c + d);
+            let [even, odd] = sums[n];
+            let mut product = (even[0] + odd[0] + (even[1] + odd[1])) + (even[2] + odd[2] + (even[3] + odd[3]));
             for (l, w) in rest[n].iter().zip(left) {
                 product += l * w;
             }

@@ -33,7 +33,7 @@ impl WarmStart {
     /// Sets x to the best guess there is; leaves it alone, and returns `false`, where there is none.
     pub fn guess(&mut self, a: &impl LinearOperator, b: &[f64], x: &mut [f64]) -> bool {
         let Self { last, second_last, product, known } = self;
-        if *known == 0 {
+        if *known == 0 || [b.len(), x.len()] != [last.len(); 2] {
             return false;
         }
         a.apply(last, product);
@@ -61,6 +61,9 @@ impl WarmStart {
 
     /// Takes note of a solution.
     pub fn record(&mut self, x: &[f64]) {
+        if x.len() != self.last.len() {
+            return;
+        }
         std::mem::swap(&mut self.last, &mut self.second_last);
         self.last.copy_from_slice(x);
         self.known = (self.known + 1).min(2);

@@ -165,6 +165,18 @@ pub(super) fn single<const R: usize, const C: usize>(factor: f64, a: &Block<R, C
     single
 }
 
+/// The block with zeros for what is nothing beside one.
+#[inline(always)]
+pub(super) fn settled<const R: usize, const C: usize>(a: &Block<R, C, f32>) -> Block<R, C, f32> {
+    let mut settled = *a;
+    for entry in settled.as_flattened_mut() {
+        if entry.abs() < NOTHING as f32 {
+            *entry = 0.0;
+        }
+    }
+    settled
+}
+
 /// `Σ x_i²`.
 #[inline]
 pub(super) fn norm_squared(x: &[f64]) -> f64 {

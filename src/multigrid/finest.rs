@@ -6,7 +6,6 @@
 use super::block::{Block, zero};
 use super::graph::Graph;
 use super::modes::{Frame, Frames};
-use super::order::order;
 use super::parallel::{GRAIN, for_each_row};
 use super::sparse::{Pattern, Rows};
 use crate::error::Result;
@@ -32,8 +31,6 @@ pub(super) struct Finest<const D: usize> {
     particles: Vec<u32>,
     free: Vec<Axes>,
     first_rows: Vec<u32>,
-    /// The nodes, those with the first rows first.
-    by_rows: Vec<u32>,
     positions: Vec<[f64; 3]>,
     /// Ends of springs at every node, by the other node.
     starts: Vec<usize>,
@@ -48,11 +45,8 @@ impl<const D: usize> Finest<D> {
     /// More blocks than 32-bit indices can count.
     pub fn new(system: &System) -> Result<(Self, Graph)> {
         let dofs = system.dofs();
-        let movable: Vec<u32> =
+        let particles: Vec<u32> =
             (0..system.particles()).filter(|&p| dofs.free_axes(p) != Axes::NONE).map(|p| p as u32).collect();
-        let (given, ..) = springs(system, &movable);
-        let order = order(&given);
-        let particles: Vec<u32> = order.iter().map(|&node| movable[node as usize]).collect();
         let (graph, starts, ends) = springs(system, &particles);
         let pattern = Pattern::build(particles.len(), |row, columns| {
             columns.extend_from_slice(graph.neighbours(row));
@@ -60,23 +54,23 @@ impl<const D: usize> Finest<D> {
         })?;
         let free: Vec<Axes> = particles.iter().map(|&p| dofs.free_axes(p as usize)).collect();
         let first_rows: Vec<u32> = particles.iter().map(|&p| dofs.rows(p as usize).start as u32).collect();
-        let mut by_rows: Vec<u32> = (0..particles.len() as u32).collect();
-        by_rows.sort_unstable_by_key(|&node| first_rows[node as usize]);
         let positions = vec![[0.0; 3]; particles.len()];
         let pattern = Arc::new(pattern);
-        Ok((Self { particles, free, first_rows, by_rows, positions, starts, ends, pattern }, graph))
-    }
-
-    /// Whether all blocks are symmetric: those of springs are, unless an axis is held at one end alone.
-    pub fn is_symmetric(&self) -> bool {
-        self.free.iter().all(|&free| free == Axes::first(D))
+        Ok((Self { particles, free, first_rows, positions, starts, ends, pattern }, graph))
     }
 
     /// Takes over where the particles are, one position for every particle of the system.
     pub fn place(&mut self, positions: &[Vector3<f64>]) {
         for (place, &particle) in self.positions.iter_mut().zip(&self.particles) {
-            *place = positions[particle as usize].into();
+            if let Some(&position) = positions.get(particle as usize) {
+                *place = position.into();
+            }
         }
+    }
+
+    /// Length of a reduced vector.
+    pub fn unknowns(&self) -> usize {
+        self.free.iter().map(|free| free.count()).sum()
     }
 
     /// A power of two that brings the entries of `factor·A` near one.
@@ -121,15 +115,14 @@ impl<const D: usize> Finest<D> {
 
     /// Back from blocks to a reduced vector.
     pub fn scatter(&self, blocks: &[[f32; D]], factor: f64, reduced: &mut [f64]) {
-        let nodes = &self.by_rows;
-        let first_row = |place: usize| nodes.get(place).map_or(0, |&node| self.first_rows[node as usize] as usize);
-        let middle = |places: &Range<usize>, parts: usize| {
-            let at = places.start + share(places.len(), parts / 2, parts);
-            (at, first_row(at) - first_row(places.start))
+        let first_row = |node: usize| self.first_rows.get(node).map_or(0, |&row| row as usize);
+        let middle = |nodes: &Range<usize>, parts: usize| {
+            let at = nodes.start + share(nodes.len(), parts / 2, parts);
+            (at, first_row(at) - first_row(nodes.start))
         };
-        for_parts(0..nodes.len(), parts(nodes.len(), GRAIN), reduced, &middle, &|places, mut values: &mut [f64]| {
-            for &node in &nodes[places] {
-                let (free, block) = (self.free[node as usize], &blocks[node as usize]);
+        for_parts(0..blocks.len(), parts(blocks.len(), GRAIN), reduced, &middle, &|nodes, mut values: &mut [f64]| {
+            for node in nodes {
+                let (free, block) = (self.free[node], &blocks[node]);
                 if free == Axes::first(D)
                     && let Some(mine) = values.split_off_mut(..D).and_then(|mine| mine.first_chunk_mut())
                 {
@@ -150,7 +143,6 @@ impl<const D: usize> Finest<D> {
         size_of_val(&self.particles[..])
             + size_of_val(&self.free[..])
             + size_of_val(&self.first_rows[..])
-            + size_of_val(&self.by_rows[..])
             + size_of_val(&self.starts[..])
             + size_of_val(&self.ends[..])
             + size_of_val(&self.positions[..])
@@ -268,8 +260,7 @@ mod tests {
     use crate::spring::Spring;
     use crate::system::{Axes, Constraint, Motion, SystemBuilder};
 
-    /// A line whose particles are numbered at random, so that nodes are in another order than rows; every fifth is held along an axis, every seventh
-    /// wholly. Whatever the number of threads, every row gets its own number back, as single precision has it.
+    /// A line whose particles are numbered at random; every fifth is held along an axis, every seventh wholly. Whatever the number of threads, every row gets its own number back, as single precision has it.
     #[test]
     fn vectors_come_back_from_their_blocks() {
         let count = 4001;
@@ -291,7 +282,7 @@ mod tests {
         }
         let (system, _) = builder.build().unwrap();
         let (finest, _) = Finest::<3>::new(&system).unwrap();
-        assert!(!finest.first_rows.is_sorted() && finest.first_rows.len() > 3000);
+        assert!(finest.first_rows.len() > 3000);
         let reduced: Vec<f64> = (0..system.dofs().len()).map(|row| 1.0 + row as f64).collect();
         for threads in [1, 3] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -305,23 +296,6 @@ mod tests {
                 let zeros = block.iter().filter(|&&value| value == 0.0).count();
                 assert_eq!(zeros, 3 - finest.free[node].iter().count(), "axes that are held are zero");
             }
-        }
-    }
-
-    /// A particle that is held has no row; one that is held along an axis has rows of which its neighbours know nothing.
-    #[test]
-    fn blocks_are_symmetric_unless_an_axis_is_held() {
-        for (axes, expected) in [(None, true), (Some(Axes::first(3)), true), (Some(Axes::of(&[1])), false)] {
-            let mut builder = SystemBuilder::new();
-            (0..3).for_each(|particle| _ = builder.particle([f64::from(particle), 0.0, 0.0], 1.0));
-            for i in 0..2 {
-                builder.spring(i, i + 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
-            }
-            if let Some(axes) = axes {
-                builder.constrain(Constraint { particles: vec![1], axes, motion: Motion::Held });
-            }
-            let (system, _) = builder.build().unwrap();
-            assert_eq!(Finest::<3>::new(&system).unwrap().0.is_symmetric(), expected, "{axes:?}");
         }
     }
 }

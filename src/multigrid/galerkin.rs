@@ -6,26 +6,19 @@
 //! particles that move together sideways are enough. Such a motion must not enter the coarse level. It may be shared by many
 //! aggregates, so no look at one of them finds it, but the energy before smoothing tells: with ε of it added, the
 //! energy of e is at least ε times that of T e, its correction is bounded by `(1 − ωλ)²/ε` of what T e would need, and the
-//! errors of P, of which sixteen bits are kept, are at most 1.5e-5/ε of it. Motions that are meant to be corrected here have little energy before
+//! rounding errors of P, in single precision, are at most 6e-8/ε of it. Motions that are meant to be corrected here have little energy before
 //! smoothing, a few times what they have after it: for them ε changes nothing.
 //!
 //! Both terms are positive semidefinite where A is, so `A_c` is refused only if A is indefinite. Of its blocks the diagonal ones and those behind
 //! them are summed up, and the others are their transposes.
 
-mod rows;
-#[cfg(target_arch = "x86_64")]
-mod six;
-mod unpacked;
-
-use super::block::{Block, double, scaled, transposed, zero};
+use super::block::{Block, add_product, add_transposed_product, double, scaled, transposed, zero};
 use super::parallel::{Starts as _, Values, for_each_row_of};
 use super::prolongator::Prolongator;
 use super::sparse::{BlockMatrix, Pattern, Rows};
 use crate::error::Result;
-use rows::{AnyRows, RowProducts};
 use std::ops::Range;
 use std::sync::Arc;
-use unpacked::{Unpacked, windows};
 
 /// ε. Ten times less changes iteration counts as little, and leaves a digit less of the corrections near ωλ = 1.
 pub(super) const UNSMOOTHED: f64 = 1e-3;
@@ -44,19 +37,14 @@ pub(super) struct Galerkin<const N: usize, const M: usize> {
     sections: Vec<Section>,
     /// The blocks of one section of A P and A T, row by row.
     section: Vec<Block<N, M>>,
-    /// The rows of P that it takes.
-    unpacked: Unpacked<N, M>,
     /// A_c.
     pub coarse: BlockMatrix<M, M>,
-    /// Multiplications of numbers in `Pᵀ A P`, of which the blocks before the diagonal are the transposes of others.
-    pub multiplications: f64,
 }
 
-/// Consecutive rows of A P, rows of P among which are all that they take, and the range of rows of A_c that they add to.
+/// Consecutive rows of A P, and the range of rows of A_c that they add to.
 #[derive(Debug, Clone)]
 struct Section {
     rows: Range<usize>,
-    taken: Range<usize>,
     coarse: Range<usize>,
 }
 
@@ -81,40 +69,20 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
             let columns = || rows.clone().flat_map(|row| pattern.columns(row)).map(|&column| column as usize);
             columns().min().unwrap_or(0)..columns().max().map_or(0, |last| last + 1)
         };
-        let taken = windows(rows().map(|rows| columns_of(a, rows)).collect(), a.rows());
-        let section = |(rows, taken): (Range<usize>, _)| Section { coarse: columns_of(p, rows.clone()), rows, taken };
-        let sections: Vec<_> = rows().zip(taken).map(section).collect();
+        let sections: Vec<_> = rows().map(|rows| Section { coarse: columns_of(p, rows.clone()), rows }).collect();
         let blocks =
             |section: &Section| [&product, prolongator.coupled()].map(|pattern| pattern.positions(&section.rows).len());
         let largest = sections.iter().map(|section| blocks(section).iter().sum()).max().unwrap_or(0);
-        let multiplications = (0..a.rows()).map(|row| {
-            let of_neighbours: usize = a.columns(row).iter().map(|&node| p.row(node as usize).len()).sum();
-            let behind = |first: &u32| product.columns(row).iter().filter(|&column| column >= first).count();
-            let transposed: usize = p.columns(row).iter().map(behind).sum();
-            (N * N * M * of_neighbours + N * M * M * transposed) as f64
-        });
-        let multiplications = multiplications.sum();
-        let unpacked = Unpacked::new(p, sections.iter().map(|section| &section.taken));
         let (section, coarse) = (vec![zero(); largest], BlockMatrix::zeros(Arc::new(coarse)));
-        Ok(Self { product, sections, section, unpacked, coarse, multiplications })
+        Ok(Self { product, sections, section, coarse })
     }
 
     /// Recomputes A_c. A motion that an aggregate does not have gets the equation x = 0.
     pub fn update(&mut self, a: &impl Rows<N>, prolongator: &Prolongator<N, M>) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(six) = six::RowsOfSix::of(M) {
-            return self.update_with(six, a, prolongator);
-        }
-        self.update_with(AnyRows, a, prolongator);
-    }
-
-    fn update_with(&mut self, products: impl RowProducts<M>, a: &impl Rows<N>, prolongator: &Prolongator<N, M>) {
         let (p, coupled) = (&prolongator.matrix, prolongator.coupled());
-        let Self { product, sections, section, unpacked, coarse: BlockMatrix { pattern, values }, .. } = self;
+        let Self { product, sections, section, coarse: BlockMatrix { pattern, values } } = self;
         values.fill(zero());
-        unpacked.forget();
-        for Section { rows, taken, coarse } in sections {
-            unpacked.unpack(p, taken);
+        for Section { rows, coarse } in sections {
             let both = [&*product, coupled];
             let first = both.start(rows.start);
             let section = &mut section[..both.start(rows.end) - first];
@@ -131,15 +99,15 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
                         #[inline(always)]
                         |node, a| {
                             let mut slots = Slots::new(product.columns(row), smoothed);
-                            for (column, p) in unpacked.row(&p.pattern, node) {
+                            for (column, p) in p.row(node) {
                                 if let Some(sum) = slots.find(column) {
-                                    products.add_product(sum, a, &products.double_rows(p));
+                                    add_product(sum, a, &double(p));
                                 }
                             }
                             if let Some((column, t)) = prolongator.tentative_row(node)
                                 && let Some(sum) = Slots::new(coupled.columns(row), tentative).find(column as usize)
                             {
-                                products.add_product(sum, a, &products.double_rows(t));
+                                add_product(sum, a, &double(t));
                             }
                         },
                     );
@@ -156,12 +124,12 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
                         let blocks = &section[both.start(node) - first..both.start(node + 1) - first];
                         let (smoothed, tentative) = blocks.split_at(product.columns(node).len());
                         let sums = &mut Behind { row, columns: pattern.columns(row), blocks: sums };
-                        add(products, sums, &double(&of_node.unpacked()), product.columns(node), smoothed);
+                        add(sums, &double(of_node), product.columns(node), smoothed);
                         if let Some((aggregate, t)) = prolongator.tentative_row(node)
                             && aggregate as usize == row
                         {
                             let t = scaled(UNSMOOTHED, &double(t));
-                            add(products, sums, &t, coupled.columns(node), tentative);
+                            add(sums, &t, coupled.columns(node), tentative);
                         }
                     }
                 },
@@ -180,7 +148,7 @@ impl<const N: usize, const M: usize> Galerkin<N, M> {
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         let patterns = self.product.bytes() + self.coarse.pattern.bytes();
-        let sections = size_of_val(&self.section[..]) + self.unpacked.bytes() + size_of_val(&self.sections[..]);
+        let sections = size_of_val(&self.section[..]) + size_of_val(&self.sections[..]);
         patterns + sections + self.coarse.bytes()
     }
 }
@@ -194,19 +162,13 @@ struct Behind<'r, const M: usize> {
 
 /// Adds `Pᵀ B` for a block P and the columns and blocks of a row B.
 #[inline(always)]
-fn add<const N: usize, const M: usize>(
-    products: impl RowProducts<M>,
-    sums: &mut Behind<M>,
-    p: &Block<N, M>,
-    columns: &[u32],
-    blocks: &[Block<N, M>],
-) {
+fn add<const N: usize, const M: usize>(sums: &mut Behind<M>, p: &Block<N, M>, columns: &[u32], blocks: &[Block<N, M>]) {
     let mut slots = Slots::new(sums.columns, sums.blocks);
     for (&column, block) in columns.iter().zip(blocks) {
         if column as usize >= sums.row
             && let Some(sum) = slots.find(column as usize)
         {
-            products.add_transposed_product(sum, p, &products.rows(block));
+            add_transposed_product(sum, p, block);
         }
     }
 }

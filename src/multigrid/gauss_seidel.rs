@@ -15,26 +15,20 @@
 //! ```
 //!
 //! and a backward sweep takes L x of the old x from the rows that it has not reached yet and Lᵀ x of the new x from those that
-//! it has. How blocks are kept and multiplied is the matter of a [`Kernel`].
+//! it has.
 
 mod border;
-mod kernel;
-#[cfg(target_arch = "x86_64")]
-mod sixes;
-#[cfg(target_arch = "x86_64")]
-mod symmetric;
 
-use super::block::{BadPivot, Block, inverse, scaled, shifted, single, subtract_apply, sum, zero};
+use super::block::{
+    BadPivot, Block, add_transposed_apply, apply, inverse, scaled, shifted, single, subtract_apply, sum, zero,
+};
 use super::parallel::{GRAIN, OneEach, Values, for_chunks, for_each_row, for_each_row_of};
 use super::sparse::{BlockMatrix, Pattern, Rows, ahead};
 use crate::error::Result;
+use crate::operator::prefetch_all;
 use border::Border;
-pub(super) use kernel::General;
-use kernel::Kernel;
 use std::cmp::Ordering;
 use std::sync::Arc;
-#[cfg(target_arch = "x86_64")]
-pub(super) use {sixes::Sixes, symmetric::Symmetric};
 
 /// The least rows that a domain has, and the most domains: fewer domains smooth better, more keep more threads busy.
 const LEAST_ROWS: usize = 8192;
@@ -45,29 +39,28 @@ const LEAST_DIAGONAL: f64 = 1e-30;
 
 /// A matrix ready for block Gauss–Seidel.
 #[derive(Debug, Clone)]
-pub(super) struct GaussSeidel<const N: usize, K: Kernel<N> = General> {
-    kernel: K,
+pub(super) struct GaussSeidel<const N: usize> {
     /// Rows of a domain; the last may have fewer.
     domain: usize,
     /// L.
     lower: Pattern,
-    blocks: Vec<K::Block>,
+    blocks: Vec<Block<N, N, f32>>,
     /// E − ½ S.
     outside: BlockMatrix<N, N, f32>,
     /// D̃⁻¹; zero where D is not positive definite.
-    inverses: Vec<K::Block>,
+    inverses: Vec<Block<N, N, f32>>,
     /// For every row with blocks outside, what a backward sweep begins with: b less what is outside.
     borders: Vec<(u32, [f32; N])>,
     /// The nodes of a domain, for every thread that sweeps.
-    rooms: Vec<Vec<Node<K::Vector>>>,
+    rooms: Vec<Vec<Node<N>>>,
 }
 
 /// What a sweep works with of a row, while it is in the domain. It stays in the caches: all that comes from memory and goes there is what is kept, b, x and r.
 #[derive(Debug, Clone, Copy)]
-struct Node<V> {
-    x: V,
+struct Node<const N: usize> {
+    x: [f32; N],
     /// r of a forward sweep; of a backward one what it begins with, and then what is left of it.
-    rest: V,
+    rest: [f32; N],
 }
 
 /// A diagonal block that is not positive definite.
@@ -77,17 +70,17 @@ pub(super) struct BadBlock {
     pub bad: BadPivot,
 }
 
-impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
+impl<const N: usize> GaussSeidel<N> {
     /// For matrices of a pattern.
     ///
     /// # Errors
     /// More blocks than 32-bit indices can count.
-    pub fn new(kernel: K, pattern: &Pattern) -> Result<Self> {
-        Self::with_domains(kernel, pattern, domain(pattern.rows()))
+    pub fn new(pattern: &Pattern) -> Result<Self> {
+        Self::with_domains(pattern, domain(pattern.rows()))
     }
 
     /// With so many rows a domain.
-    pub fn with_domains(kernel: K, pattern: &Pattern, domain: usize) -> Result<Self> {
+    pub fn with_domains(pattern: &Pattern, domain: usize) -> Result<Self> {
         let rows = pattern.rows();
         let is_within = |row: usize, column: u32| column as usize / domain == row / domain;
         let lower = Pattern::build(rows, |row, columns| {
@@ -103,16 +96,14 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
         })?;
         let has_blocks = |row: &u32| !outside.row(*row as usize).is_empty();
         let borders = (0..rows as u32).filter(has_blocks).map(|row| (row, [0.0; N])).collect();
-        let (nothing, zero) = (kernel.vector([0.0; N]), kernel.keep(&zero()));
         Ok(Self {
-            kernel,
             domain,
-            blocks: vec![zero; lower.blocks()],
+            blocks: vec![zero(); lower.blocks()],
             lower,
             outside: BlockMatrix::zeros(Arc::new(outside)),
-            inverses: vec![zero; rows],
+            inverses: vec![zero(); rows],
             borders,
-            rooms: vec![vec![Node { x: nothing, rest: nothing }; domain.min(rows)]],
+            rooms: vec![vec![Node { x: [0.0; N], rest: [0.0; N] }; domain.min(rows)]],
         })
     }
 
@@ -121,11 +112,11 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
     /// # Errors
     /// The first diagonal block that is not positive definite.
     pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), BadBlock> {
-        let Self { kernel, domain, lower, blocks, outside, inverses, .. } = self;
+        let Self { domain, lower, blocks, outside, inverses, .. } = self;
         let BlockMatrix { pattern, values } = outside;
-        let refused = kernel.keep(&zero());
+        let refused = zero();
         let inverse_or_refused =
-            |block: &Block<N, N>| inverse_of(block).map_or(refused, |inverse| kernel.keep(&single(1.0, &inverse)));
+            |block: &Block<N, N>| inverse_of(block).map_or(refused, |inverse| single(1.0, &inverse));
         for_each_row_of(
             0..lower.rows(),
             GRAIN,
@@ -135,7 +126,7 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
                 let mut places = lower.iter_mut();
                 let keep = |block: &Block<N, N>| {
                     if let Some(place) = places.next() {
-                        *place = kernel.keep(&single(factor, block));
+                        *place = single(factor, block);
                     }
                 };
                 *inverse = if outside.is_empty() {
@@ -154,35 +145,12 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
     /// `D̃⁻¹` of a row of `factor·A`.
     #[inline(always)]
     pub fn inverse(&self, row: usize) -> Block<N, N, f32> {
-        self.kernel.block(&self.inverses[row])
-    }
-
-    /// Calls `visit(column, block, D̃⁻¹ of that row)` for the blocks of a row of `factor·A` before the diagonal one.
-    #[inline(always)]
-    pub fn visit_before(&self, row: usize, mut visit: impl FnMut(usize, &Block<N, N, f32>, &Block<N, N, f32>)) {
-        let Self { kernel, lower, blocks, outside, .. } = self;
-        for (&column, block) in lower.columns(row).iter().zip(&blocks[lower.row(row)]) {
-            visit(column as usize, &kernel.block(block), &self.inverse(column as usize));
-        }
-        for (column, block) in outside.row(row).filter(|&(column, _)| column < row) {
-            visit(column, block, &self.inverse(column));
-        }
-    }
-
-    /// Whether a row has blocks outside its domain.
-    #[inline(always)]
-    pub fn is_at_border(&self, row: usize) -> bool {
-        !self.outside.pattern.row(row).is_empty()
-    }
-
-    /// Rows of a domain; the last may have fewer.
-    pub fn domain(&self) -> usize {
-        self.domain
+        self.inverses[row]
     }
 
     /// `x = M⁻¹ b`, a forward sweep from zero, and `r = b − A x`.
     pub fn forward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], r: &mut [[f32; N]]) {
-        let Self { kernel, domain, lower, blocks, outside, inverses, rooms, .. } = self;
+        let Self { domain, lower, blocks, outside, inverses, rooms, .. } = self;
         for_chunks(
             x,
             r,
@@ -192,20 +160,20 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
             |start, x, r, nodes| {
                 for i in 0..x.len() {
                     let row = start + i;
-                    kernel.ask_for(lower.values_of(blocks, row + ahead::<K::Block>()));
+                    ask_for(lower.values_of(blocks, row + ahead::<Block<N, N, f32>>()));
                     let (columns, blocks) = (lower.columns(row), &blocks[lower.row(row)]);
-                    let mut sum = kernel.begin(kernel.vector(b[row]));
+                    let mut sum = b[row];
                     for (&column, a) in columns.iter().zip(blocks) {
-                        kernel.subtract(&mut sum, a, nodes[column as usize - start].x);
+                        subtract_apply(&mut sum, a, &nodes[column as usize - start].x);
                     }
-                    let mine = kernel.apply(&inverses[row], sum);
-                    x[i] = kernel.numbers(mine);
-                    nodes[i] = Node { x: mine, rest: kernel.vector([0.0; N]) };
+                    let mine = apply(&inverses[row], &sum);
+                    x[i] = mine;
+                    nodes[i] = Node { x: mine, rest: [0.0; N] };
                     for (&column, a) in columns.iter().zip(blocks) {
-                        kernel.subtract_transposed(&mut nodes[column as usize - start].rest, a, mine);
+                        add_transposed_apply(&mut nodes[column as usize - start].rest, a, &mine.map(|x| -x));
                     }
                 }
-                r.iter_mut().zip(&*nodes).for_each(|(r, node)| *r = kernel.numbers(node.rest));
+                r.iter_mut().zip(&*nodes).for_each(|(r, node)| *r = node.rest);
             },
         );
         if outside.values.is_empty() {
@@ -224,7 +192,7 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
 
     /// `x += M⁻ᵀ (b − A x)`, a backward sweep.
     pub fn backward(&mut self, b: &[[f32; N]], x: &mut [[f32; N]]) {
-        let Self { kernel, domain, lower, blocks, outside, inverses, borders, rooms } = self;
+        let Self { domain, lower, blocks, outside, inverses, borders, rooms } = self;
         for_each_row(
             borders,
             #[inline(always)]
@@ -244,26 +212,26 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
             #[inline(always)]
             |start, x, _, nodes| {
                 for ((node, x), b) in nodes.iter_mut().zip(&*x).zip(&b[start..]) {
-                    *node = Node { x: kernel.vector(*x), rest: kernel.vector(*b) };
+                    *node = Node { x: *x, rest: *b };
                 }
                 let end = start + x.len();
                 let [first, last] = [start, end].map(|at| borders.partition_point(|(row, _)| (*row as usize) < at));
                 for (row, sum) in &borders[first..last] {
-                    nodes[*row as usize - start].rest = kernel.vector(*sum);
+                    nodes[*row as usize - start].rest = *sum;
                 }
                 for i in (0..x.len()).rev() {
                     let row = start + i;
-                    kernel.ask_for(lower.values_of(blocks, row.wrapping_sub(ahead::<K::Block>())));
+                    ask_for(lower.values_of(blocks, row.wrapping_sub(ahead::<Block<N, N, f32>>())));
                     let (columns, blocks) = (lower.columns(row), &blocks[lower.row(row)]);
-                    let mut sum = kernel.begin(nodes[i].rest);
+                    let mut sum = nodes[i].rest;
                     for (&column, a) in columns.iter().zip(blocks) {
-                        kernel.subtract(&mut sum, a, nodes[column as usize - start].x);
+                        subtract_apply(&mut sum, a, &nodes[column as usize - start].x);
                     }
-                    let mine = kernel.apply(&inverses[row], sum);
-                    x[i] = kernel.numbers(mine);
+                    let mine = apply(&inverses[row], &sum);
+                    x[i] = mine;
                     nodes[i].x = mine;
                     for (&column, a) in columns.iter().zip(blocks) {
-                        kernel.subtract_transposed(&mut nodes[column as usize - start].rest, a, mine);
+                        add_transposed_apply(&mut nodes[column as usize - start].rest, a, &mine.map(|x| -x));
                     }
                 }
             },
@@ -280,6 +248,12 @@ impl<const N: usize, K: Kernel<N>> GaussSeidel<N, K> {
             + size_of_val(&self.borders[..])
             + self.rooms.iter().map(|nodes| size_of_val(&nodes[..])).sum::<usize>()
     }
+}
+
+/// Asks for the memory of blocks that are read soon.
+#[inline(always)]
+fn ask_for<const N: usize>(blocks: &[Block<N, N, f32>]) {
+    prefetch_all(blocks.as_flattened().as_flattened());
 }
 
 /// Rows of a domain.

@@ -24,8 +24,7 @@
 //! ```
 //!
 //! symmetric, and positive definite when the diagonal blocks and B_c are: whatever P is, whatever age the coarse levels have,
-//! and even if A is indefinite. On the finest level tight pairs of particles are moved as a whole before the coarse correction and after it, see
-//! `pairs`, which keeps all of that. So CG's own test `pᵀAp ≤ 0` stays what it is. Where `Pᵀ A P` is found not to be positive
+//! and even if A is indefinite. So CG's own test `pᵀAp ≤ 0` stays what it is. Where `Pᵀ A P` is found not to be positive
 //! definite A is not either, and the set-up says so.
 //!
 //! Our choices, beside the method's:
@@ -38,58 +37,15 @@
 //! | λ_max(D⁻¹A) = 2, its bound | nothing to estimate, see `prolongator` |
 //! | cycle in single precision, coarse matrices computed in double | half the time, the same iterations |
 //! | loops compiled for wide vectors, picked at run time | set-up in eight tenths of the time, see `parallel` |
-//! | tight pairs moved as a whole | 24 iterations instead of 33 on a crumpled cloth of 10⁶ particles, see `pairs` |
 //! | one triangle of each matrix, each block used twice | half the time of a sweep, see `gauss_seidel` |
-//! | P in sixteen bits a number, A_c of the P at hand | transfers from 10⁵ particles on in four fifths of the time, less memory, the same iterations, see `packed` |
 //! | nodes of a sweep in a room of one domain | all that a sweep takes from memory is the matrix, b, x and r, see `gauss_seidel` |
 //! | blocks asked for before they are used | from 10⁵ particles on a cycle in three quarters of the time, see `sparse` |
-//! | blocks in registers of their size, multiplied and added in one operation | a sweep of the finest level in 0.6 to 0.75 of the time, the first coarse matrix in 0.7 to 0.77, see `gauss_seidel::symmetric`, `eight` and `galerkin::six` |
 //! | finest matrix in double precision never stored | recomputing rows from the springs is cheap |
 //! | the smoother's domains depend on size alone | the same bits for any number of threads |
 //! | rows at their borders resist what their springs resist | motions across a cloth stay smoothed, see `gauss_seidel::border` |
 //!
-//! Iterations to 1e-10, random right-hand side, 3 % position noise, (k/l0) dt²/m = 5000 (cloth), 4000 (lattice), in brackets
-//! 100 times as stiff:
-//!
-//! | scene | particles | nodes of the levels | entries of all / of A | tension | axial | block Jacobi |
-//! |---|---|---|---|---|---|---|
-//! | cloth 100 | 10 000 | 9998, 686, 82, 12 | 1.25 | 22 (22) | 24 (47) | 1018 |
-//! | cloth 316 | 99 856 | 99 854, 6720, 768, 93, 13 | 1.26 | 26 (27) | | 1633 |
-//! | cloth 1000 | 10⁶ | 999 998, 66 866, 7473, 875, 109, 16 | 1.26 | 24 | | 1844 |
-//! | lattice 10 | 1000 | 900, 48 | 1.19 | 13 | | |
-//! | lattice 22 | 10 648 | 10 164, 448, 27 | 1.21 | 14 (14) | | 479 |
-//! | lattice 46 | 97 336 | 95 220, 3840, 180, 12 | 1.22 | 16 | | 922 |
-//!
-//! What a solve to 1e-10 costs, set-up included, in products A·w of the same matrix (`cargo bench --bench multigrid`; one thread of a machine
-//! of AMD's, a product timed beside every cycle; four runs, of which the medians of the parts):
-//!
-//! | scene | all | set-up | solve | of an iteration: smoothing of the finest level / transfers / coarse levels / conjugate gradients |
-//! |---|---|---|---|---|
-//! | cloth 100 | 251–270 | 112 | 153 | 3.2 / 1.2 / 0.7 / 1.6 |
-//! | cloth 316 | 210–218 | 76 | 137 | 2.3 / 0.8 / 0.5 / 1.5 |
-//! | cloth 1000 | 219–230 | 81 | 144 | 2.3 / 0.8 / 0.8 / 1.8 |
-//! | lattice 46 | 180–196 | 94 | 93 | 2.9 / 0.9 / 0.4 / 1.6 |
-//!
-//! In the way of fewer stand the bytes: from 10⁵ particles on sweeps and transfers wait for memory. A sweep reads and writes 260 a particle of a cloth, a product 290;
-//! the transfers read P, about 85 a particle, twice; the coarse levels of a cloth have a quarter as many entries as A. Two fifths to a half of the set-up are
-//! the first `Pᵀ A P`; those of all levels take about 2700 multiplications a particle.
-//!
-//! In motion, 60 steps of `linear-backward-euler` under `tension` to 1e-10 (`… -- motion`): iterations of the first steps, the most, and
-//! how often the coarse levels were made anew. A cloth's first step, flat and at rest, takes one and does not count.
-//!
-//! | scene | dt, s | first | most | set-ups |
-//! |---|---|---|---|---|
-//! | cloth 100, swings down | 0.01 | 19, 18, 18 | 27 | 34 |
-//! | | 1/60 | 18, 17, 17 | 22 | 60 |
-//! | cloth 250, swings down | 0.01 | 19, 18, 18 | 26 | 34 |
-//! | cloth 316, swings down | 0.01 | 20, 19, 19 | 27 | 34 |
-//! | cloth 100, stiff and crumpled by 3 % | 0.01 | 21, 23, 26 | 34 | 29 |
-//! | | 1/60 | 21, 30, 22 | 30 | 59 |
-//! | lattice 22 | 1/60 | 16, 15, 15 | 16 | 1 |
-//! | bunny | 1/60 | 23, 20, 19 | 28 | 10 |
-//!
-//! What makes them grow is the age of the coarse levels: where they are of the matrix at hand, iterations are those of the first
-//! steps. A step of a falling cloth is enough to double them, so `linear::reuse` then makes them anew in every step or every other one.
+//! Where scenes move, coarse levels age: a step of a falling cloth is enough to double the iterations. `linear::lagged_multigrid` makes them anew
+//! when their age has cost as much as that.
 //!
 //! Under `axial` A has soft motions that are not rigid: all those that stretch no spring. The stiffer, the more iterations
 //! they cost.
@@ -99,20 +55,14 @@
 mod aggregate;
 mod block;
 mod coarsest;
-#[cfg(target_arch = "x86_64")]
-mod eight;
 mod finest;
 mod galerkin;
 mod gauss_seidel;
 mod graph;
 mod modes;
-mod order;
-mod packed;
-mod pairs;
 mod parallel;
 mod parts;
 mod prolongator;
-mod smoother;
 mod sparse;
 mod stage;
 
@@ -151,13 +101,16 @@ pub struct LevelSize {
 }
 
 /// Why there is no preconditioner for a matrix.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SetupFailure {
     /// The diagonal block of a particle is not positive definite, so A is not.
+    #[error("the diagonal block at {0} is not positive definite")]
     DiagonalBlock(Dof),
     /// The factorization of a small A met a pivot that is not positive at this coordinate or another of its particle.
+    #[error("the pivot of {0}, or of another coordinate of its particle, is not positive")]
     Pivot(Dof),
     /// The matrix of a coarse level, `Pᵀ A P`, is not positive definite, so A is not.
+    #[error("the matrix of coarse level {level} is not positive definite near {dof}")]
     CoarseLevel {
         /// The level, from 1.
         level: usize,
@@ -165,6 +118,7 @@ pub enum SetupFailure {
         dof: Dof,
     },
     /// The matrix has an infinite or undefined entry.
+    #[error("the matrix has entries that are not finite")]
     NonFinite,
 }
 
@@ -182,8 +136,8 @@ pub enum SetupFailure {
 /// let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.05));
 /// let mut multigrid = Multigrid::new(&system)?;
 /// multigrid.place(&state.positions);
-/// multigrid.refill(&a).map_err(|_| "not definite")?;
-/// multigrid.rebuild(&a).map_err(|_| "not definite")?;
+/// multigrid.refill(&a)?;
+/// multigrid.rebuild(&a)?;
 /// let (r, mut z) = (vec![1.0; system.dofs().len()], vec![0.0; system.dofs().len()]);
 /// multigrid.apply(&r, &mut z); // about A⁻¹ r
 /// assert!(z.iter().zip(&r).map(|(z, r)| z * r).sum::<f64>() > 0.0);
@@ -280,11 +234,6 @@ impl Multigrid {
         hierarchy!(&self.0, h => h.stage.sizes(&h.finest.pattern))
     }
 
-    /// Multiplications of numbers in `Pᵀ A P` of all levels: what most of a [`rebuild`](Self::rebuild) is.
-    pub fn multiplications(&self) -> f64 {
-        hierarchy!(&self.0, h => h.stage.multiplications())
-    }
-
     /// Bytes of memory held.
     pub fn bytes(&self) -> usize {
         hierarchy!(&self.0, h => h.bytes())
@@ -305,7 +254,7 @@ struct Hierarchy<const D: usize, const M: usize> {
 impl<const D: usize, const M: usize> Hierarchy<D, M> {
     fn new(system: &System, largest_dense: usize) -> Result<Self> {
         let (finest, graph) = Finest::new(system)?;
-        let stage = Stage::new(&finest.pattern, finest.is_symmetric(), &graph, largest_dense)?;
+        let stage = Stage::new(&finest.pattern, &graph, largest_dense)?;
         let zeros = || vec![[0.0; D]; finest.pattern.rows()];
         let (right_hand_side, solution) = (zeros(), zeros());
         Ok(Self { finest, stage, factor: 1.0, right_hand_side, solution })
@@ -319,7 +268,6 @@ impl<const D: usize, const M: usize> Hierarchy<D, M> {
 
     fn rebuild(&mut self, a: &SystemOperator, done: Watch) -> Result<(), SetupFailure> {
         let Self { finest, stage, factor, .. } = self;
-        stage.find_pairs(&finest.rows(a), *factor);
         stage.update_coarse(&finest.rows(a), *factor, finest, done).map_err(|refusal| self.explain(a, refusal))
     }
 
@@ -342,6 +290,9 @@ impl<const D: usize, const M: usize> Hierarchy<D, M> {
 
     /// Powers of two keep the numbers of the cycle within single precision, and are exact.
     fn apply(&mut self, r: &[f64], z: &mut [f64], done: Watch) {
+        if [r.len(), z.len()] != [self.finest.unknowns(); 2] {
+            return z.fill(f64::NAN);
+        }
         let Self { finest, stage, factor, right_hand_side, solution } = self;
         let scale = near_one(largest(r));
         finest.gather(r, scale, right_hand_side);

@@ -10,21 +10,17 @@
 //! a preconditioner that is positive definite, up to rounding. That is small unless an eigenvalue λ of D⁻¹A that belongs to motions
 //! of aggregates has ωλ near 1: their P is 1 − ωλ times the motion. `galerkin` keeps these out of the coarse level.
 
-#[cfg(target_arch = "x86_64")]
-mod eight;
 mod filter;
 
 use super::aggregate::Aggregates;
-use super::block::{Block, add_apply, add_product, add_transposed_apply, single, sum, zero};
-#[cfg(target_arch = "x86_64")]
-use super::eight::Eight;
+use super::block::{Block, add_apply, add_product, add_transposed_apply, settled, single, sum, zero};
+use super::gauss_seidel::GaussSeidel;
 use super::graph::Graph;
 use super::modes::{AggregateModes, Frames};
-use super::packed::{Packed, ask_for};
 use super::parallel::{GRAIN, Values, for_each_row, for_each_row_of};
-use super::smoother::Smoother;
-use super::sparse::{Pattern, Rows, Sparse, Transpose, ahead};
+use super::sparse::{BlockMatrix, Pattern, Rows, Transpose, ahead};
 use crate::error::Result;
+use crate::operator::prefetch_all;
 use filter::Filter;
 use std::ops::Range;
 
@@ -49,10 +45,10 @@ pub(super) struct Prolongator<const N: usize, const M: usize> {
     tentative: Vec<Block<N, M, f32>>,
     filter: Filter,
     /// P.
-    pub matrix: Sparse<Packed<N, M>>,
+    pub matrix: BlockMatrix<N, M, f32>,
     pub transpose: Transpose,
     /// The blocks of P by columns: read in order they come twice as fast.
-    by_columns: Vec<Packed<N, M>>,
+    by_columns: Vec<Block<N, M, f32>>,
 }
 
 impl<const N: usize, const M: usize> Prolongator<N, M> {
@@ -76,7 +72,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         }
         let pattern = filter.reached.clone();
         let transpose = pattern.transpose(count);
-        let by_columns = vec![Packed::ZERO; pattern.blocks()];
+        let by_columns = vec![zero(); pattern.blocks()];
         let modes = vec![AggregateModes::NOTHING; count];
         let tentative = vec![zero(); a.rows()];
         Ok(Self {
@@ -85,7 +81,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             members,
             modes,
             tentative,
-            matrix: Sparse::filled(pattern, Packed::ZERO),
+            matrix: BlockMatrix::zeros(pattern),
             filter,
             transpose,
             by_columns,
@@ -94,12 +90,12 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
 
     /// Recomputes the modes of the aggregates, and P with the D of a smoother that has `factor·A`.
     ///
-    /// In single precision, and then [packed](Packed): errors in P cost energy by their square, and the coarse matrix is that of the P at hand.
+    /// In single precision: errors in P cost energy by their square, and the coarse matrix is that of the P at hand.
     pub fn update(
         &mut self,
         a: &impl Rows<N>,
         factor: f64,
-        smoother: &Smoother<N>,
+        smoother: &GaussSeidel<N>,
         frames: &(impl Frames<N, M> + ?Sized),
     ) {
         let Self { aggregates, starts, members, modes, tentative, filter, matrix, transpose, by_columns } = self;
@@ -120,7 +116,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
                 *t = aggregates.of_node(node).map_or(zero(), of_aggregate);
             },
         );
-        let Sparse { pattern, values } = matrix;
+        let BlockMatrix { pattern, values } = matrix;
         for_each_row_of(
             0..pattern.rows(),
             GRAIN,
@@ -155,7 +151,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
                         let is_own = aggregates.of_node(row) == Some(aggregate);
                         let mut smoothed = if is_own { tentative[row] } else { zero() };
                         add_product(&mut smoothed, &damped, sum);
-                        *p = Packed::of(&smoothed);
+                        *p = settled(&smoothed);
                     }
                 }
             },
@@ -170,18 +166,22 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
 
     /// Nodes and blocks of a column of P.
     #[inline(always)]
-    pub fn column(&self, aggregate: usize) -> impl Iterator<Item = (usize, &Packed<N, M>)> {
+    pub fn column(&self, aggregate: usize) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
         self.blocks_at(self.transpose.column(aggregate))
     }
 
     /// Nodes and blocks of a column of P within some rows.
     #[inline(always)]
-    pub fn column_within(&self, aggregate: usize, rows: Range<usize>) -> impl Iterator<Item = (usize, &Packed<N, M>)> {
+    pub fn column_within(
+        &self,
+        aggregate: usize,
+        rows: Range<usize>,
+    ) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
         self.blocks_at(self.transpose.column_within(aggregate, rows))
     }
 
     #[inline(always)]
-    fn blocks_at(&self, places: Range<usize>) -> impl Iterator<Item = (usize, &Packed<N, M>)> {
+    fn blocks_at(&self, places: Range<usize>) -> impl Iterator<Item = (usize, &Block<N, M, f32>)> {
         let nodes = self.transpose.entries(places.clone()).iter().map(|&(node, _)| node as usize);
         nodes.zip(&self.by_columns[places])
     }
@@ -208,10 +208,6 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
 
     /// `r_c = Pᵀ r`.
     pub fn restrict(&self, r: &[[f32; N]], coarse: &mut [[f32; M]]) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(eight) = Eight::of(M) {
-            return self.restrict_eight(eight, r, coarse);
-        }
         for_each_row(
             coarse,
             #[inline(always)]
@@ -220,7 +216,7 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
                 let places = self.transpose.column(aggregate);
                 self.ask_for(&places);
                 for (node, p) in self.blocks_at(places) {
-                    add_transposed_apply(sum, &p.unpacked(), &r[node]);
+                    add_transposed_apply(sum, p, &r[node]);
                 }
             },
         );
@@ -228,17 +224,13 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
 
     /// `x += P e`.
     pub fn prolong(&self, coarse: &[[f32; M]], x: &mut [[f32; N]]) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(eight) = Eight::of(M) {
-            return self.prolong_eight(eight, coarse, x);
-        }
         for_each_row(
             x,
             #[inline(always)]
             |row, x| {
-                ask_for(self.matrix.pattern.values_of(&self.matrix.values, row + ahead::<Packed<N, M>>()));
+                ask_for(self.matrix.pattern.values_of(&self.matrix.values, row + ahead::<Block<N, M, f32>>()));
                 for (aggregate, p) in self.matrix.row(row) {
-                    add_apply(x, &p.unpacked(), &coarse[aggregate]);
+                    add_apply(x, p, &coarse[aggregate]);
                 }
             },
         );
@@ -263,4 +255,10 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
             + self.transpose.bytes()
             + size_of_val(&self.by_columns[..])
     }
+}
+
+/// Asks for the memory of blocks that are read soon.
+#[inline(always)]
+fn ask_for<const N: usize, const M: usize>(blocks: &[Block<N, M, f32>]) {
+    prefetch_all(blocks.as_flattened().as_flattened());
 }

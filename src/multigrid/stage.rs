@@ -5,13 +5,11 @@ use super::aggregate::Aggregates;
 use super::block::BadPivot;
 use super::coarsest::{BadRow, Dense};
 use super::galerkin::Galerkin;
-use super::gauss_seidel::BadBlock;
+use super::gauss_seidel::{BadBlock, GaussSeidel};
 use super::graph::Graph;
 use super::modes::Frames;
-use super::pairs::Pairs;
 use super::parts::{Part, Watch};
 use super::prolongator::Prolongator;
-use super::smoother::Smoother;
 use super::sparse::{Pattern, Rows};
 use crate::error::Result;
 
@@ -29,15 +27,14 @@ pub(super) enum Stage<const N: usize, const M: usize> {
 /// A level without couplings.
 #[derive(Debug)]
 pub(super) struct Uncoupled<const N: usize> {
-    smoother: Smoother<N>,
+    smoother: GaussSeidel<N>,
     residual: Vec<[f32; N]>,
 }
 
 /// A level with its coarse one.
 #[derive(Debug)]
 pub(super) struct Level<const N: usize, const M: usize> {
-    smoother: Smoother<N>,
-    pairs: Pairs<N>,
+    smoother: GaussSeidel<N>,
     prolongator: Prolongator<N, M>,
     galerkin: Galerkin<N, M>,
     residual: Vec<[f32; N]>,
@@ -57,29 +54,27 @@ pub(super) struct Refusal {
 }
 
 impl<const N: usize, const M: usize> Stage<N, M> {
-    /// Aggregates and patterns of this level and all below, down to one of at most `largest_dense` unknowns. All blocks of the matrices of this
-    /// level are symmetric, or not.
+    /// Aggregates and patterns of this level and all below, down to one of at most `largest_dense` unknowns.
     ///
     /// # Errors
     /// More blocks than 32-bit indices can count.
-    pub fn new(a: &Pattern, is_symmetric: bool, graph: &Graph, largest_dense: usize) -> Result<Self> {
+    pub fn new(a: &Pattern, graph: &Graph, largest_dense: usize) -> Result<Self> {
         let rows = a.rows();
         if rows * N <= largest_dense {
             return Ok(Self::Direct(Dense::new(rows * N)));
         }
         let aggregates = Aggregates::of(graph);
-        let smoother = Smoother::new(a, is_symmetric)?;
+        let smoother = GaussSeidel::new(a)?;
         if aggregates.count() == 0 {
             return Ok(Self::Uncoupled(Box::new(Uncoupled { smoother, residual: vec![[0.0; N]; rows] })));
         }
         let coarse_graph = graph.quotient(aggregates.count(), |node| aggregates.of_node(node));
         let prolongator = Prolongator::new(a, graph, aggregates)?;
         let galerkin = Galerkin::new(a, &prolongator)?;
-        let next = Stage::new(&galerkin.coarse.pattern, false, &coarse_graph, largest_dense)?;
+        let next = Stage::new(&galerkin.coarse.pattern, &coarse_graph, largest_dense)?;
         let coarse = prolongator.columns();
         Ok(Self::Coarsen(Box::new(Level {
             smoother,
-            pairs: Pairs::default(),
             prolongator,
             galerkin,
             residual: vec![[0.0; N]; rows],
@@ -100,19 +95,9 @@ impl<const N: usize, const M: usize> Stage<N, M> {
                 return dense.update(a, factor).map_err(refused);
             }
             Self::Uncoupled(level) => &mut level.smoother,
-            Self::Coarsen(level) => {
-                level.pairs.update(a, factor);
-                &mut level.smoother
-            }
+            Self::Coarsen(level) => &mut level.smoother,
         };
         smoother.update(a, factor).map_err(|BadBlock { row, bad }| Refusal { level: 0, node: row, pivot: Some(bad) })
-    }
-
-    /// Finds the pairs of this level. Call after [`update_smoother`](Self::update_smoother).
-    pub fn find_pairs(&mut self, a: &impl Rows<N>, factor: f64) {
-        if let Self::Coarsen(level) = self {
-            level.pairs.find(a, &level.smoother, factor);
-        }
     }
 
     /// Recomputes the coarse levels. Call after [`update_smoother`](Self::update_smoother).
@@ -167,14 +152,6 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         sizes
     }
 
-    /// Multiplications of numbers in the coarse matrices of all levels.
-    pub fn multiplications(&self) -> f64 {
-        match self {
-            Self::Coarsen(level) => level.galerkin.multiplications + level.next.multiplications(),
-            Self::Direct(_) | Self::Uncoupled(_) => 0.0,
-        }
-    }
-
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         match self {
@@ -187,9 +164,8 @@ impl<const N: usize, const M: usize> Stage<N, M> {
 
 impl<const N: usize, const M: usize> Level<N, M> {
     fn cycle(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], done: Watch) {
-        let Self { smoother, pairs, prolongator, residual, coarse_residual, correction, next, .. } = self;
+        let Self { smoother, prolongator, residual, coarse_residual, correction, next, .. } = self;
         smoother.forward(b, x, residual);
-        pairs.before(b, x, residual);
         done(Part::Smoothing);
         prolongator.restrict(residual, coarse_residual);
         done(Part::Transfer);
@@ -197,14 +173,12 @@ impl<const N: usize, const M: usize> Level<N, M> {
         done(Part::CoarseLevels);
         prolongator.prolong(correction, x);
         done(Part::Transfer);
-        pairs.after(b, x);
         smoother.backward(b, x);
         done(Part::Smoothing);
     }
 
     fn bytes(&self) -> usize {
         self.smoother.bytes()
-            + self.pairs.bytes()
             + self.prolongator.bytes()
             + self.galerkin.bytes()
             + size_of_val(&self.residual[..])

@@ -126,18 +126,6 @@ fn masses_are_brought_near_one() {
     assert_eq!(Finest::<1>::new(&system).unwrap().0.factor(&a), 1.0 / 2048.0);
 }
 
-/// Of all levels below the first; one that is solved directly has none.
-#[test]
-fn multiplications_are_those_of_the_levels() {
-    let (system, _) = row(50);
-    let multigrid = Multigrid::down_to(&system, 10).unwrap();
-    let Dimension::Line(hierarchy) = &multigrid.0 else { panic!("a line") };
-    // A node of a row has at least itself and its aggregate.
-    let found = multigrid.multiplications();
-    assert!(found >= 2.0 * 49.0 && found == hierarchy.stage.multiplications(), "{found}");
-    assert_eq!(Multigrid::down_to(&system, 50).unwrap().multiplications(), 0.0);
-}
-
 /// Made anew for a softer matrix it gives, to the bit, what one gives that is made for that matrix alone.
 #[test]
 fn nothing_of_a_matrix_is_left_in_the_next() {

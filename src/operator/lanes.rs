@@ -28,13 +28,6 @@ pub trait Lanes: Copy {
     /// Back again.
     fn twelve(self, axes: [Self::Four; 3]) -> [Self::Four; 3];
 
-    /// The first three numbers of a vector, turned: y, z, x.
-    fn turned(self, vector: Self::Four) -> Self::Four;
-    /// The columns of the symmetric matrix with the diagonal xx, yy, zz and, beside it, xy, yz, zx.
-    fn columns(self, diagonal: Self::Four, others: Self::Four) -> [Self::Four; 3];
-    /// The first three numbers in two pieces.
-    fn pieces(self, vector: Self::Four) -> (Self::Two, f64);
-
     fn two(self, numbers: [f64; 2]) -> Self::Two;
     fn numbers(self, two: Self::Two) -> [f64; 2];
     fn add_two(self, a: Self::Two, b: Self::Two) -> Self::Two;
@@ -105,21 +98,6 @@ impl Lanes for Portable {
                 axes[number % 3][number / 3]
             })
         })
-    }
-
-    #[inline(always)]
-    fn turned(self, [x, y, z, _]: [f64; 4]) -> [f64; 4] {
-        [y, z, x, 0.0]
-    }
-
-    #[inline(always)]
-    fn columns(self, [xx, yy, zz, _]: [f64; 4], [xy, yz, zx, _]: [f64; 4]) -> [[f64; 4]; 3] {
-        [[xx, xy, zx, 0.0], [xy, yy, yz, 0.0], [zx, yz, zz, 0.0]]
-    }
-
-    #[inline(always)]
-    fn pieces(self, [x, y, z, _]: [f64; 4]) -> ([f64; 2], f64) {
-        ([x, y], z)
     }
 
     #[inline(always)]
@@ -237,27 +215,6 @@ mod wide {
         }
 
         #[inline(always)]
-        fn turned(self, vector: __m256d) -> __m256d {
-            self.avx2._mm256_permute4x64_pd::<0b11_00_10_01>(vector)
-        }
-
-        #[inline(always)]
-        fn columns(self, diagonal: __m256d, others: __m256d) -> [__m256d; 3] {
-            let (avx, avx2) = (self.avx, self.avx2);
-            [
-                avx._mm256_blend_pd::<0b0001>(avx2._mm256_permute4x64_pd::<0b11_10_00_00>(others), diagonal),
-                avx._mm256_blend_pd::<0b0010>(avx2._mm256_permute4x64_pd::<0b11_01_00_00>(others), diagonal),
-                avx._mm256_blend_pd::<0b0100>(avx2._mm256_permute4x64_pd::<0b11_10_01_10>(others), diagonal),
-            ]
-        }
-
-        #[inline(always)]
-        fn pieces(self, vector: __m256d) -> (__m128d, f64) {
-            let z = self.avx._mm256_extractf128_pd::<1>(vector);
-            (self.avx._mm256_castpd256_pd128(vector), self.numbers(z)[0])
-        }
-
-        #[inline(always)]
         fn two(self, numbers: [f64; 2]) -> __m128d {
             cast(numbers)
         }
@@ -301,10 +258,8 @@ mod tests {
             lanes.sub(lists[1], lists[2]),
             lanes.mul(lists[0], lists[2]),
         ]);
-        let turned = lanes.turned(four[1]);
-        let matrix = lanes.columns(four[0], four[1]).map(|column| lanes.pieces(column));
         let pair = lanes.add_two(lanes.two([1.0, 2.0]), lanes.sub_two(lanes.two([7.0, 9.0]), lanes.two([3.0, 4.0])));
-        let pieces = back.into_iter().chain(sums).chain([lanes.pieces(turned)]).chain(matrix).chain([(pair, 0.0)]);
+        let pieces = back.into_iter().chain(sums).chain([(pair, 0.0)]);
         let axes = lanes.axes([four[0], four[1], four[2]]);
         let twelve = axes.into_iter().chain(lanes.twelve(axes)).flat_map(|four| lanes.all(four));
         pieces.flat_map(|(xy, z)| lanes.numbers(xy).into_iter().chain([z])).chain(twelve).collect()
@@ -321,10 +276,6 @@ mod tests {
             [11.0, -1.0, 35.0],
             [19.0, -1.0, 99.0],
             [27.0, -1.0, 195.0],
-            [6.0, 7.0, 5.0],
-            [1.0, 5.0, 7.0],
-            [5.0, 2.0, 6.0],
-            [7.0, 6.0, 3.0],
             [5.0, 7.0, 0.0],
             [1.0, 4.0, 7.0],
             [10.0, 2.0, 5.0],

@@ -3,16 +3,15 @@
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `matrices`.
 
 pub(crate) mod inner_product;
-pub(crate) mod lanes;
+mod lanes;
 mod prefetch;
 mod stream;
 mod system_operator;
 
 pub use inner_product::dot;
 pub(crate) use prefetch::{prefetch, prefetch_all};
-pub(crate) use stream::row_shares;
 pub(crate) use system_operator::negative_part;
-pub use system_operator::{Combination, Margins, SurelyDefinite, SystemOperator};
+pub use system_operator::{Combination, SystemOperator};
 
 use nalgebra::Matrix3;
 
@@ -21,16 +20,9 @@ pub trait LinearOperator {
     /// The order n of the matrix.
     fn order(&self) -> usize;
 
-    /// `y = A w` for vectors of length n.
+    /// `y = A w` for vectors of length n. Implementations fill y with NaN where a length is another one: an iteration then ends with what it
+    /// reports for numbers that are not finite.
     fn apply(&self, w: &[f64], y: &mut [f64]);
-
-    /// `y = A w`; returns `wᵀ y`, which is `wᵀ A w`, to the bit as [`dot`] computes it. Implement it where the product has parts of both at hand; `room` is
-    /// for what is summed up on the way, and to be handed in again, so that nothing is allocated.
-    fn apply_and_dot(&self, w: &[f64], y: &mut [f64], room: &mut Vec<f64>) -> f64 {
-        let _ = room;
-        self.apply(w, y);
-        dot(w, y)
-    }
 }
 
 /// A matrix whose diagonal 3×3 blocks are known, one a particle; what block Jacobi needs.

@@ -19,19 +19,17 @@
 //! no two threads write to one row, and every row adds up its springs in one order: the result is the same to the bit
 //! for any number of parts.
 
-mod any;
-mod in_a_row;
+mod contiguous;
+mod gathered;
 mod order;
 mod part;
 mod product;
 mod quad;
 
-use super::inner_product::{PIECE, dot, pieces};
 use super::lanes::Portable;
 use crate::spring::SpringBlock;
 use crate::system::{DofMap, Share, System};
 use order::pair;
-pub(crate) use order::row_shares;
 use part::{Growing, Part};
 use product::Product;
 
@@ -59,28 +57,13 @@ impl SpringStream {
         update_parts(&mut self.parts, &Springs { system, blocks, sign: self.sign });
     }
 
-    /// `y += B w` over all springs, and before it `y = diagonal · w`, one number a row; the sums over the pieces of `wᵀ y`, if there is room for them.
-    pub fn multiply(
-        &self,
-        system: &System,
-        blocks: &[SpringBlock],
-        diagonal: &[f64],
-        w: &[f64],
-        y: &mut [f64],
-        sums: &mut [f64],
-    ) {
+    /// `y = diagonal · w + B w` over all springs, `diagonal` one number a row.
+    pub fn multiply(&self, system: &System, blocks: &[SpringBlock], diagonal: &[f64], w: &[f64], y: &mut [f64]) {
         let springs = Springs { system, blocks, sign: self.sign };
         match system.dimension() {
-            1 => multiply_parts::<1>(&self.parts, &springs, diagonal, w, y, sums),
-            2 => multiply_parts::<2>(&self.parts, &springs, diagonal, w, y, sums),
-            _ => multiply_parts::<3>(&self.parts, &springs, diagonal, w, y, sums),
-        }
-        // Those that no part has the whole of.
-        for last in self.parts.iter().map(|part| part.rows.end / PIECE) {
-            let piece = last * PIECE..((last + 1) * PIECE).min(y.len());
-            if let Some(sum) = sums.get_mut(last) {
-                *sum = dot(&w[piece.clone()], &y[piece]);
-            }
+            1 => multiply_parts::<1>(&self.parts, &springs, diagonal, w, y),
+            2 => multiply_parts::<2>(&self.parts, &springs, diagonal, w, y),
+            _ => multiply_parts::<3>(&self.parts, &springs, diagonal, w, y),
         }
     }
 }
@@ -104,45 +87,30 @@ fn update_parts(parts: &mut [Part], springs: &Springs) {
     }
 }
 
-/// `y` holds the rows of these parts, `sums` those of the pieces that begin in them.
-fn multiply_parts<const N: usize>(
-    parts: &[Part],
-    springs: &Springs,
-    diagonal: &[f64],
-    w: &[f64],
-    y: &mut [f64],
-    sums: &mut [f64],
-) {
+/// `y` holds the rows of these parts.
+fn multiply_parts<const N: usize>(parts: &[Part], springs: &Springs, diagonal: &[f64], w: &[f64], y: &mut [f64]) {
     match parts {
         [] => {}
-        [part] => multiply_part::<N>(part, springs, diagonal, w, y, sums),
+        [part] => multiply_part::<N>(part, springs, diagonal, w, y),
         [first, ..] => {
             let (left, right) = parts.split_at(parts.len() / 2);
             let boundary = right.first().map_or(first.rows.start, |part| part.rows.start);
             let (top, bottom) = y.split_at_mut(boundary - first.rows.start);
-            let (of_top, of_bottom) = sums.split_at_mut((pieces(boundary) - pieces(first.rows.start)).min(sums.len()));
             rayon::join(
-                || multiply_parts::<N>(left, springs, diagonal, w, top, of_top),
-                || multiply_parts::<N>(right, springs, diagonal, w, bottom, of_bottom),
+                || multiply_parts::<N>(left, springs, diagonal, w, top),
+                || multiply_parts::<N>(right, springs, diagonal, w, bottom),
             );
         }
     }
 }
 
 /// With the widest registers that the processor has and this knows.
-fn multiply_part<const N: usize>(
-    part: &Part,
-    springs: &Springs,
-    diagonal: &[f64],
-    w: &[f64],
-    y: &mut [f64],
-    sums: &mut [f64],
-) {
+fn multiply_part<const N: usize>(part: &Part, springs: &Springs, diagonal: &[f64], w: &[f64], y: &mut [f64]) {
     #[cfg(target_arch = "x86_64")]
     if let Some(lanes) = pulp::x86::V3::try_new() {
-        return lanes.vectorize(Product::<_, N> { lanes, part, springs, diagonal, w, y, sums });
+        return lanes.vectorize(Product::<_, N> { lanes, part, springs, diagonal, w, y });
     }
-    pulp::NullaryFnOnce::call(Product::<_, N> { lanes: Portable, part, springs, diagonal, w, y, sums });
+    pulp::NullaryFnOnce::call(Product::<_, N> { lanes: Portable, part, springs, diagonal, w, y });
 }
 
 impl Springs<'_> {

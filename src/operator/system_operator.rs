@@ -11,17 +11,12 @@
 //! their *Project*. What prescribed particles do to the free ones goes to the right-hand side once a step, by
 //! [`subtract_coupling`](SystemOperator::subtract_coupling): their *Set-Boundary-Conditions*.
 
-mod definite;
-
-use super::inner_product::{PIECE, dot, pieces, total};
 use super::stream::SpringStream;
 use super::{BlockDiagonal, LinearOperator};
 use crate::force::Extensions;
 use crate::parallel;
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{Axes, Derivatives, System};
-use definite::extremes;
-pub use definite::{Margins, SurelyDefinite};
 use nalgebra::{Matrix3, Vector3};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -112,9 +107,6 @@ pub struct SystemOperator<'s> {
     external: Vec<Matrix3<f64>>,
     /// Positions in `blocks` of the springs that have a prescribed axis at one end.
     coupled: Vec<u32>,
-    /// The least mass that moves, in kg, and the most springs that end in one particle that does.
-    lightest: f64,
-    most_springs: f64,
 }
 
 impl<'s> SystemOperator<'s> {
@@ -128,10 +120,8 @@ impl<'s> SystemOperator<'s> {
         let blocks = vec![nothing; system.active_springs().len()];
         let inertia = vec![0.0; system.dofs().len()];
         let stream = SpringStream::new(system, &system.shares());
-        let [lightest, most_springs] = extremes(system);
         let external = Vec::new();
-        let mut operator =
-            Self { system, mass: 0.0, blocks, stream, inertia, external, coupled, lightest, most_springs };
+        let mut operator = Self { system, mass: 0.0, blocks, stream, inertia, external, coupled };
         operator.update(extensions, option, combination);
         operator
     }
@@ -274,31 +264,6 @@ impl<'s> SystemOperator<'s> {
             dofs.add(rhs, particle, &-(block * d));
         }
     }
-
-    /// Writes the diagonal blocks of some particles.
-    pub(crate) fn diagonal_blocks_of(&self, is_wanted: impl Fn(usize) -> bool, blocks: &mut [Matrix3<f64>]) {
-        for (particle, block) in blocks.iter_mut().enumerate() {
-            if is_wanted(particle) {
-                *block = self.particle_block(particle);
-            }
-        }
-        for (pair, block) in self.stamps() {
-            if pair.iter().any(|&end| is_wanted(end)) {
-                let matrix = block.matrix();
-                pair.into_iter().filter(|&end| is_wanted(end)).for_each(|end| blocks[end] += matrix);
-            }
-        }
-        for (particle, block) in blocks.iter_mut().enumerate() {
-            let free = self.system.dofs().free_axes(particle);
-            if free == Axes::ALL || !is_wanted(particle) {
-                continue;
-            }
-            for axis in (0..3).filter(|&axis| !free.contains(axis)) {
-                block.row_mut(axis).fill(0.0);
-                block.column_mut(axis).fill(0.0);
-            }
-        }
-    }
 }
 
 /// The least eigenvalue of a symmetric block.
@@ -331,26 +296,30 @@ impl LinearOperator for SystemOperator<'_> {
     }
 
     fn apply(&self, w: &[f64], y: &mut [f64]) {
-        self.stream.multiply(self.system, &self.blocks, &self.inertia, w, y, &mut []);
-        self.add_external(w, y);
-    }
-
-    fn apply_and_dot(&self, w: &[f64], y: &mut [f64], room: &mut Vec<f64>) -> f64 {
-        room.resize(pieces(w.len()), 0.0);
-        self.stream.multiply(self.system, &self.blocks, &self.inertia, w, y, room);
-        if !self.external.is_empty() {
-            self.add_external(w, y);
-            for ((sum, w), y) in room.iter_mut().zip(w.chunks(PIECE)).zip(y.chunks(PIECE)) {
-                *sum = dot(w, y);
-            }
+        if w.len() != self.order() || y.len() != self.order() {
+            return y.fill(f64::NAN);
         }
-        total(w.len(), room)
+        self.stream.multiply(self.system, &self.blocks, &self.inertia, w, y);
+        self.add_external(w, y);
     }
 }
 
 impl BlockDiagonal for SystemOperator<'_> {
     fn diagonal_blocks(&self, blocks: &mut [Matrix3<f64>]) {
-        self.diagonal_blocks_of(|_| true, blocks);
+        for (block, mass) in blocks.iter_mut().zip(self.system.masses()) {
+            *block = Matrix3::from_diagonal_element(self.mass * mass);
+        }
+        for (pair, block) in self.stamps() {
+            let matrix = block.matrix();
+            pair.into_iter().for_each(|end| blocks[end] += matrix);
+        }
+        for (particle, block) in blocks.iter_mut().enumerate() {
+            let free = self.system.dofs().free_axes(particle);
+            for axis in (0..3).filter(|&axis| !free.contains(axis)) {
+                block.row_mut(axis).fill(0.0);
+                block.column_mut(axis).fill(0.0);
+            }
+        }
     }
 }
 
@@ -431,23 +400,5 @@ mod tests {
             );
         }
         assert_eq!(product(&operator), opposite);
-    }
-
-    /// Those that are asked for are the blocks of all, and the others stay.
-    #[test]
-    fn some_blocks_are_made_alone() {
-        let mut builder = SystemBuilder::new();
-        (0..4).for_each(|p| _ = builder.particle([1.3 * f64::from(p), f64::from(p % 2), 0.0], 1.0));
-        (0..3).for_each(|i| _ = builder.spring(i, i + 1, Spring { stiffness: 50.0, rest_length: 1.0, damping: 0.0 }));
-        builder.hold(0);
-        let (system, state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
-        let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
-        let untouched = Matrix3::from_element(7.0);
-        let [mut all, mut some] = [[untouched; 4]; 2];
-        operator.diagonal_blocks_of(|_| true, &mut all);
-        operator.diagonal_blocks_of(|particle| particle != 2, &mut some);
-        assert_eq!(some, [all[0], all[1], untouched, all[3]]);
-        assert!(all[0] == Matrix3::zeros() && all[2] != untouched);
     }
 }

@@ -133,7 +133,6 @@ impl SystemBuilder {
             external: Vec::new(),
             shares: Default::default(),
             part: None,
-            kept: Default::default(),
         };
         let mut state = State { time: 0.0, positions: self.positions, velocities: self.velocities };
         state.prescribe(&system);

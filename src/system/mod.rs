@@ -9,7 +9,6 @@ mod dofs;
 mod external;
 #[cfg(test)]
 pub(crate) mod fixtures;
-mod kept;
 mod loads;
 mod part;
 mod shares;
@@ -34,7 +33,6 @@ pub use state::{Moment, State};
 
 use crate::error::Result;
 use crate::spring::{Extension, Spring, SpringLaw};
-use kept::Kept;
 use nalgebra::Vector3;
 use shares::Shares;
 use std::sync::Arc;
@@ -81,7 +79,6 @@ pub struct System {
     external: Vec<Arc<dyn ExternalForce>>,
     shares: Shares,
     part: Option<part::Part>,
-    kept: Kept,
 }
 
 impl System {

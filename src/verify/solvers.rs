@@ -70,7 +70,7 @@ pub(super) fn solvers(subject: &Subject) -> Measured {
     let operator = SystemOperator::new(system, &extensions, option, Combination::step(dt));
     let scene = format!("{name}, {}", option.name());
     let a = matrix.to_csc();
-    let mut solve = |x: &mut [f64]| factor.solve_in_place(x);
+    let mut solve = |x: &mut [f64]| factor.substitute(x);
 
     let mut reference = b.clone();
     solve(&mut reference);

@@ -65,7 +65,7 @@ fn condition_at_least(a: &SymmetricMatrix, iterations: usize) -> f64 {
         a.apply(x, &mut y);
         *x = y;
     });
-    largest * power(&mut |x| cholesky.solve_in_place(x))
+    largest * power(&mut |x| cholesky.solve_in_place(x).unwrap())
 }
 
 #[test]

@@ -27,10 +27,10 @@ fn solutions(a: &sprung::assembly::SymmetricMatrix, par: Par) -> Vec<f64> {
     let mut x = [b.clone(), b];
     let mut cholesky = Cholesky::analyse(a.pattern(), par).expect("a factor that fits");
     cholesky.factor(a).expect("a definite matrix");
-    cholesky.solve_in_place(&mut x[0]);
+    cholesky.solve_in_place(&mut x[0]).unwrap();
     let mut ldlt = Ldlt::analyse(a.pattern(), par).expect("a factor that fits");
     ldlt.factor(a).expect("a regular matrix");
-    ldlt.solve_in_place(&mut x[1]);
+    ldlt.solve_in_place(&mut x[1]).unwrap();
     x.concat()
 }
 

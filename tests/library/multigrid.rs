@@ -56,7 +56,7 @@ fn solve(scene: &(System, State), option: Stiffness) -> (Vec<f64>, u64) {
     let b = test_vector(scene.0.dofs().len(), 1);
     let mut x = vec![0.0; b.len()];
     let mut work = Work::default();
-    let mut solver = CgSolver::matrix_free(&scene.0, Some(PreconditionerKind::Multigrid), TOLERANCE).unwrap();
+    let mut solver = CgSolver::matrix_free(&scene.0, PreconditionerKind::Multigrid, TOLERANCE).unwrap();
     solver.place(&scene.1.positions);
     let solution = solver.prepare(&a, &mut work).unwrap().solve(&b, &mut x, &mut work).unwrap();
     assert!(solution.relative_residual <= TOLERANCE);
@@ -226,7 +226,7 @@ proptest! {
         let condition = values.last().unwrap_or(&1.0) / values.first().unwrap_or(&1.0);
         let mut x = vec![0.0; b.len()];
         let mut work = Work::default();
-        let mut solver = CgSolver::matrix_free(&scene.0, Some(PreconditionerKind::Multigrid), TOLERANCE).unwrap();
+        let mut solver = CgSolver::matrix_free(&scene.0, PreconditionerKind::Multigrid, TOLERANCE).unwrap();
         solver.place(&scene.1.positions);
         solver.prepare(&a, &mut work).unwrap().solve(&b, &mut x, &mut work).unwrap();
         let expected = matrix.cholesky().unwrap().solve(&DVector::from_column_slice(&b));
@@ -270,7 +270,7 @@ proptest! {
         let a = operator(&scene, Stiffness::Tension, 0.1);
         let b: Vec<f64> = test_vector(scene.0.dofs().len(), 3).iter().map(|b| b / factor).collect();
         let mut x = vec![0.0; b.len()];
-        let mut solver = CgSolver::matrix_free(&scene.0, Some(PreconditionerKind::Multigrid), TOLERANCE).unwrap();
+        let mut solver = CgSolver::matrix_free(&scene.0, PreconditionerKind::Multigrid, TOLERANCE).unwrap();
         let work = &mut Work::default();
         solver.prepare(&a, work).unwrap().solve(&b, &mut x, work).unwrap();
     }
@@ -280,7 +280,7 @@ proptest! {
 fn a_matrix_that_is_not_finite_is_reported_as_such() {
     for (scene, dt) in [(cloth(20, 1.0), f64::NAN), (cloth(3, 1.0), f64::NAN), (cloth(20, 1.0), 1e-200)] {
         let a = operator(&scene, Stiffness::Tension, dt);
-        let mut solver = CgSolver::matrix_free(&scene.0, Some(PreconditionerKind::Multigrid), TOLERANCE).unwrap();
+        let mut solver = CgSolver::matrix_free(&scene.0, PreconditionerKind::Multigrid, TOLERANCE).unwrap();
         assert_eq!(solver.prepare(&a, &mut Work::default()).err(), Some(SolveFailure::NonFinite));
     }
 }
@@ -298,7 +298,7 @@ fn a_coarse_level_sees_what_no_diagonal_block_does() {
     multigrid.refill(&a).unwrap();
     let Err(SetupFailure::CoarseLevel { level: 1, dof }) = multigrid.rebuild(&a) else { panic!("not refused") };
     assert!(dof.particle < scene.0.particles());
-    let mut solver = CgSolver::matrix_free(&scene.0, Some(PreconditionerKind::Multigrid), TOLERANCE).unwrap();
+    let mut solver = CgSolver::matrix_free(&scene.0, PreconditionerKind::Multigrid, TOLERANCE).unwrap();
     solver.place(&scene.1.positions);
     let refused = solver.prepare(&a, &mut Work::default()).err();
     assert_eq!(refused, Some(SolveFailure::Indefinite(Evidence::CoarseLevel { level: 1, dof })));

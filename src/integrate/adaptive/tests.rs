@@ -1,7 +1,7 @@
 use super::{
     AdaptiveStepper, Adaptivity, ErrorEstimate, SHORTEST, Samples, Sampling, doubt, hermite, run_adaptive, stiffness,
 };
-use crate::integrate::{Dop853, Monitor, MonitorOptions, Statistics, StepFailure, TimeStepper};
+use crate::integrate::{Dop853, Statistics, StepFailure, TimeStepper};
 use crate::linear::SolveFailure;
 use crate::spring::Spring;
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};

@@ -2,10 +2,7 @@
 
 use super::{Balance, Monitor, MonitorOptions};
 use crate::force::Energy;
-use crate::integrate::{
-    ImplicitOptions, Method, Outcome, Schedule, Statistics, Status, StepFailure, StiffnessPolicy, TimeStepper,
-    run_monitored,
-};
+use crate::integrate::{Outcome, Schedule, Statistics, Status, StepFailure, TimeStepper, run_monitored};
 use crate::spring::Spring;
 use crate::system::{Axes, Constraint, ExternalForce, Moment, Motion, State, System, SystemBuilder};
 use nalgebra::Vector3;

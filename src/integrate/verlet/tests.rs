@@ -3,7 +3,7 @@ use crate::error::DegenerateSpring;
 use crate::integrate::pieces::drawn_with_jerks;
 use crate::integrate::{Monitor, MonitorOptions, StepFailure, TimeStepper, Watch};
 use crate::spring::{Spring, SpringLaw, Tension};
-use crate::system::{Axes, Constraint, Moment, Motion, State, System, SystemBuilder};
+use crate::system::{Moment, State, System, SystemBuilder};
 use nalgebra::Vector3;
 
 /// A particle on a spring along the first axis, of this frequency and damping ratio, away from rest by 0.1 m.

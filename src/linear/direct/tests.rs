@@ -102,15 +102,3 @@ fn solutions_have_the_size_of_their_right_hand_side() {
     }
     assert_eq!(work.solves, 6);
 }
-
-/// The first of several solvers analyses, the others know. A system without room for that is analysed by each.
-#[test]
-fn systems_that_keep_are_analysed_once() {
-    let (system, _) = crate::system::fixtures::oscillator();
-    for (system, expected) in [(system.keeping(), 1), (system.clone(), 3)] {
-        let mut work = Work::default();
-        let sizes = [(); 3].map(|()| CholeskySolver::new(&system, Par::Seq, &mut work).unwrap().size());
-        assert_eq!(work.symbolic_factorizations, expected);
-        assert!(sizes.iter().all(|size| *size == sizes[0]));
-    }
-}

@@ -97,9 +97,9 @@ fn times_add_up() {
         assert_eq!(cholesky.factor(if call == 1 { &indefinite } else { &a }).is_err(), call == 1);
         ldlt.factor(&a).unwrap();
         if call != 1 {
-            cholesky.solve_in_place(&mut x);
+            cholesky.substitute(&mut x);
         }
-        ldlt.solve_in_place(&mut x);
+        ldlt.substitute(&mut x);
         let now = [cholesky.report().times, ldlt.report().times];
         for (now, before) in now.iter().zip(before) {
             assert!(now.analysis_seconds > 0.0);
@@ -120,8 +120,8 @@ fn columns_are_solved_like_vectors() {
     for columns in [1, 4, 5, 9] {
         let mut together: Vec<f64> = (0..columns * n).map(|at| noise(at, 3 * at + 1)).collect();
         let mut alone = together.clone();
-        factorization.solve_columns_in_place(n, &mut together);
-        alone.chunks_mut(n).for_each(|x| factorization.solve_in_place(x));
+        factorization.substitute_columns(n, &mut together);
+        alone.chunks_mut(n).for_each(|x| factorization.substitute(x));
         let error = together.iter().zip(&alone).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(error < 1e-14, "{columns} columns: {error:e}");
     }
@@ -143,4 +143,17 @@ fn factors_hold_what_they_say() {
         let shared = Ldlt::sharing(&factorization).unwrap();
         assert_eq!((held(&shared), shared.report().times), (held(&factorization), FactorTimes::default()));
     }
+}
+
+/// Right-hand sides that do not fit are errors.
+#[test]
+fn wrong_lengths_are_refused() {
+    let a = crate::linear::fixtures::banded(2, 1, |row, column| if row == column { 2.0 } else { 0.1 });
+    let mut cholesky = Cholesky::analyse(a.pattern(), Par::Seq).unwrap();
+    cholesky.factor(&a).unwrap();
+    assert!(cholesky.solve_in_place(&mut [1.0; 6]).is_ok() && cholesky.solve_columns_in_place(&mut [1.0; 12]).is_ok());
+    for length in [0, 5, 7, 12] {
+        assert!(cholesky.solve_in_place(&mut vec![1.0; length]).is_err(), "{length}");
+    }
+    assert!(cholesky.solve_columns_in_place(&mut [1.0; 13]).is_err());
 }

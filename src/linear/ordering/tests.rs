@@ -123,20 +123,13 @@ fn lattices_are_dissected() {
 /// What is not dissected would not take a tenth less work; what is like a volume is, and takes that much less.
 #[test]
 fn surfaces_are_not_dissected_and_would_not_gain_by_it() {
-    let scenes = [
-        (cloth(32), false),
-        (cloth(60), false),
-        (column(300), false),
-        (lattice(10), true),
-        (network(3000, 3), true),
-        // Of which minimum degree eliminates a particle without springs last.
-        (network(10_000, 0), true),
-    ];
+    let scenes =
+        [(cloth(32), false), (cloth(60), false), (column(300), false), (lattice(10), true), (network(3000, 3), true)];
     for (scene, is_volume) in scenes {
         let (graph, pattern) = graph(scene.unwrap());
         let minimum_degree = Elimination::new(&graph, graph.minimum_degree().unwrap());
         let dissection = Elimination::new(&graph, graph.nested_dissection().unwrap());
-        assert_eq!(graph.is_like_a_volume(&minimum_degree), is_volume, "{} vertices", graph.len());
+        assert_eq!(graph.is_dear(minimum_degree.flops), is_volume, "{} vertices", graph.len());
         let gain = 1.0 - dissection.flops / minimum_degree.flops;
         assert_eq!(gain > 0.1, is_volume, "{} vertices: {gain}", graph.len());
         let method = if is_volume { OrderingMethod::NestedDissection } else { OrderingMethod::MinimumDegree };

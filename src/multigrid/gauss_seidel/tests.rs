@@ -2,7 +2,7 @@
 
 use super::super::block::BadPivot;
 use super::super::sparse::{BlockMatrix, Pattern};
-use super::{BadBlock, GaussSeidel, General, LEAST_DIAGONAL, domain, inverse_of};
+use super::{BadBlock, GaussSeidel, LEAST_DIAGONAL, domain, inverse_of};
 use nalgebra::{DMatrix, DVector, Matrix2};
 use std::sync::Arc;
 
@@ -147,7 +147,7 @@ fn assert_axes_do_not_matter(matrix: &BlockMatrix<2, 2>, angle: &dyn Fn(usize) -
     };
     let b: Vec<[f32; 2]> = (0..ROWS).map(|row| [1.0 + row as f32, -2.0 * row as f32]).collect();
     let smoothed = |matrix: &BlockMatrix<2, 2>, b: &[[f32; 2]]| {
-        let mut smoother = GaussSeidel::<2>::with_domains(General, &matrix.pattern, 3).unwrap();
+        let mut smoother = GaussSeidel::<2>::with_domains(&matrix.pattern, 3).unwrap();
         smoother.update(matrix, 1.0).unwrap();
         let (mut x, mut r) = (vec![[0.0; 2]; ROWS], vec![[0.0; 2]; ROWS]);
         smoother.forward(b, &mut x, &mut r);
@@ -168,7 +168,7 @@ fn assert_sweeps_are_their_formulas(matrix: &BlockMatrix<2, 2>) {
     let m = splitting(&a, &damped_diagonal(&a));
     let inverse = m.try_inverse().unwrap();
 
-    let mut smoother = GaussSeidel::<2>::with_domains(General, &matrix.pattern, 3).unwrap();
+    let mut smoother = GaussSeidel::<2>::with_domains(&matrix.pattern, 3).unwrap();
     smoother.update(matrix, FACTOR).unwrap();
     let b: Vec<[f32; 2]> = (0..ROWS).map(|row| [1.0 + row as f32, -2.0 * row as f32]).collect();
     let (mut x, mut r) = (vec![[9.0; 2]; ROWS], vec![[9.0; 2]; ROWS]);
@@ -183,77 +183,6 @@ fn assert_sweeps_are_their_formulas(matrix: &BlockMatrix<2, 2>) {
     assert_near(&x, &expected);
 }
 
-/// Of 40 rows, each coupled to four before it, in domains of 16: blocks of random numbers, symmetric or not, with a large diagonal.
-#[cfg(target_arch = "x86_64")]
-fn random<const N: usize>(is_symmetric: bool) -> BlockMatrix<N, N> {
-    use crate::multigrid::sparse::Rows as _;
-    const ROWS: usize = 40;
-    let is_coupled = |i: usize, j: usize| matches!(i.abs_diff(j), 0 | 1 | 2 | 7 | 9);
-    let pattern = Pattern::build(ROWS, |row, columns| {
-        columns.extend((0..ROWS).filter(|&column| is_coupled(row, column)).map(|column| column as u32));
-    });
-    let mut matrix = BlockMatrix::zeros(Arc::new(pattern.unwrap()));
-    let entry = |i: usize, j: usize, r: usize, c: usize| {
-        let (r, c) = if is_symmetric { (r.min(c), r.max(c)) } else { (r, c) };
-        ((((i * 31 + j) * 7 + r) * 7 + c) as f64 * 1.7).sin() + if (i, r) == (j, c) { 30.0 } else { 0.0 }
-    };
-    for row in 0..matrix.pattern().rows() {
-        for position in matrix.pattern.row(row) {
-            let column = matrix.pattern.columns(row)[position - matrix.pattern.row(row).start] as usize;
-            let symmetric = |r: usize, c: usize| match row.cmp(&column) {
-                std::cmp::Ordering::Less => entry(column, row, c, r),
-                std::cmp::Ordering::Equal => entry(row, row, r.min(c), r.max(c)),
-                std::cmp::Ordering::Greater => entry(row, column, r, c),
-            };
-            matrix.values[position] = std::array::from_fn(|r| std::array::from_fn(|c| symmetric(r, c)));
-        }
-    }
-    matrix
-}
-
-/// Sweeps with a kernel are those with blocks by rows, up to what single precision leaves.
-#[cfg(target_arch = "x86_64")]
-fn assert_same_sweeps<const N: usize>(kernel: impl super::Kernel<N>, is_symmetric: bool) {
-    let matrix = random::<N>(is_symmetric);
-    let rows = matrix.pattern.rows();
-    let mut general = GaussSeidel::with_domains(General, &matrix.pattern, 16).unwrap();
-    let mut special = GaussSeidel::with_domains(kernel, &matrix.pattern, 16).unwrap();
-    general.update(&matrix, 0.5).unwrap();
-    special.update(&matrix, 0.5).unwrap();
-    let b: Vec<[f32; N]> = (0..rows).map(|row| std::array::from_fn(|k| ((row * N + k) as f32).cos())).collect();
-    let near = |found: &[[f32; N]], expected: &[[f32; N]]| {
-        let pairs = found.as_flattened().iter().zip(expected.as_flattened());
-        let difference = pairs.fold(0.0, |most, (found, expected)| f32::max(most, (found - expected).abs()));
-        let largest = expected.as_flattened().iter().fold(0.0, |most, entry| f32::max(most, entry.abs()));
-        assert!(difference <= 1e-5 * largest && largest > 1e-3, "{difference} of {largest}");
-    };
-    let [mut x, mut r, mut other_x, mut other_r] = [9.0; 4].map(|nine| vec![[nine; N]; rows]);
-    // Twice: nothing is left from the sweeps before.
-    for _ in 0..2 {
-        general.forward(&b, &mut x, &mut r);
-        special.forward(&b, &mut other_x, &mut other_r);
-        near(&other_x, &x);
-        near(&other_r, &r);
-        x.iter_mut().chain(&mut other_x).flatten().for_each(|x| *x += 0.25);
-        general.backward(&b, &mut x);
-        special.backward(&b, &mut other_x);
-        near(&other_x, &x);
-    }
-    let inverses = |row| [general.inverse(row), special.inverse(row)];
-    assert!((0..rows).map(inverses).all(|[general, special]| general == special));
-}
-
-#[cfg(target_arch = "x86_64")]
-#[test]
-fn kernels_of_one_size_do_what_that_of_all_does() {
-    use super::{Sixes, Symmetric};
-    if let (Some(symmetric), Some(sixes)) = (Symmetric::of(3), Sixes::of(6)) {
-        assert_same_sweeps::<3>(symmetric, true);
-        assert_same_sweeps::<6>(sixes, false);
-    }
-    assert!(Symmetric::of(2).is_none() && Symmetric::of(6).is_none() && Sixes::of(3).is_none());
-}
-
 /// In row 4 the block is [[1, 2], [2, 1]], whose second pivot is 1 − 2². At the border of a domain, where springs add to the diagonal, it is refused too.
 #[test]
 fn the_first_block_that_is_not_definite_is_named() {
@@ -266,7 +195,7 @@ fn the_first_block_that_is_not_definite_is_named() {
         for place in places {
             matrix.values[place] = [[1.0, 2.0], [2.0, 1.0]];
         }
-        let mut smoother = GaussSeidel::<2>::with_domains(General, &matrix.pattern, domain).unwrap();
+        let mut smoother = GaussSeidel::<2>::with_domains(&matrix.pattern, domain).unwrap();
         let bad = BadPivot { index: 1, pivot: -3.0 };
         assert_eq!(smoother.update(&matrix, 1.0), Err(BadBlock { row: 4, bad }));
     }
@@ -294,7 +223,7 @@ fn part(rows: usize, blocks: usize) -> usize {
 /// have a diagonal one there, and a number and a vector of their own. There is room for a domain, with two vectors a row.
 #[test]
 fn memory_is_that_of_both_parts() {
-    let smoother = GaussSeidel::<2>::with_domains(General, &matrix().pattern, 3).unwrap();
+    let smoother = GaussSeidel::<2>::with_domains(&matrix().pattern, 3).unwrap();
     assert_eq!(smoother.bytes(), part(ROWS, 4) + part(ROWS, 12 + 7) + 7 * 4 * 4 + 7 * (4 + 2 * 4) + 3 * 4 * 4);
 }
 
@@ -306,7 +235,7 @@ fn rows_inside_a_domain_have_nothing_outside() {
     let line = Pattern::build(rows, |row, columns| {
         columns.extend((row.saturating_sub(1)..rows.min(row + 2)).map(|column| column as u32));
     });
-    let smoother = GaussSeidel::<2>::with_domains(General, &line.unwrap(), 4).unwrap();
+    let smoother = GaussSeidel::<2>::with_domains(&line.unwrap(), 4).unwrap();
     let outside = &smoother.outside.pattern;
     let columns: Vec<&[u32]> = (0..rows).map(|row| outside.columns(row)).collect();
     assert_eq!(columns, [&[][..], &[], &[], &[3, 4], &[3, 4], &[], &[], &[]]);

@@ -161,7 +161,6 @@ fn reference<const N: usize, const M: usize>(
     levels: &mut usize,
 ) -> DMatrix<f64> {
     *levels += 1;
-    let depth = *levels;
     let unscaled = dense(a);
     let scaled = factor * &unscaled;
     let Stage::Coarsen(level) = stage else {
@@ -197,20 +196,6 @@ fn reference<const N: usize, const M: usize>(
         }
     }
 
-    // Pᵀ A P block by block: A P, and P from the left for the blocks that are not before the diagonal.
-    let (nodes, sparse) = (a.pattern(), &level.prolongator.matrix.pattern);
-    let mut multiplications = 0;
-    for row in 0..order / N {
-        let mut products: Vec<u32> =
-            nodes.columns(row).iter().flat_map(|&k| sparse.columns(k as usize)).copied().collect();
-        multiplications += N * N * M * products.len();
-        products.sort_unstable();
-        products.dedup();
-        let pairs = sparse.columns(row).iter().flat_map(|i| products.iter().filter(move |j| i <= *j));
-        multiplications += N * M * M * pairs.count();
-    }
-    assert_eq!(stage.multiplications() - level.next.multiplications(), multiplications as f64);
-
     // P = T − ω D⁻¹ A T̃, which moves as one body where (I − ω D⁻¹A) T does.
     let rows: Vec<_> =
         (0..order / N).map(|row| filtered(row, &scaled, couplings, &level.prolongator, frames)).collect();
@@ -219,12 +204,12 @@ fn reference<const N: usize, const M: usize>(
     let smoothed = |product: &DMatrix<f64>| &t - 2.0 / 3.0 * &inverse_diagonal * product;
     let of_bodies = |p: &DMatrix<f64>| p * &coarse_motions;
     assert_near(&of_bodies(&smoothed(&products)), &of_bodies(&smoothed(&(&scaled * &t))), 1e-4, "rigid motions of P");
-    let column = |aggregate| level.prolongator.column(aggregate).map(|(node, block)| (node, block.unpacked()));
+    let column = |aggregate| level.prolongator.column(aggregate).map(|(node, block)| (node, *block));
     let p = columns(order / N, count, column);
     assert_near(&p, &smoothed(&products), SINGLE, "P");
     for (row, block) in (0..order / N).flat_map(|row| level.prolongator.matrix.row(row).map(move |entry| (row, entry)))
     {
-        let entries = block.1.unpacked();
+        let entries = block.1;
         let found = DMatrix::from_fn(N, M, |r, c| f64::from(entries[r][c]));
         assert_eq!(found, p.view((row * N, block.0 * M), (N, M)));
     }
@@ -234,7 +219,7 @@ fn reference<const N: usize, const M: usize>(
     let galerkin = p.transpose() * &unscaled * &p + UNSMOOTHED * (t.transpose() * &unscaled * &t) + absent;
     assert_near(&dense(&level.galerkin.coarse), &galerkin, SINGLE, "A_c");
 
-    // Down, what moves tight pairs of the finest level, and both sweeps.
+    // Down, and both sweeps.
     let coarse = &level.galerkin.coarse;
     let member = DMatrix::from_fn(order / N, count, |node, aggregate| {
         f64::from(u8::from(level.prolongator.tentative_row(node).is_some_and(|(of, _)| of as usize == aggregate)))
@@ -251,19 +236,11 @@ fn reference<const N: usize, const M: usize>(
         levels,
     );
     let forward = part(&scaled, N, |r, c| c <= r).try_inverse().unwrap();
-    let pairs = level.pairs.moves();
-    assert_eq!(!pairs.is_empty(), depth == 1, "{pairs:?}");
-    let mut moved = DMatrix::zeros(order, order);
-    for (pair, along) in pairs {
-        let whole = DMatrix::from_fn(order, 1, |r, _| if pair.contains(&(r / N)) { along[r % N] } else { 0.0 });
-        let own = (whole.transpose() * &scaled * &whole).try_inverse().unwrap();
-        moved += &whole * own * whole.transpose() * (&identity - &scaled * &moved);
-    }
     let around = |inner: DMatrix<f64>, first: &DMatrix<f64>| {
         let corrected = first + inner * (&identity - &scaled * first);
         &corrected + first.transpose() * (&identity - &scaled * &corrected)
     };
-    around(around(&p * below * p.transpose(), &moved), &forward)
+    around(&p * below * p.transpose(), &forward)
 }
 
 /// Rigid motions of all particles that have springs, on the nodes of the finest level.

@@ -30,14 +30,6 @@ pub struct Stretch {
     pub others: Vec<Four>,
 }
 
-/// Which share of the springs a product takes in a row.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RowShares {
-    pub in_a_row: f64,
-    /// Those of them whose others are among the first or overlap with them: they wait for what was just stored.
-    pub overlapping: f64,
-}
-
 /// The particles that move, in order.
 struct Moving<'a> {
     system: &'a System,
@@ -168,36 +160,6 @@ fn by_stretch(moving: &Moving) -> (Vec<u32>, Vec<usize>) {
     // Each has been filled up to where the next begins; behind the last there is none.
     free.pop();
     (positions, free)
-}
-
-/// Rows of four particles.
-const ROWS: u32 = 12;
-
-/// Stretches that are looked at for a share.
-const SAMPLED: usize = 16;
-
-/// Counted in every k-th stretch: in all stretches where there are up to sixteen, in 8 to 16 otherwise.
-pub fn row_shares(system: &System) -> RowShares {
-    if system.dimension() < 3 {
-        return RowShares { in_a_row: 0.0, overlapping: 0.0 };
-    }
-    let moving = Moving::of(system);
-    let each = moving.stretches().div_ceil(SAMPLED).max(1);
-    let stretch = |entry: &Entry| entry.four as usize / STRETCH;
-    let positions = 0..system.active_springs().len() as u32;
-    let sampled = positions.filter(|&position| moving.stretch(position).is_multiple_of(each));
-    let mut entries: Vec<Entry> = sampled.map(|position| moving.entry(position)).collect();
-    entries.sort_unstable();
-    let (mut all, mut overlapping) = (0, 0);
-    for entries in entries.chunk_by_mut(|a, b| stretch(a) == stretch(b)) {
-        for ([first, others], four) in of_stretch(&moving, entries).in_a_row {
-            let springs = four.iter().filter(|&&position| position != NO_SPRING).count();
-            all += springs;
-            overlapping += if others - first < ROWS { springs } else { 0 };
-        }
-    }
-    let share = |count: usize| count as f64 / entries.len().max(1) as f64;
-    RowShares { in_a_row: share(all), overlapping: share(overlapping) }
 }
 
 fn of_stretch(moving: &Moving, entries: &mut [Entry]) -> Stretch {

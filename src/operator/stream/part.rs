@@ -19,20 +19,18 @@ pub struct Part {
     pub rows: Range<usize>,
     pub in_a_row: Quads<InARow>,
     pub others: Quads<AnyEnds>,
-    pub stretches: Vec<Reach>,
+    pub stretches: Vec<Progress>,
 }
 
 /// How far a part has come after a stretch.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Reach {
+pub struct Progress {
     /// Quads in a row.
     pub in_a_row: usize,
     /// Other quads.
     pub others: usize,
     /// Rows of the part that have their first term, which they must have before springs are added.
     pub rows: usize,
-    /// Rows of the part, from the first, that no spring of a later stretch ends in.
-    pub complete: usize,
 }
 
 /// A part to which the springs of one stretch after the other are added.
@@ -40,8 +38,6 @@ pub struct Growing<'a> {
     system: &'a System,
     particles: Range<usize>,
     part: Part,
-    /// Of every stretch, the first row of the part that its springs end in.
-    first_rows: Vec<usize>,
 }
 
 impl<'a> Growing<'a> {
@@ -53,26 +49,21 @@ impl<'a> Growing<'a> {
         let in_a_row = Quads::with_capacity(springs.len() / 2);
         let others = Quads::with_capacity(springs.len() / 4 + stretches);
         let part = Part { rows, in_a_row, others, stretches: Vec::with_capacity(stretches) };
-        Self { system, particles: particles.clone(), part, first_rows: Vec::with_capacity(stretches) }
+        Self { system, particles: particles.clone(), part }
     }
 
     /// Adds those springs of a stretch that end in these particles.
     pub fn add(&mut self, stretch: &Stretch) {
         let mut reach = self.part.stretches.last().copied().unwrap_or_default();
-        let mut first_row = self.part.rows.len();
-        let mut reached = |own: Range<usize>| {
-            reach.rows = reach.rows.max(own.end);
-            first_row = first_row.min(own.start);
-        };
         for &(rows, four) in &stretch.in_a_row {
             if let Some(own) = self.own(&four) {
-                reached(own);
+                reach.rows = reach.rows.max(own);
                 self.part.in_a_row.push(InARow { rows, by_matrix: 0 }, four);
             }
         }
         for four in &stretch.others {
             if let Some(own) = self.own(four) {
-                reached(own);
+                reach.rows = reach.rows.max(own);
                 // All go through their matrix until they have numbers.
                 let ends = four.map(|p| if p == NO_SPRING { [NO_ROW; 2] } else { [BY_MATRIX, p] });
                 self.part.others.push([ends.map(|[first, _]| first), ends.map(|[_, other]| other)], *four);
@@ -80,28 +71,20 @@ impl<'a> Growing<'a> {
         }
         (reach.in_a_row, reach.others) = (self.part.in_a_row.quads.len(), self.part.others.quads.len());
         self.part.stretches.push(reach);
-        self.first_rows.push(first_row);
     }
 
-    /// From the first row of the part that these springs end in to the one behind the last.
-    fn own(&self, four: &Four) -> Option<Range<usize>> {
+    /// The row of the part behind the last one that these springs end in.
+    fn own(&self, four: &Four) -> Option<usize> {
         let dofs = self.system.dofs();
         let springs = four.iter().filter(|&&position| position != NO_SPRING);
         let ends = springs.flat_map(|&position| pair(self.system, position));
         let own = ends.filter(|end| self.particles.contains(end) && !dofs.rows(*end).is_empty());
-        let (first, last) = own.fold((usize::MAX, 0), |(first, last), end| (first.min(end), last.max(end)));
-        let start = self.part.rows.start;
-        (first <= last).then(|| dofs.first_row(first) - start..dofs.first_row(last + 1) - start)
+        own.max().map(|last| dofs.first_row(last + 1) - self.part.rows.start)
     }
 
     /// The part, when all stretches have been added.
     pub fn finish(self) -> Part {
-        let Self { mut part, first_rows, .. } = self;
-        let mut complete = part.rows.len();
-        for (stretch, first_row) in part.stretches.iter_mut().zip(first_rows).rev() {
-            stretch.complete = complete.min(stretch.rows);
-            complete = complete.min(first_row);
-        }
+        let mut part = self.part;
         part.in_a_row.shrink();
         part.others.shrink();
         part

@@ -1,12 +1,10 @@
-//! The product of one part, stretch by stretch. Rows get their first term just before springs add to them, and are multiplied with w when all have,
-//! while they are in the cache.
+//! The product of one part, stretch by stretch. Rows get their first term just before springs add to them, while they are in the cache.
 
 use super::Springs;
-use super::any::Run;
-use super::in_a_row::Row;
-use super::part::{Part, Quads, Reach};
+use super::contiguous::Row;
+use super::gathered::Run;
+use super::part::{Part, Progress, Quads};
 use super::quad::{InARow, Quad};
-use crate::operator::inner_product::PieceSums;
 use crate::operator::lanes::Lanes;
 use crate::operator::prefetch;
 use std::ops::Range;
@@ -15,7 +13,7 @@ use std::ops::Range;
 /// 16, 32, 64 and 128, and twice as fast as the processor's own prefetching alone.
 const AHEAD: usize = 64;
 
-/// `y = diagonal · w + B w` of a part, in N dimensions; `y` holds the rows of the part, `sums` those of the pieces of `wᵀ y` that begin in it.
+/// `y = diagonal · w + B w` of a part, in N dimensions; `y` holds the rows of the part.
 pub struct Product<'a, L, const N: usize> {
     pub lanes: L,
     pub part: &'a Part,
@@ -23,7 +21,6 @@ pub struct Product<'a, L, const N: usize> {
     pub diagonal: &'a [f64],
     pub w: &'a [f64],
     pub y: &'a mut [f64],
-    pub sums: &'a mut [f64],
 }
 
 impl<L: Lanes, const N: usize> pulp::NullaryFnOnce for Product<'_, L, N> {
@@ -31,11 +28,10 @@ impl<L: Lanes, const N: usize> pulp::NullaryFnOnce for Product<'_, L, N> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { lanes, part, springs, diagonal, w, y, sums } = self;
+        let Self { lanes, part, springs, diagonal, w, y } = self;
         let rows = part.rows.clone();
         let (own, diagonal) = (&w[rows.clone()], &diagonal[rows.clone()]);
-        let mut sums = PieceSums::from(rows.start, sums);
-        let mut begun = Reach::default();
+        let mut begun = Progress::default();
         for reach in &part.stretches {
             begin(begun.rows..reach.rows, diagonal, own, y);
             let (quads, ahead) = part.in_a_row.with_those_ahead(begun.in_a_row..reach.in_a_row, AHEAD);
@@ -55,11 +51,9 @@ impl<L: Lanes, const N: usize> pulp::NullaryFnOnce for Product<'_, L, N> {
                 run.add_four(quad, springs, w, y);
             }
             run.end(y);
-            sums.sum_up(rows.start..rows.start + reach.complete, own, y);
             begun = *reach;
         }
         begin(begun.rows..y.len(), diagonal, own, y);
-        sums.sum_up(rows, own, y);
     }
 }
 

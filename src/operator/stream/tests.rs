@@ -2,8 +2,7 @@
 
 use super::*;
 use crate::force::Extensions;
-use crate::operator::inner_product::total;
-use crate::operator::{Combination, LinearOperator, SystemOperator};
+use crate::operator::{Combination, SystemOperator};
 use crate::spring::{Spring, Stiffness};
 use crate::system::{Axes, Constraint, Motion, State, SystemBuilder};
 use nalgebra::Vector3;
@@ -86,7 +85,7 @@ fn blocks_of_both_signs_may_be_mixed() {
     let mut w = [0.0; 9];
     (w[0], w[6]) = (1.0, 4.0);
     let mut y = [f64::NAN; 9];
-    stream.multiply(&system, &blocks, &[0.0; 9], &w, &mut y, &mut []);
+    stream.multiply(&system, &blocks, &[0.0; 9], &w, &mut y);
     let along: Vec<f64> = y.iter().step_by(3).copied().collect();
     for (value, expected) in along.into_iter().zip([2.0, -2.0 + 12.0, -12.0]) {
         assert!((value - expected).abs() <= 1e-14, "{y:?}");
@@ -104,46 +103,13 @@ fn products_are_the_same_to_the_bit_for_any_shares() {
         let mut stream = SpringStream::new(&system, &shares(&system, particles));
         update(&mut stream, &system, operator.blocks());
         let mut y = vec![f64::NAN; 27];
-        stream.multiply(&system, operator.blocks(), &[100.0; 27], &w, &mut y, &mut []);
+        stream.multiply(&system, operator.blocks(), &[100.0; 27], &w, &mut y);
         y
     };
     let one = product(&[9]);
     for particles in [&[4, 5][..], &[2, 3, 4], &[2, 2, 3, 2], &[1, 3, 1, 2, 2]] {
         assert_eq!(product(particles), one, "{particles:?}");
     }
-}
-
-/// Inner products are made of pieces that are summed up on the way, and of those between two shares: the same to the bit, whatever the shares, in a grid
-/// with springs along, across and, some of them, far away. Some ends are held, or move along one axis.
-#[test]
-fn inner_products_are_those_of_the_products() {
-    let (count, wide) = (1500, 50);
-    let mut builder = SystemBuilder::new();
-    (0..count).for_each(|p| _ = builder.particle([f64::from(p % wide), f64::from(p / wide), 0.0], 1.0));
-    let spring = Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.5 };
-    for (away, every) in [(1, 1), (wide, 1), (7 * wide, 97), (1237, 11)] {
-        (0..count - away).step_by(every).for_each(|p| _ = builder.spring(p as usize, (p + away) as usize, spring));
-    }
-    (0..count as usize).step_by(101).for_each(|p| _ = builder.hold(p));
-    let rail = |p: usize| Constraint { particles: vec![p], axes: Axes::of(&[1, 2]), motion: Motion::Held };
-    [3, 700, 1400].into_iter().for_each(|p| _ = builder.constrain(rail(p)));
-    let (system, state) = builder.build().unwrap();
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
-    let operator = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.125));
-    let n = system.dofs().len();
-    assert!(n > 4 * PIECE && !n.is_multiple_of(PIECE));
-    let w: Vec<f64> = (0..n).map(|row| (row as f64 * 12.9898).sin()).collect();
-    let mut plain = vec![f64::NAN; n];
-    operator.apply(&w, &mut plain);
-    for particles in [&[1500][..], &[750, 750], &[400, 341, 759], &[5, 1, 300, 394, 10, 700, 85, 5]] {
-        let mut stream = SpringStream::new(&system, &shares(&system, particles));
-        update(&mut stream, &system, operator.blocks());
-        let (mut y, mut sums) = (vec![f64::NAN; n], vec![f64::NAN; pieces(n)]);
-        stream.multiply(&system, operator.blocks(), &vec![64.0; n], &w, &mut y, &mut sums);
-        assert_eq!((&y, total(n, &sums)), (&plain, dot(&w, &y)), "{particles:?}");
-    }
-    let (mut y, mut room) = (vec![f64::NAN; n], vec![0.0; 2]);
-    assert_eq!((operator.apply_and_dot(&w, &mut y, &mut room), y), (dot(&w, &plain), plain));
 }
 
 /// As the formulas say it, spring by spring: every row has its own term first. Then come, stretch by stretch, what its particle gets as the other end
@@ -222,13 +188,13 @@ fn four_springs_at_a_time_are_each_by_itself() {
         let expected = one_by_one(&system, operator.blocks(), &diagonal, &w);
         let springs = Springs { system: &system, blocks: operator.blocks(), sign: stream.sign };
         let mut y = vec![f64::NAN; rows];
-        stream.multiply(&system, operator.blocks(), &diagonal, &w, &mut y, &mut []);
+        stream.multiply(&system, operator.blocks(), &diagonal, &w, &mut y);
         assert_eq!(y, expected, "{dimension}");
         y.fill(f64::NAN);
         let (part, diagonal, w) = (&stream.parts[0], &diagonal[..], &w[..]);
         macro_rules! portable {
             ($n:literal) => {
-                Product::<_, $n> { lanes: Portable, part, springs: &springs, diagonal, w, y: &mut y, sums: &mut [] }
+                Product::<_, $n> { lanes: Portable, part, springs: &springs, diagonal, w, y: &mut y }
             };
         }
         match dimension {
@@ -260,7 +226,7 @@ fn springs_of_both_kinds_may_be_mixed() {
         let mut stream = SpringStream::new(&system, &shares(&system, particles));
         update(&mut stream, &system, operator.blocks());
         let mut y = vec![f64::NAN; rows];
-        stream.multiply(&system, operator.blocks(), &diagonal, &w, &mut y, &mut []);
+        stream.multiply(&system, operator.blocks(), &diagonal, &w, &mut y);
         y
     };
     let one = product(&[301]);
@@ -344,38 +310,4 @@ fn springs_are_in_a_row_where_ends_follow_each_other() {
     for dimension in 1..=3 {
         check_order(&tangle(dimension).0);
     }
-}
-
-/// The share of springs in a row, counted on a sample where there are more than sixteen stretches of particles.
-#[cfg(feature = "scene")]
-#[test]
-fn shares_of_springs_in_a_row() {
-    use crate::scene::{Kind, builtin};
-    let share = |system: &System| {
-        let [in_a_row, others] = check_order(system).map(|count| count as f64);
-        [row_shares(system).in_a_row, in_a_row / (in_a_row + others)]
-    };
-    let shares = |kind, size| share(&builtin(kind, size).unwrap().build().unwrap().0);
-    for (kind, size) in [(Kind::Chain, 10), (Kind::Cloth, 20), (Kind::Lattice, 8), (Kind::Network, 50)] {
-        let [sampled, all] = shares(kind, size);
-        assert_eq!(sampled, all, "{kind:?} {size}");
-        assert!(all > 0.0);
-    }
-    // 100 and 46 stretches: every seventh and every third.
-    for (kind, size, expected) in [(Kind::Cloth, 80, 1.0), (Kind::Network, 3000, 0.0)] {
-        let [sampled, all] = shares(kind, size);
-        assert!((sampled - all).abs() < 0.01 && (all - expected).abs() < 0.01, "{kind:?} {size}: {sampled} {all}");
-        assert_ne!(sampled, all);
-    }
-    // Those to the next particle overlap: all of a chain that are in a row, 7 in each of 56 lines of a lattice, but the last 3, which have no four behind them.
-    for (kind, size, springs, expected) in [(Kind::Chain, 9, 9, 8.0), (Kind::Lattice, 8, 3486, 389.0)] {
-        let (system, _) = builtin(kind, size).unwrap().build().unwrap();
-        assert_eq!(system.active_springs().len(), springs);
-        assert!((row_shares(&system).overlapping * springs as f64 - expected).abs() < 1e-9, "{kind:?}");
-    }
-    // In the plane none are; nor are there any without springs.
-    assert_eq!(share(&tangle(2).0), [0.0; 2]);
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 1.0);
-    assert_eq!(row_shares(&builder.build().unwrap().0).in_a_row, 0.0);
 }
