@@ -42,7 +42,10 @@ impl WorkPrecision {
 
     /// The runs of all tails.
     pub fn sound_runs(&self) -> Vec<&Run> {
-        curves(&self.runs).iter().flat_map(|curve| tail(curve, self.floor())).collect()
+        let is_excluded =
+            |run: &Run| self.excluded.iter().any(|&at| self.runs.get(at).is_some_and(|r| std::ptr::eq(r, run)));
+        let curves = curves(&self.runs);
+        curves.iter().flat_map(|curve| tail(curve, self.floor())).filter(|run| !is_excluded(run)).collect()
     }
 }
 
@@ -57,7 +60,15 @@ mod tests {
         let state = State { time: 0.0, positions: Vec::new(), velocities: Vec::new() };
         let reference = Reference { method: "made up".into(), error_estimate: 5e-4, state };
         let (runs, tolerances, sizes) = Default::default();
-        let chart = WorkPrecision { scene: "s".into(), duration: 1.0, reference, runs, tolerances, sizes };
+        let chart = WorkPrecision {
+            scene: "s".into(),
+            duration: 1.0,
+            reference,
+            runs,
+            tolerances,
+            sizes,
+            excluded: Vec::new(),
+        };
         assert_eq!(chart.floor(), 1.5e-3);
     }
 }

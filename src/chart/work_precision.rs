@@ -58,6 +58,9 @@ pub struct WorkPrecision {
     pub tolerances: Vec<Run>,
     /// One step on ready scenes of growing size.
     pub sizes: Vec<SizeRun>,
+    /// Positions in `runs` of those that are not recommended, because the same configuration did not hold to the end of the whole scene.
+    #[serde(skip)]
+    pub excluded: Vec<usize>,
 }
 
 impl WorkPrecision {
@@ -92,7 +95,23 @@ impl WorkPrecision {
 
         let mut shifted = |elapsed: Duration, what: &str| progress.at(begin.elapsed().max(elapsed), what);
         let runs = sweep(&bench, dt, par, whole, &mut shifted)?;
-        Ok(Some(Self { scene: scene.into(), duration, reference, runs, tolerances, sizes }))
+        Ok(Some(Self { scene: scene.into(), duration, reference, runs, tolerances, sizes, excluded: Vec::new() }))
+    }
+}
+
+impl WorkPrecision {
+    /// Keeps to recommendations that hold: `holds` says of a run whether its configuration comes to the end of the whole scene, completed and without a warning. One
+    /// that does not is excluded, and the next best is asked for.
+    pub fn verify_recommendations(&mut self, mut holds: impl FnMut(&Run) -> bool) {
+        let mut verified: Vec<usize> = Vec::new();
+        loop {
+            let position = |run: &Run| self.runs.iter().position(|other| std::ptr::eq(run, other));
+            let decisions = self.decisions();
+            let recommended = decisions.iter().flat_map(|d| [d.cheapest, d.fastest, d.notes]).flatten();
+            let next = recommended.filter_map(position).find(|position| !verified.contains(position));
+            let Some((next, run)) = next.and_then(|next| Some((next, self.runs.get(next)?))) else { return };
+            if holds(run) { verified.push(next) } else { self.excluded.push(next) }
+        }
     }
 }
 
@@ -100,6 +119,23 @@ impl WorkPrecision {
 mod tests {
     use super::*;
     use crate::system::fixtures::oscillator;
+
+    /// What does not hold is not recommended, at any accuracy; what holds is asked for once.
+    #[test]
+    fn only_what_holds_to_the_end_is_recommended() {
+        let (system, start) = oscillator();
+        let budget = Duration::from_secs(4);
+        let options = SweepOptions { duration: 2.0, dt: 0.1, budget, par: Par::Seq, interrupt: Interrupt::NEVER };
+        let mut tell = |_: Duration, _: &str| {};
+        let mut chart = WorkPrecision::measure("oscillator", &system, &start, &options, &mut tell).unwrap().unwrap();
+        let explicit = ["verlet", "symplectic-euler", "forward-euler", "dop853"];
+        chart.verify_recommendations(|run| !explicit.contains(&run.method));
+        let decisions = chart.decisions();
+        assert!(!decisions.is_empty());
+        for run in decisions.iter().flat_map(|decision| [decision.cheapest, decision.fastest]).flatten() {
+            assert!(!explicit.contains(&run.method), "{}", run.method);
+        }
+    }
 
     /// Every part of the chart has runs, and is told of as it begins.
     #[test]

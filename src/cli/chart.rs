@@ -1,6 +1,6 @@
 //! `sprung chart`: speed against accuracy, and the limits of stability.
 
-use super::common::{SceneFile, Threads, check_writable};
+use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
 use super::recorder::bar;
 use super::values::positive;
@@ -9,11 +9,13 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 use sprung::Result;
 use sprung::chart::{Deadline, Reference, Run, SizeRun, StabilityMap, SweepOptions, WorkPrecision};
-use sprung::integrate::{Schedule, percent};
+use sprung::integrate::{Method, Monitor, Schedule, Status, StiffnessPolicy, percent};
+use sprung::linear::SolverChoice;
 use sprung::output::AtomicFile;
-use sprung::plan::parallelism;
+use sprung::plan::{MethodChoice, Wishes, parallelism};
 use sprung::report::{chart_html, plot, tiles};
 use std::io::{self, Write};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -82,6 +84,9 @@ impl Chart {
         let request = interrupt::request();
         let until = Deadline::after(budget, request);
         let sweep = if self.stability { budget / 2 } else { budget };
+        let is_a_part = scene.time.duration.is_some_and(|whole| whole > duration);
+        // Recommendations have to hold to the end of the whole scene, which takes time too.
+        let sweep = if is_a_part { sweep * 7 / 10 } else { sweep };
         let options = SweepOptions { duration, dt, budget: sweep, par: parallelism(&scene.system), interrupt: request };
         let bar = progress_bar(console, budget);
         let measured = self.threads.install(|| {
@@ -99,6 +104,12 @@ impl Chart {
             let mut progress = |_: Duration, what: &str| bar.set_message(format!("stability of {what}"));
             Ok(StabilityMap::within(RESOLUTION, &mut progress, until)?)
         })?;
+        let measured = self.threads.install(|| {
+            measured.map(|mut chart| {
+                chart.verify_recommendations(|run| holds(&scene, run, duration, until));
+                chart
+            })
+        });
         bar.finish_and_clear();
         let Some(chart) = measured else {
             error(match interrupt::is_requested() {
@@ -123,6 +134,12 @@ impl Chart {
         let mut lines = vec![format!("{}: {} runs, {failed} of them failed", chart.scene, chart.runs.len())];
         let Reference { method, error_estimate, .. } = &chart.reference;
         lines.push(format!("  reference  {method}, error about {}", percent(*error_estimate)));
+        if let Some(whole) = scene.time.duration.filter(|whole| *whole > duration) {
+            lines.push(format!(
+                "  recommended are runs that also hold to the scene's own end, at {whole} s; {} of those tried do not",
+                chart.excluded.len()
+            ));
+        }
         lines.extend(chart.conclusions().iter().map(|sentence| format!("  {sentence}")));
         lines.push(format!("  files      {} and chart/*.svg in {}", FILES.join(", "), folder.display()));
         let text = lines.join("\n");
@@ -142,6 +159,30 @@ impl Chart {
         }
         Ok(outcome)
     }
+}
+
+/// Whether a recommended run, made as the command makes it to the scene's own end, completes and estimates no large error. Where the deadline comes first nothing
+/// is known, and nothing recommended.
+fn holds(scene: &LoadedScene, run: &Run, duration: f64, until: Deadline) -> bool {
+    let LoadedScene { system, state: start, .. } = scene;
+    let Some(duration) = scene.time.duration.filter(|whole| *whole > duration) else { return true };
+    let method = Method::ALL.into_iter().find(|method| method.name() == run.method).map(MethodChoice::Named);
+    let stiffness = StiffnessPolicy::ALL.into_iter().find(|policy| policy.name() == run.stiffness);
+    let solver = SolverChoice::ALL.into_iter().find(|solver| solver.name() == run.solver);
+    let wishes = Wishes { method, stiffness, solver, rtol: run.rtol, ..Wishes::default() };
+    let made = || -> Result<bool> {
+        let plan = wishes.plan(system, start, [run.dt, duration], run.rtol)?;
+        let mut monitor = Monitor::new(system, start, plan.monitor(true, true))?;
+        let mut stepper = plan.stepper(system, start)?;
+        let mut state = start.clone();
+        let outcome =
+            stepper.run(system, &mut state, &Schedule::duration(run.dt, duration), &mut monitor, |_, _, _| {
+                if until.left().is_zero() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            });
+        let completed = outcome.status() == Status::Completed;
+        Ok(completed && monitor.indicators(&state).warnings(run.rtol).is_empty())
+    };
+    made().unwrap_or(false)
 }
 
 /// Writes the page, the data and the pictures.

@@ -12,20 +12,21 @@ use sprung::plan::{MethodChoice, Plan, Wishes};
 /// How to simulate. Options that are not given are `None`, so that those given in vain can be told.
 #[derive(Debug, clap::Args)]
 pub struct MethodArguments {
-    /// Time integration method [default: linear-backward-euler; with adaptive steps: rodas4; with --accuracy: auto]
+    /// Time integration method [default: linear-backward-euler with a time step; without one dop853 or rodas4, by the stiffness of the scene]
     #[arg(long)]
     #[arg(value_parser = choice(&MethodChoice::ALL, MethodChoice::name, describe_choice))]
     method: Option<MethodChoice>,
 
-    /// The relative position error at the end stays below R: runs are made until one neglects far less than that, or two that could
-    /// disagree agree, and the last one is the answer; what cannot be confirmed ends `unconfirmed`, with status 1. A method, stiffness or solver that is given is
-    /// kept. --dt is the interval of records, which --frames counts
+    /// Required accuracy: the position error at the end stays below R times the extent of the scene, the distance of all particles from their centroid. (A
+    /// vibration of a thousandth of the extent is lost in R = 1e-3.) A run is confirmed by one with steps at least twice as fine and by the propagated error of
+    /// its steps; an answer that cannot be confirmed ends `unconfirmed`, with status 1. A method, stiffness or solver that is given is kept. --dt is the interval of
+    /// records, which --frames counts
     #[arg(long, value_name = "R", value_parser = fraction, conflicts_with_all = ["rtol", "steps"])]
     accuracy: Option<f64>,
 
     /// Adaptive steps that keep local errors of positions and velocities so small that positions at the end are wrong by at most about R
     /// times their distance from their centroid, as a rule by much less, unless the motion itself magnifies differences, as folding and
-    /// toppling do; rodas4 warns of that. --dt is then the first step to try and the interval of records, which --frames counts.
+    /// toppling do: the run warns of that. --dt is then the first step to try and the interval of records, which --frames counts.
     /// For methods with an error estimate: bdf2, w2, rodas4, dop853 [default: 1e-2 where no dt is given, neither here nor in the
     /// scene, with 300 records, whatever the duration]
     #[arg(long, value_name = "R", value_parser = fraction)]
@@ -53,7 +54,9 @@ pub struct MethodArguments {
 fn describe_choice(choice: MethodChoice) -> &'static str {
     match choice {
         MethodChoice::Named(method) => describe_method(method),
-        MethodChoice::Auto => "w2 where A is definite for the first step, else linear-backward-euler; see --accuracy",
+        MethodChoice::Auto => {
+            "explicit where the steps resolve the fastest vibration (verlet, dop853), else implicit (bdf2, rodas4)"
+        }
     }
 }
 

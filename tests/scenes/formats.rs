@@ -41,6 +41,7 @@ fn valid_in_code() -> Scene {
             },
         ],
         time: TimeSettings { dt: Some(0.01), duration: Some(1.0) },
+        ..Scene::default()
     }
 }
 

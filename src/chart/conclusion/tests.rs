@@ -84,6 +84,7 @@ fn chart() -> WorkPrecision {
     WorkPrecision {
         scene: "s".into(),
         duration: 1.0,
+        excluded: Vec::new(),
         reference: Reference { method: "made up".into(), error_estimate: 1e-7, state },
         runs: runs.concat(),
         tolerances: vec![

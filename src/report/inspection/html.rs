@@ -110,7 +110,7 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
         @if let Some(turn) = inspection.turn.as_ref().filter(|turn| turn.excess() > 1.0) {
             @let [what, then] = turning(turn, pretty);
             p.warning {
-                "The step turns " (typeset(&what)) "; " (typeset(&then)) ". Such a run does not break down, it is wrong: shorten the step, or take a method that does not linearise at its start, such as bdf2."
+                "The step turns " (typeset(&what)) "; " (typeset(&then)) ". Such a run does not break down, its motion is wrong."
             }
         }
         @if let Some(losses) = losses { (followed(losses)) }

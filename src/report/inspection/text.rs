@@ -136,7 +136,7 @@ pub fn first_answer(inspection: &Inspection) -> Option<String> {
 }
 
 /// What comes of springs that are turned too far.
-const WRONG: &str = "Nothing breaks down by that, the motion is wrong: shorten the step, or run with --method bdf2";
+const WRONG: &str = "Nothing breaks down by that, the motion is wrong";
 
 /// What the step does to the springs that it turns.
 fn turned(inspection: &Inspection) -> Vec<String> {
