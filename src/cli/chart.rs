@@ -94,8 +94,12 @@ impl Chart {
                 bar.set_position(elapsed.as_secs());
                 bar.set_message(what.to_owned());
             };
-            WorkPrecision::measure(&scene.name, &scene.system, &scene.state, &options, &mut progress)
-                .map_err(|error| error.in_file(&scene.file).into())
+            let measured = WorkPrecision::measure(&scene.name, &scene.system, &scene.state, &options, &mut progress)
+                .map_err(|error| error.in_file(&scene.file))?;
+            Ok(measured.map(|mut chart| {
+                chart.verify_recommendations(|run| holds(&scene, run, duration, until));
+                chart
+            }))
         })?;
         let map = self.threads.install(|| {
             if !self.stability {
@@ -104,12 +108,6 @@ impl Chart {
             let mut progress = |_: Duration, what: &str| bar.set_message(format!("stability of {what}"));
             Ok(StabilityMap::within(RESOLUTION, &mut progress, until)?)
         })?;
-        let measured = self.threads.install(|| {
-            measured.map(|mut chart| {
-                chart.verify_recommendations(|run| holds(&scene, run, duration, until));
-                chart
-            })
-        });
         bar.finish_and_clear();
         let Some(chart) = measured else {
             error(match interrupt::is_requested() {
