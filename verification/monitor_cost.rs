@@ -4,13 +4,11 @@
 //! cargo xtask monitor-cost
 //! ```
 
-use sprung::force::Energy;
 use sprung::integrate::{
-    ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, StiffnessPolicy, run, run_monitored,
+    ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, run, run_monitored,
 };
 use sprung::scene::{Kind, builtin};
 use sprung::{State, System};
-use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::time::Instant;
 

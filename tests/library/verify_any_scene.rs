@@ -141,7 +141,7 @@ fn subject(seed: u64) -> Option<Subject> {
     let (system, state) = builder.build().ok()?;
     let subject = Subject { name: format!("scene {seed}"), system, state, dt };
     // A third with the step that the suite would choose.
-    Some(if seed % 5 == 0 { Subject { dt: subject.resolving_step(), ..subject } } else { subject })
+    Some(if seed.is_multiple_of(5) { Subject { dt: subject.resolving_step(), ..subject } } else { subject })
 }
 
 /// The seeds to try: some, or as `SCENES=first..last` says.
@@ -174,7 +174,7 @@ fn nothing_is_accused_falsely() {
             ));
         }
         let seed: u64 = subject.name.trim_start_matches("scene ").parse().unwrap();
-        if seed % 3 == 0 {
+        if seed.is_multiple_of(3) {
             ordinary[0] += results.checks.len();
             ordinary[1] += results.not_judged.len();
         }

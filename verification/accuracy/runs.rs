@@ -38,9 +38,9 @@ impl Observer for Runs {
     }
 
     fn progress(&mut self, now: &SearchProgress<'_>) {
-        if now.doing != self.doing {
+        if now.run != self.doing {
             self.say();
-            (self.doing, self.before) = (now.doing.into(), self.spent);
+            (self.doing, self.before) = (now.run.into(), self.spent);
         }
         self.spent = now.spent;
     }

@@ -15,6 +15,8 @@ pub enum Tool {
     Exactness(Words),
     /// What --accuracy answers on random scenes, and what that costs: verification/accuracy.md; a quarter of an hour
     Accuracy(Words),
+    /// What --accuracy answers on ready scenes of all sizes, against references by two methods: verification/ready.md; an hour
+    Ready(Words),
     /// Cloths that swing down by several methods: the table of verification/motion.md; minutes
     Motion(Words),
     /// Speed against accuracy, and maps of stability: verification/charts; minutes
@@ -60,6 +62,7 @@ impl Tool {
             Self::Study(_) => tool("study"),
             Self::Exactness(_) => tool("exactness"),
             Self::Accuracy(_) => tool("accuracy"),
+            Self::Ready(_) => tool("ready"),
             Self::Motion(_) => tool("motion"),
             Self::Charts(_) => tool("charts"),
             Self::Auto(_) => tool("auto"),
@@ -76,6 +79,7 @@ impl Tool {
         let (Self::Study(given)
         | Self::Exactness(given)
         | Self::Accuracy(given)
+        | Self::Ready(given)
         | Self::Motion(given)
         | Self::Charts(given)
         | Self::Peers(given)

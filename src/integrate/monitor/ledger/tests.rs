@@ -5,7 +5,7 @@ use super::{Balance, Free, Ledger};
 use crate::force::Energy;
 
 fn springs(elastic: f64, dissipated: f64, certain: f64) -> sums::Sums {
-    sums::Sums { elastic, dissipated, certain, ..sums::Sums::default() }
+    sums::Sums { elastic, dissipated, certain }
 }
 
 /// Kinetic energy and `Σ m gravity·x`, and what the centre of mass has of both.

@@ -1,0 +1,166 @@
+//! Makes `verification/ready.md`: what `--accuracy` answers on ready scenes of all kinds and sizes, at their own duration, at half and at twice of it,
+//! against references by two methods.
+//!
+//! ```sh
+//! cargo xtask ready --write            # ten sizes of each kind
+//! cargo xtask ready --largest 8        # those of at most this size
+//! ```
+
+use clap::Parser;
+use rayon::prelude::*;
+use sprung::accuracy::{AccuracyOptions, Configuration, StepControl, Verdict, relative_position_error};
+use sprung::accuracy::{run_to_accuracy, trial};
+use sprung::integrate::{ImplicitOptions, Method, Status};
+use sprung::scene::{Kind, builtin};
+use sprung::{State, System};
+use std::error::Error;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Answers on ready scenes against references by two methods.
+#[derive(Parser)]
+struct Arguments {
+    /// No scene of a larger size
+    #[arg(long, default_value_t = usize::MAX)]
+    largest: usize,
+
+    /// Durations, in those of the scenes
+    #[arg(long, value_delimiter = ',', default_value = "0.5,1,2")]
+    durations: Vec<f64>,
+
+    /// Writes the page
+    #[arg(long)]
+    write: bool,
+}
+
+const ACCURACIES: [f64; 4] = [1e-1, 1e-2, 1e-3, 1e-4];
+
+/// Kinds with ten sizes each.
+const SCENES: [(Kind, [usize; 10]); 7] = [
+    (Kind::Chain, [3, 4, 5, 6, 8, 10, 12, 15, 20, 30]),
+    (Kind::Cloth, [3, 4, 6, 8, 10, 12, 14, 16, 20, 28]),
+    (Kind::Lattice, [2, 3, 4, 5, 6, 7, 8, 9, 10, 12]),
+    (Kind::Column, [3, 4, 5, 6, 7, 8, 9, 10, 12, 15]),
+    (Kind::Pendulum, [1, 2, 3, 4, 5, 6, 7, 8, 9, 10]),
+    (Kind::String, [3, 5, 7, 10, 15, 20, 31, 40, 60, 80]),
+    (Kind::Network, [10, 15, 20, 30, 40, 50, 70, 100, 150, 200]),
+];
+
+/// An answer beside the references.
+struct Answered {
+    scene: String,
+    duration: f64,
+    accuracy: f64,
+    /// The difference of the references.
+    apart: f64,
+    is_confirmed: bool,
+    estimate: Option<f64>,
+    error: f64,
+    method: &'static str,
+    until: Option<f64>,
+}
+
+impl Answered {
+    /// Confirmed, and off by more than R and what the references differ by; or confirmed where they differ by more than R.
+    fn is_broken(&self) -> bool {
+        self.is_confirmed && (self.error > self.accuracy + self.apart || self.apart > self.accuracy)
+    }
+
+    /// Unconfirmed though the references agree far better.
+    fn is_needless(&self) -> bool {
+        !self.is_confirmed && self.apart < 0.1 * self.accuracy
+    }
+}
+
+fn reference(system: &System, start: &State, method: Method, rtol: f64, duration: f64) -> sprung::Result<Option<State>> {
+    let configuration = Configuration { method, options: ImplicitOptions::default() };
+    let control = StepControl::Adaptive { rtol, first_step: None };
+    let run = trial(system, start, &configuration, control, duration, &|| true)?;
+    Ok((run.status == Status::Completed).then_some(run.state))
+}
+
+fn answers(kind: Kind, size: usize, times: f64) -> Result<Vec<Answered>, String> {
+    let of = |error: sprung::Error| format!("{} {size}: {error}", kind.name());
+    let scene = builtin(kind, size).map_err(of)?;
+    let (system, start) = scene.build().map_err(of)?;
+    let duration = times * scene.time.duration.unwrap_or(1.0);
+    let explicit = reference(&system, &start, Method::Dop853, 1e-9, duration).map_err(of)?;
+    let implicit = reference(&system, &start, Method::Rodas4, 1e-7, duration).map_err(of)?;
+    let (Some(explicit), Some(implicit)) = (explicit, implicit) else { return Ok(Vec::new()) };
+    let apart = relative_position_error(&implicit.positions, &explicit.positions, &start.positions);
+    let mut all = Vec::new();
+    for accuracy in ACCURACIES {
+        let (method, stiffness, solver) = (None, None, None);
+        let interval = duration / 300.0;
+        let options = AccuracyOptions { accuracy, duration, interval, par: faer::Par::Seq, method, stiffness, solver };
+        let Some(found) = run_to_accuracy(&system, &start, &options, &mut (), &|| true).map_err(of)? else { continue };
+        all.push(Answered {
+            scene: format!("{} {size}", kind.name()),
+            duration,
+            accuracy,
+            apart,
+            is_confirmed: found.verdict == Verdict::Confirmed,
+            estimate: found.estimated_error,
+            error: relative_position_error(&found.state.positions, &explicit.positions, &start.positions),
+            method: found.configuration.method.name(),
+            until: found.predictable_until,
+        });
+    }
+    Ok(all)
+}
+
+fn row(answer: &Answered) -> String {
+    let Answered { scene, duration, accuracy, apart, is_confirmed, estimate, error, method, until } = answer;
+    let verdict = if *is_confirmed { "confirmed" } else { "unconfirmed" };
+    let estimate = estimate.map_or("–".into(), |estimate| format!("{estimate:.1e}"));
+    let until = until.map_or("–".into(), |until| format!("{until:.3}"));
+    format!("| {scene} | {duration} | {accuracy:e} | {apart:.1e} | {method} | {verdict} | {estimate} | {error:.1e} | {until} |\n")
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments = Arguments::parse();
+    let jobs: Vec<(Kind, usize, f64)> = SCENES
+        .iter()
+        .flat_map(|(kind, sizes)| sizes.iter().map(move |size| (*kind, *size)))
+        .filter(|(_, size)| *size <= arguments.largest)
+        .flat_map(|(kind, size)| arguments.durations.iter().map(move |times| (kind, size, *times)))
+        .collect();
+    let made = jobs.par_iter().with_max_len(1).map(|&(kind, size, times)| {
+        let answers = answers(kind, size, times);
+        if let Ok(answers) = &answers {
+            answers.iter().for_each(|answer| eprint!("{}", row(answer)));
+        }
+        answers
+    });
+    let all: Vec<Answered> = made.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
+    const HEADER: &str = "| scene | duration, s | R | references differ by | method | verdict | estimate | error | predictable until, s |\n|---|---|---|---|---|---|---|---|---|\n";
+    let table = |title: &str, of: &dyn Fn(&&Answered) -> bool| {
+        let rows: String = all.iter().filter(of).map(row).collect();
+        if rows.is_empty() { format!("## {title}\n\nNone.\n\n") } else { format!("## {title}\n\n{HEADER}{rows}\n") }
+    };
+    let mut page = format!(
+        "# Ready scenes\n\nMade by `cargo xtask ready{} --write`: answers of `--accuracy` on {} ready scenes and durations (the scenes' own, times {}). References are runs of \
+         DOP853 with `rtol = 1e-9` and of RODAS4 with `rtol = 1e-7`; errors are relative position errors against the first.\n\n\
+         | R | answers | confirmed | broken promises | unconfirmed | of these needlessly |\n|---|---|---|---|---|---|\n",
+        if arguments.largest < usize::MAX { format!(" --largest {}", arguments.largest) } else { String::new() },
+        jobs.len(),
+        arguments.durations.iter().map(f64::to_string).collect::<Vec<_>>().join(", "),
+    );
+    for accuracy in ACCURACIES {
+        let of = |what: &dyn Fn(&&Answered) -> bool| all.iter().filter(|a| a.accuracy == accuracy).filter(what).count();
+        let (every, confirmed) = (of(&|_| true), of(&|a| a.is_confirmed));
+        let (broken, needless) = (of(&|a| a.is_broken()), of(&|a| a.is_needless()));
+        writeln!(page, "| {accuracy:e} | {every} | {confirmed} | {broken} | {} | {needless} |", every - confirmed)?;
+    }
+    page.push_str(&format!(
+        "\nA promise is broken where a confirmed answer is off by more than R and what the references differ by, or where these differ by more than R. An answer is \
+         unconfirmed needlessly where the references differ by less than a tenth of R.\n\n{}{}",
+        table("Broken promises", &|answer| answer.is_broken()),
+        table("Unconfirmed answers", &|answer| !answer.is_confirmed)
+    ));
+    println!("{page}");
+    if arguments.write {
+        std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join("ready.md"), page)?;
+    }
+    Ok(())
+}
