@@ -4,9 +4,7 @@
 //! cargo xtask monitor-cost
 //! ```
 
-use sprung::integrate::{
-    ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, run, run_monitored,
-};
+use sprung::integrate::{ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, run, run_monitored};
 use sprung::scene::{Kind, builtin};
 use sprung::{State, System};
 use std::ops::ControlFlow;

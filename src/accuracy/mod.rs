@@ -1,5 +1,7 @@
 //! Runs to a required accuracy, and the method that suits a scene.
 //!
+//! In the guide (`cargo xtask guide`), under theory: `accuracy`.
+//!
 //! **Confirmed** means that two runs which do not share their errors agree, and that a measured sensitivity bears them out:
 //!
 //! 1. a run with the [propagated error](crate::integrate::PropagatedError) of its own steps, and

@@ -267,7 +267,12 @@ pub fn run_to_accuracy<O: Observer>(
             candidate = candidate.finer(FINER * FINER);
         } else {
             worth = worth.min(WORTH * coarse.cost);
-            candidate = search.refined(candidate, &coarse, estimate / allowed);
+            let next = search.refined(candidate, &coarse, estimate / allowed);
+            if next.configuration.method != candidate.configuration.method {
+                // The first run of another method shows it anew.
+                worth = f64::INFINITY;
+            }
+            candidate = next;
             best = Some(coarse);
         }
         let cost = best.as_ref().map_or(0.0, |run| run.cost * run.candidate.cost_ratio(&candidate));

@@ -56,7 +56,7 @@ impl SpectralRadius {
     }
 }
 
-/// The largest eigenvalue of `−M⁻¹ P` on the free coordinates, P being a product that is added to its second argument.
+/// The largest magnitude of an eigenvalue of `−M⁻¹ P` on the free coordinates, P being a product that is added to its second argument.
 fn power_method(system: &System, product: impl Fn(&[Vector3<f64>], &mut [Vector3<f64>])) -> f64 {
     // Neighbours move against each other in the fastest vibration; an irrational turn from one particle to the next has a part of that everywhere.
     let direction = |p: usize| {
@@ -67,24 +67,23 @@ fn power_method(system: &System, product: impl Fn(&[Vector3<f64>], &mut [Vector3
     };
     let mut u: Vec<Vector3<f64>> = (0..system.particles()).map(direction).collect();
     let mut force = vec![Vector3::zeros(); system.particles()];
+    let norm =
+        |u: &[Vector3<f64>]| u.iter().zip(system.masses()).map(|(u, mass)| mass * u.norm_squared()).sum::<f64>().sqrt();
     let mut largest = 0.0;
     for _ in 0..ITERATIONS {
-        let norm = u.iter().map(|u| u.norm_squared()).sum::<f64>().sqrt();
-        if norm == 0.0 || !norm.is_finite() {
+        let size = norm(&u);
+        if size == 0.0 || !size.is_finite() {
             break;
         }
-        u.iter_mut().for_each(|u| *u /= norm);
+        u.iter_mut().for_each(|u| *u /= size);
         force.fill(Vector3::zeros());
         product(&u, &mut force);
-        let (mut along, mut mass) = (0.0, 0.0);
-        for (p, ((u, f), m)) in u.iter_mut().zip(&force).zip(system.masses()).enumerate() {
+        for (p, ((u, f), mass)) in u.iter_mut().zip(&force).zip(system.masses()).enumerate() {
             let free = system.dofs().free_axes(p);
-            along -= u.dot(f);
-            mass += m * u.norm_squared();
-            *u = Vector3::from_fn(|axis, _| if free.contains(axis) { -f[axis] / m } else { 0.0 });
+            *u = Vector3::from_fn(|axis, _| if free.contains(axis) { -f[axis] / mass } else { 0.0 });
         }
-        // Rayleigh's quotient, which never exceeds the largest eigenvalue.
-        largest = f64::max(largest, along / mass);
+        // In the norm of M the matrix is symmetric: it stretches nothing by more than its largest eigenvalue, whatever the signs of others.
+        largest = f64::max(largest, norm(&u));
     }
     largest
 }

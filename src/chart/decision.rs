@@ -32,7 +32,10 @@ impl WorkPrecision {
     pub fn decisions(&self) -> Vec<Decision<'_>> {
         let best = self.sound_runs().into_iter().filter_map(Run::useful_error).fold(f64::INFINITY, f64::min);
         let accuracies = (1..=8).map(|exponent| 10f64.powi(-exponent));
-        accuracies.take_while(|accuracy| *accuracy >= best).map(|accuracy| self.decision(accuracy)).collect()
+        accuracies
+            .take_while(|accuracy| *accuracy >= best.max(self.floor()))
+            .map(|accuracy| self.decision(accuracy))
+            .collect()
     }
 
     /// The decision for one accuracy.

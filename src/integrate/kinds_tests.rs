@@ -163,10 +163,7 @@ fn energies_and_rates_are_those_of_the_forces() {
                 elastic(&moved)
             };
             let slope = (at(STEP) - at(-STEP)) / (2.0 * STEP);
-            assert!(
-                (slope + pull).abs() < 1e-6 * (1.0 + slope.abs()),
-                "{p} {axis}: {slope} {pull}"
-            );
+            assert!((slope + pull).abs() < 1e-6 * (1.0 + slope.abs()), "{p} {axis}: {slope} {pull}");
         }
     }
     let later = |step: f64| State { time: state.time + step, ..state.clone() };

@@ -213,16 +213,18 @@ impl TimeStepper for Verlet<'_> {
         error.set_local(system, step, LeadingTerm::VERLET);
         let each = error.positions.iter_mut().zip(&mut error.velocities);
         for (((x, v), a), local) in each.zip(&error.accelerations).zip(&error.local_positions) {
-            let kick = a * (0.5 * h);
-            *v += kick;
+            *v += a * (0.5 * h);
             *x += *v * h + local;
-            // e_v*, for the product.
-            *v += kick;
         }
+        // e_v*, for the product: the prediction v* itself is short of the velocity at the end by ½h² j.
+        let ahead = |a: &Vector3<f64>, jerk: &Vector3<f64>| a * (0.5 * h) - jerk * (0.5 * h * h);
+        let each = error.velocities.iter_mut().zip(error.accelerations.iter().zip(&error.jerk));
+        each.for_each(|(v, (a, jerk))| *v += ahead(a, jerk));
         let end = displaced.get_or_insert_with(|| (next.clone(), force.clone()));
         let (at, force_at) = end;
         let epsilon = error.displace(system, next, h, at);
-        error.velocities.iter_mut().zip(&error.accelerations).for_each(|(v, a)| *v -= a * (0.5 * h));
+        let each = error.velocities.iter_mut().zip(error.accelerations.iter().zip(&error.jerk));
+        each.for_each(|(v, (a, jerk))| *v -= ahead(a, jerk));
         if epsilon > 0.0 && self.knows_force {
             if *is_damped {
                 // Forces are those of predicted velocities.

@@ -18,6 +18,7 @@ pub(crate) mod fixtures;
 mod iterative;
 mod lagged_multigrid;
 mod norms;
+mod options;
 mod ordering;
 mod outcome;
 mod pivoted;
@@ -40,13 +41,14 @@ pub use factorization::{Cholesky, FactorKind, Factorization, Ldl, Ldlt, Llt, Sol
 pub use iterative::{Application, CgSolver};
 pub use lagged_multigrid::LaggedMultigrid;
 pub use norms::{backward_error, dot, norm};
+pub use options::{Assurance, SolverChoice, SolverOptions};
 pub use ordering::OrderingMethod;
 pub use outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
 pub use pivoted::{Lbl, PivotSigns, PivotedLdlt, Pivoting};
 pub use preconditioner::{Precondition, Preconditioner};
 pub use preconditioner_kind::PreconditionerKind;
 pub use prepared::{Held, MatrixAndSolver, Prepare, Prepared};
-pub use select::{Assurance, SolverChoice, SolverOptions, select};
+pub use select::select;
 pub use tolerance::Tolerance;
 pub use warm_start::WarmStart;
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::integrate::Rodas4;
+use crate::integrate::Dop853;
 use crate::spring::Spring;
 use crate::system::SystemBuilder;
 
@@ -110,7 +110,7 @@ fn adaptive_runs_go_on_in_parts() {
         let part_of = Some(1.5);
         let how = Adaptivity { duration, rtol: 1e-3, first_step, sampling: Sampling::Every(0.25), part_of };
         let mut monitor = Monitor::new(&system, &alone, MonitorOptions::default()).unwrap();
-        let mut stepper = Rodas4::new(&system, &alone, &plan.configuration.options).unwrap();
+        let mut stepper = Dop853::new(&system, &alone).unwrap();
         let observe = |_, _: &State, _: &Monitor| ControlFlow::Continue(());
         run_adaptive_monitored(&mut stepper, &system, &mut alone, &how, &mut monitor, observe);
         assert_eq!(state, alone);

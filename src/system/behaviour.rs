@@ -51,7 +51,7 @@ impl Behaviour {
 
     pub(super) fn check(&self, springs: &[Spring]) -> Result<(), Invalid> {
         if !self.tension_only.is_empty() {
-            super::builder::check_length("springs.tension_only", self.tension_only.len(), springs.len(), "springs")?;
+            super::curve::check_length("springs.tension_only", self.tension_only.len(), springs.len(), "springs")?;
         }
         for (index, Actuation { springs: numbers, factors }) in self.actuation.iter().enumerate() {
             let key = format!("springs.actuation[{index}]");

@@ -1,6 +1,6 @@
 //! From a description in code or in a file to a checked [`System`] and its initial [`State`].
 
-use super::curve::check_times;
+use super::curve::{check_length, check_times};
 use super::{Axes, Constraint, DofMap, Motion, Prescribed, State, System, active_springs};
 use crate::error::{Invalid, Result};
 use crate::spring::{Extension, Spring};
@@ -273,13 +273,6 @@ fn check_energies(system: &System, state: &State) -> Result<(), Invalid> {
         }
     }
     Ok(())
-}
-
-pub(crate) fn check_length(key: &str, found: usize, expected: usize, of: &str) -> Result<(), Invalid> {
-    if found == expected {
-        return Ok(());
-    }
-    Err(Invalid::new(key, format!("a list of {found}"), format!("must have one entry for each of the {expected} {of}")))
 }
 
 fn check_positive(key: &str, index: usize, value: f64) -> Result<(), Invalid> {

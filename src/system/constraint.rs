@@ -1,10 +1,8 @@
 //! Kinematic particles: which coordinates are prescribed, and how they move.
 
+use super::curve::SAME_TIME;
 use super::{Axes, Dof};
 use nalgebra::Vector3;
-
-/// Times that differ by less than this, relatively, are the same but for rounding: ten thousand steps added up.
-pub(crate) const SAME_TIME: f64 = 1e-12;
 
 /// How prescribed coordinates move, as an offset from where they start.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,8 +1,10 @@
 //! Quantities that change in time.
 
-use super::SAME_TIME;
 use crate::error::Invalid;
 use std::ops::{Add, Mul, Sub};
+
+/// Times that differ by less than this, relatively, are the same but for rounding: ten thousand steps added up.
+pub(crate) const SAME_TIME: f64 = 1e-12;
 
 /// A quantity that is piecewise linear in time, and constant before its first time and behind its last.
 ///
@@ -67,7 +69,7 @@ pub(super) fn check_times(key: &str, times: &[f64], values: (&str, usize)) -> Re
     if times.is_empty() {
         return Err(Invalid::new(times_key, "[]", "must have at least one entry"));
     }
-    super::builder::check_length(&format!("{key}.{}", values.0), values.1, times.len(), "times")?;
+    check_length(&format!("{key}.{}", values.0), values.1, times.len(), "times")?;
     for (at, &time) in times.iter().enumerate() {
         if !time.is_finite() {
             return Err(Invalid::new(times_key, time, "must be finite").at(at));
@@ -77,4 +79,11 @@ pub(super) fn check_times(key: &str, times: &[f64], values: (&str, usize)) -> Re
         }
     }
     Ok(())
+}
+
+pub(crate) fn check_length(key: &str, found: usize, expected: usize, of: &str) -> Result<(), Invalid> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(Invalid::new(key, format!("a list of {found}"), format!("must have one entry for each of the {expected} {of}")))
 }

@@ -62,7 +62,7 @@ impl Loads {
     pub(super) fn check(&self, particles: usize, dimension: usize) -> Result<(), Invalid> {
         for (key, count) in [("forces", self.forces.len()), ("drag.coefficient", self.drag.len())] {
             if count > 0 {
-                super::builder::check_length(key, count, particles, "particles")?;
+                super::curve::check_length(key, count, particles, "particles")?;
             }
         }
         let vector = |key: &str, at: usize, v: &Vector3<f64>| {

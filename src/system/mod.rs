@@ -18,10 +18,9 @@ pub use axes::Axes;
 pub use behaviour::{Actuation, Behaviour};
 pub use builder::SystemBuilder;
 #[cfg(feature = "scene")]
-pub(crate) use builder::check_length;
-pub(crate) use constraint::SAME_TIME;
 pub use constraint::{Constraint, Motion, Prescribed};
 pub use curve::Curve;
+pub(crate) use curve::{SAME_TIME, check_length};
 pub use dofs::{Dof, DofMap};
 pub use external::{Derivatives, ExternalForce};
 pub use loads::Loads;

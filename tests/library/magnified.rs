@@ -51,7 +51,7 @@ fn magnified_errors_are_told() {
             assert!(!magnified || is_magnified, "{what}");
             let warnings = indicators.warnings(rtol);
             assert!(error < 0.3 || !warnings.is_empty(), "{what}");
-            assert_eq!(indicators.predictable_until.is_some_and(|until| until < duration), estimate > 0.03, "{what}");
+            assert_eq!(indicators.predictable_until.is_some_and(|until| until < duration), estimate > 0.02, "{what}");
         }
     }
 }

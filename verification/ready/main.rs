@@ -72,7 +72,13 @@ impl Answered {
     }
 }
 
-fn reference(system: &System, start: &State, method: Method, rtol: f64, duration: f64) -> sprung::Result<Option<State>> {
+fn reference(
+    system: &System,
+    start: &State,
+    method: Method,
+    rtol: f64,
+    duration: f64,
+) -> sprung::Result<Option<State>> {
     let configuration = Configuration { method, options: ImplicitOptions::default() };
     let control = StepControl::Adaptive { rtol, first_step: None };
     let run = trial(system, start, &configuration, control, duration, &|| true)?;
@@ -114,7 +120,9 @@ fn row(answer: &Answered) -> String {
     let verdict = if *is_confirmed { "confirmed" } else { "unconfirmed" };
     let estimate = estimate.map_or("–".into(), |estimate| format!("{estimate:.1e}"));
     let until = until.map_or("–".into(), |until| format!("{until:.3}"));
-    format!("| {scene} | {duration} | {accuracy:e} | {apart:.1e} | {method} | {verdict} | {estimate} | {error:.1e} | {until} |\n")
+    format!(
+        "| {scene} | {duration} | {accuracy:e} | {apart:.1e} | {method} | {verdict} | {estimate} | {error:.1e} | {until} |\n"
+    )
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

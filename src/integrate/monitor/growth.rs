@@ -205,7 +205,10 @@ impl Growth {
         let gained = (balance - self.lowest).max(0.0);
         let exchanged = self.exchanged();
         let rounding = ROUNDING * start.magnitude.max(now.magnitude.min(exchanged)) + self.noise.energy(dt);
-        self.gained = self.gained.max(gained - rounding - self.doubt);
+        // What may be rounding is not said to have appeared.
+        if gained > rounding + self.doubt {
+            self.gained = self.gained.max(gained);
+        }
         // Of sums that are not numbers nothing is known: the step itself must have been refused then.
         let is_above = gained > MOST_GROWTH * exchanged + rounding + self.doubt;
         let all = exchanged + self.stored + self.fall * dt * dt;

@@ -84,20 +84,6 @@ fn block_jacobi_is_tried_again() {
     assert!(work.cg_iterations > iterations);
 }
 
-/// An analysis is made at last where easy matrices add up, and block Jacobi may spend no more than a factorization then.
-#[test]
-fn patterns_are_analysed_when_that_costs_little_beside_what_was_spent() {
-    let scene = chain(80);
-    let (a, mut work, mut solver) = (operator(&scene, 0.003), Work::default(), automatic(&scene.0, true));
-    let mut matrices = 0;
-    while work.symbolic_factorizations == 0 {
-        assert!(solver.spent_in_all <= LOOK * solver.costs.least_analysis() + solver.multigrid_price.of(1.0));
-        solve(&mut solver, &a, &mut work).unwrap();
-        matrices += 1;
-    }
-    assert!(matrices > 2 && solver.direct_price.once.is_finite(), "{matrices}");
-}
-
 /// What cannot be had is not considered again, and block Jacobi goes on to its own limit.
 #[test]
 fn block_jacobi_goes_on_where_there_is_nothing_else() {

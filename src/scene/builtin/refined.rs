@@ -62,37 +62,24 @@ fn scaled(mut scene: Scene, ratio: f64, dimensions: i32) -> Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::integrate::{Monitor, MonitorOptions, Schedule};
-    use crate::plan::Wishes;
-    use nalgebra::Vector3;
-    use std::ops::ControlFlow;
 
-    /// The end of the longest free diagonal after a time, in m.
-    fn sags_to(scene: &Scene, duration: f64) -> Vector3<f64> {
-        let (system, mut state) = scene.build().unwrap();
-        let plan = Wishes::default().plan(&system, &state, [duration / 10.0, duration], Some(1e-3)).unwrap();
-        let mut monitor = Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
-        let mut stepper = plan.stepper(&system, &state).unwrap();
-        let schedule = Schedule::duration(duration / 10.0, duration);
-        stepper.run(&system, &mut state, &schedule, &mut monitor, |_, _, _| ControlFlow::Continue(()));
-        *state.positions.last().unwrap()
-    }
-
-    /// A mesh twice as fine moves nearly alike: of what a block of twice the size, of the same springs, does not.
+    /// A mesh twice as fine has the same extent and, but for its faces, where particles stand for whole cells, the same mass and the same energy of a uniform
+    /// stretch, `Σ k l0`; a block of twice the size, of the same springs, has not.
     #[test]
-    fn a_finer_mesh_moves_like_the_coarse_one() {
-        let [coarse, fine] = [6, 11].map(|size| {
-            let mut scene = refined(Kind::Lattice, size).unwrap();
-            scene.springs.damping = None;
-            scene
-        });
-        let start = |scene: &Scene| scene.particles.positions.last().unwrap().vector();
-        assert!((start(&coarse) - start(&fine)).norm() < 1e-12);
+    fn a_finer_mesh_is_the_same_material() {
+        let [coarse, fine] = [6, 11].map(|size| refined(Kind::Lattice, size).unwrap());
         let larger = builtin(Kind::Lattice, 11).unwrap();
-        assert!((start(&larger) - start(&coarse)).norm() > 0.1);
-        let [coarse_sag, fine_sag] = [&coarse, &fine].map(|scene| sags_to(scene, 0.1).y - start(scene).y);
-        // A particle stands for a cell, but half of one at a face: with 5 cells a side that is a fifth of the mass.
-        assert!(coarse_sag < -0.001 && (fine_sag / coarse_sag - 1.0).abs() < 0.35, "{coarse_sag} {fine_sag}");
+        let figures = |scene: &Scene| {
+            let (system, state) = scene.build().unwrap();
+            let energy: f64 = system.springs().iter().map(|spring| spring.stiffness * spring.rest_length).sum();
+            (*state.positions.last().unwrap(), system.masses().iter().sum::<f64>(), energy)
+        };
+        let ((corner, mass, energy), (same, fine_mass, fine_energy)) = (figures(&coarse), figures(&fine));
+        assert!((corner - same).norm() < 1e-12);
+        // 6³ cells stand for 5³ widths, and 11³ for 10³.
+        assert!((fine_mass / mass - 1331.0 / 1000.0 / (216.0 / 125.0)).abs() < 1e-9);
+        assert!((fine_energy / energy - 1.0).abs() < 0.35, "{energy} {fine_energy}");
+        assert!((figures(&larger).0 - corner).norm() > 0.05 && figures(&larger).2 > 2.0 * energy);
     }
 
     /// Mass, stiffness of a side and extent, by dimension.

@@ -57,7 +57,8 @@ fn the_equations_of_a_step_by_hand() {
     // x' − y is 1 and 2 m: M/τ² of it is 8 and 8, −G/τ of it −1 and 5.
     let after = line([2.0, 6.0, 12.0], [3.0, 0.0, 0.0]);
     let value = linear_rows(&subject, &formula, &after, &[Vector3::zeros(); 3]);
-    let matrix = 20.0 + 14.8 * 3f64.sqrt();
+    // The row of the second particle: 1/dt² + 2√3 ((4/2 + 4/3 + ½/dt) + (12/4 + 12/5 + 1/dt)); the third one is held.
+    let matrix = 4.0 + 2.0 * (2.0 + 4.0 / 3.0 + 1.0 + 7.4) * 3f64.sqrt();
     is(value, (7.5 + 8.0 - 1.0) / (U * (matrix * (2.0 + 12.0) + others[2] + reach[2])));
     // The second particle goes 2 m in ½ s, and has no velocity; the first one's is off by 1 m/s.
     is(velocity_error(&subject, &formula, &after), 4.0 / (U * (6.0 + 8.0) / 0.5));

@@ -35,8 +35,8 @@ fn is(value: f64, expected: f64) {
 }
 
 /// With v' = 3, −1 and 4: `K δx = −4, 11.5` and `G v' = −2, 7` on the free particles. The step of the third one, 2 m, is known: its
-/// `3 · 2 + 1 · 4 = 10` belong to b. The magnitudes in b are largest on the third, `5 (4/dt + 2) + 12 (5 + 4)/4 = 77`, and so are those
-/// in A, `5/dt² + 2√3 (12/4 + 12/5 + 1/dt)`.
+/// `3 · 2 + 1 · 4 = 10` belong to b. The magnitudes in b are largest on the third, `5 (4/dt + 2) + 12 (5 + 4)/4 = 77`, and those
+/// in A on the second, `1/dt² + 2√3 (4/2 + 4/3 + ½/dt + 12/4 + 12/5 + 1/dt)`.
 #[test]
 fn the_linear_residual_by_hand() {
     let subject = line(Motion::Held);
@@ -44,7 +44,8 @@ fn the_linear_residual_by_hand() {
     let residual = linear_residual(&subject, Stiffness::Axial, DT, &subject.state, &after);
     assert_eq!(residual.rows, [2.0 - 12.0 - 4.0 - 2.0, -5.0 + 2.0 + 11.5 + 7.0]);
     assert_eq!(residual.right_hand_side, [2.0, -5.0 + 10.0]);
-    is(residual.unit, U * ((20.0 + 14.8 * 3f64.sqrt()) * 2.0 + 77.0));
+    let matrix = 4.0 + 2.0 * (2.0 + 4.0 / 3.0 + 1.0 + 7.4) * 3f64.sqrt();
+    is(residual.unit, U * (matrix * 2.0 + 77.0));
 }
 
 /// Of the rows 3 and −4 the largest, and the norm 5 over 1e-10 ‖b‖ and 30 units a row.
