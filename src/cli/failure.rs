@@ -17,6 +17,8 @@ pub struct Failed<'a> {
     pub steps: u64,
     /// Its length, in s.
     pub step: f64,
+    /// Whether transverse terms were dropped on demand.
+    pub is_on_demand: bool,
     /// The arguments with which it was done.
     pub repeat: String,
 }
@@ -30,16 +32,18 @@ impl Failed<'_> {
     /// # Errors
     /// A file that cannot be written.
     pub fn explain(&self, console: &Console, option: Stiffness, matrix_dt: f64, folder: &Path) -> Result<()> {
-        let Self { scene, system, state, steps, step, ref repeat } = *self;
+        let Self { scene, system, state, steps, step, is_on_demand, ref repeat } = *self;
         if system.dofs().len() > LARGEST_INSPECTED {
             console.note("the system is too large to be inspected here: see sprung inspect");
             return Ok(());
         }
         let inspection = Inspection::at(system, state, matrix_dt, option, parallelism(system))?;
-        let [blame, limit, remedy] = explain(&inspection, step);
-        error(blame);
-        error(limit);
-        help(remedy);
+        let (causes, remedy) = explain(&inspection, step);
+        causes.into_iter().for_each(error);
+        // What carries on under another policy is no help where that one was at work.
+        if let Some(remedy) = remedy.filter(|_| !is_on_demand) {
+            help(remedy);
+        }
         FailedStep { scene, system, state, steps, dt: step, inspection: &inspection }.write(folder)?;
         let file = folder.join("scene.toml");
         let command = format!("sprung run '{}' {repeat}", file.display());

@@ -14,7 +14,7 @@ use super::values::{positive, positive_count, whole};
 use super::view;
 use super::{Exit, Stop, interrupt};
 use sprung::accuracy::AccuracyOptions;
-use sprung::integrate::{Schedule, Status};
+use sprung::integrate::{Schedule, Status, StiffnessPolicy};
 use sprung::output::{
     CHECKPOINT, Checkpoint, ChoiceReport, EnergyLog, FailureReport, OutputFolder, Ran, Summary, WAITING, clear_frames,
     fingerprint, write_final_state,
@@ -298,7 +298,8 @@ impl Run {
             let step = schedule.step(summary.steps).unwrap_or(schedule.dt());
             let (option, matrix_dt) = plan.failed_matrix(step);
             let (scene, steps, repeat) = (&summary.scene, summary.steps, repeat(&plan));
-            let failed = Failed { scene, system: &system, state: &state, steps, step, repeat };
+            let is_on_demand = plan.configuration.options.stiffness == StiffnessPolicy::OnDemand;
+            let failed = Failed { scene, system: &system, state: &state, steps, step, is_on_demand, repeat };
             failed.explain(console, option, matrix_dt, &folder.join("failure")).map_err(Stop::Broken)?;
         }
         Ok(summary)

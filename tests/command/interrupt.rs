@@ -80,7 +80,7 @@ fn in_the_making(sandbox: &Sandbox) -> Vec<String> {
         .collect()
 }
 
-/// A cloth that folds for 20 s: two runs of Verlet's method take less than a second, the third run, of DOP853, takes minutes.
+/// A cloth that folds for 20 s: the first run takes seconds and does not reach the accuracy, the second takes longer.
 #[test]
 fn an_interrupted_search_leaves_the_best_answer_with_its_estimate() {
     let sandbox = Sandbox::new();
@@ -89,8 +89,8 @@ fn an_interrupted_search_leaves_the_best_answer_with_its_estimate() {
     let arguments = ["run", "cloth.toml", "--accuracy", "1e-8", "--duration", "20", "--out", "o", "--json"];
     let child = sandbox.command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let (mut seen, patience) = (std::collections::BTreeSet::new(), Instant::now() + Duration::from_secs(120));
-    while seen.len() < 3 {
-        assert!(Instant::now() < patience, "the search does not come to its third run");
+    while seen.len() < 2 {
+        assert!(Instant::now() < patience, "the search does not come to its second run");
         // Folders of runs; a file that the search tries the disk with may be seen too.
         seen.extend(in_the_making(&sandbox).into_iter().filter(|name| !name.ends_with(".part")));
         std::thread::sleep(Duration::from_millis(1));
@@ -110,5 +110,5 @@ fn an_interrupted_search_leaves_the_best_answer_with_its_estimate() {
     assert!(sandbox.csv("o/energy.csv").len() > 100);
     assert_eq!(in_the_making(&sandbox), [""; 0]);
     let (run, total) = (summary["effort"]["run"].as_f64().unwrap(), summary["effort"]["total"].as_f64().unwrap());
-    assert!(run > 0.0 && total > 1.5 * run, "{run} {total}");
+    assert!(run > 0.0 && total > run, "{run} {total}");
 }

@@ -1,4 +1,4 @@
-//! Why a run ended with an indefinite matrix, in three lines.
+//! The cause of an indefinite matrix that ended a run, in up to three lines.
 
 use crate::inspect::{Culprit, Inspection, LargestStep};
 use crate::report::number::{count, plain};
@@ -8,9 +8,12 @@ const NAMED: usize = 3;
 
 /// Which springs, how large a step would have been definite, and what would carry on. `inspection` is that of the last good
 /// state under the run's option and for the dt of its matrix; `step` is the length of the step that failed, in s, of which that
-/// dt is a fixed part.
-pub fn explain(inspection: &Inspection, step: f64) -> [String; 3] {
-    [blame(inspection), limit(inspection, step), remedy(inspection)]
+/// dt is a fixed part. Where A was positive definite at that state nothing is known of a limit or a remedy.
+pub fn explain(inspection: &Inspection, step: f64) -> (Vec<String>, Option<String>) {
+    if inspection.examined().inertia.is_definite() {
+        return (vec![blame(inspection)], None);
+    }
+    (vec![blame(inspection), limit(inspection, step)], Some(remedy(inspection)))
 }
 
 fn blame(inspection: &Inspection) -> String {
@@ -18,7 +21,7 @@ fn blame(inspection: &Inspection) -> String {
     let culprits = inspection.directions.first().map_or(&[][..], |lowest| &lowest.culprits);
     if inertia.is_definite() || culprits.is_empty() {
         return format!(
-            "A is positive definite at the start of the step; it was lost on the way, with {} compressed",
+            "A is positive definite at the start of the step, with {} compressed: that was lost on the way, or its smallest eigenvalues are rounding",
             count(inspection.compressed_springs, "spring")
         );
     }
