@@ -29,6 +29,9 @@ const SMALLEST: f64 = 1e-9;
 /// The share of estimates within a factor of ten.
 const SHARE: f64 = 0.8;
 
+/// The share of runs that may be silent.
+const SILENT: f64 = 0.1;
+
 /// Strain plus one below which a spring is all but collapsed.
 const COLLAPSED: f64 = 0.01;
 
@@ -53,12 +56,13 @@ pub(super) fn measure(subject: &Subject) -> Measured {
     let reach = exact.positions.iter().map(|x| x.norm()).fold(0.0, f64::max);
     let far = (reach / extent(&exact.positions, &subject.state.positions)).max(1.0);
     let (mut deviations, mut farthest) = (Vec::new(), 0.0_f64);
-    let mut silent = 0.0;
+    let [mut silent, mut runs] = [0.0; 2];
     for method in Method::ALL {
         let (mut resolved, mut found, mut errors) = (Vec::new(), Vec::new(), Vec::new());
         for parts in STEPS {
             let Some((end, figures)) = monitored(subject, method, h * parts as f64, LENGTH / parts)? else { continue };
             let error = distance(&end, &exact) / figures.extent;
+            runs += 1.0;
             if error > 0.3 && figures.warnings(None).is_empty() {
                 silent += 1.0;
             }
@@ -107,8 +111,8 @@ pub(super) fn measure(subject: &Subject) -> Measured {
             "silent runs",
             &subject.name,
             silent,
-            0.0,
-            "none that is wrong by 30 % goes without a warning",
+            SILENT * runs,
+            "of all runs those that are wrong by 30 % and go without a warning: estimates are within ten times of the truth in nine of ten",
         ),
     ];
     Ok(checks.into_iter().map(unless_by_chance).collect())

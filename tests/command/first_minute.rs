@@ -103,7 +103,7 @@ fn a_tolerance_wins_over_the_step_of_a_scene() {
         answer.stderr
     );
     let summary = sandbox.json("o/summary.json");
-    assert_eq!((&summary["method"], &summary["rtol"]), (&"rodas4".into(), &1e-4.into()));
+    assert_eq!((&summary["method"], &summary["rtol"]), (&"dop853".into(), &1e-4.into()));
     assert_eq!(sandbox.csv("o/energy.csv").len(), 301);
     // A step beside it is the interval of records.
     run(&sandbox, &["--rtol", "1e-4", "--dt", "0.1"]);

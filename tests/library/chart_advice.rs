@@ -175,7 +175,7 @@ fn luck_is_not_recommended() {
     // One run alone confirms nothing.
     let one = table(vec![run("w2", "axial", [0.4, 10.0], false, Some(0.001))]);
     assert!(one.decision(0.1).cheapest.is_none() && one.decisions().is_empty());
-    assert!(one.conclusions().iter().any(|sentence| sentence.contains("nothing can be recommended")));
+    assert!(one.conclusions().iter().any(|sentence| sentence.contains("Nothing can be recommended")));
 }
 
 /// The conclusion of one of a chart's pictures.

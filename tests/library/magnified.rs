@@ -46,7 +46,8 @@ fn magnified_errors_are_told() {
             let error = relative_position_error(&state.positions, &exact.positions, &start.positions);
             let estimate = indicators.estimate.unwrap();
             let what = format!("{} {size}, {}: {error:.1e} {indicators:?}", kind.name(), method.name());
-            assert!((0.05..20.0).contains(&(estimate / error)), "{what}");
+            // Estimates far below what is asked for may be larger: those of DOP853 are of formulas of lower order.
+            assert!(estimate > 0.05 * error && (estimate < 20.0 * error || estimate < 1e-3), "{what}");
             let magnified = estimate > 30.0 * indicators.local_errors;
             assert!(!magnified || is_magnified, "{what}");
             let warnings = indicators.warnings(rtol);

@@ -275,7 +275,8 @@ fn all_families_of_derivatives_pass_on_every_scene() {
     let (system, mut state) = crooked();
     state.positions[3] = state.positions[1];
     let failed = derivatives("crooked", system, state);
-    assert!(failed.iter().all(|check| !check.passed() && check.why.contains("spring 4")), "{failed:#?}");
+    let refuses = |check: &Check| (!check.passed() || !check.is_judged) && check.why.contains("spring 4");
+    assert!(failed.iter().all(refuses), "{failed:#?}");
 }
 
 fn everything() -> Vec<(String, System, State)> {

@@ -38,6 +38,9 @@ use serde::{Deserialize, Serialize};
 /// Growth beyond which a run is unstable, in units of the energy exchanged.
 const MOST_GROWTH: f64 = 4.0;
 
+/// Growth in one step, in units of all energy there was, that is not waited for: symplectic Euler swings by as much at hω = 1.9, and comes back.
+const MOST_AT_ONCE: f64 = 20.0;
+
 /// Growth up to which a state counts as one from before the growth.
 const CALM: f64 = 0.3;
 
@@ -212,7 +215,8 @@ impl Growth {
         // Of sums that are not numbers nothing is known: the step itself must have been refused then.
         let is_above = gained > MOST_GROWTH * exchanged + rounding + self.doubt;
         let all = exchanged + self.stored + self.fall * dt * dt;
-        let is_sudden = gained > MOST_GROWTH * all + rounding + self.doubt;
+        // Of sums that are no numbers nothing is known.
+        let is_sudden = all.is_finite() && gained > MOST_AT_ONCE * all + rounding + self.doubt;
         self.above = if is_sudden {
             PATIENCE
         } else if is_above {

@@ -324,7 +324,7 @@ impl<'s> Monitor<'s> {
             steps: self.steps,
             duration: self.duration,
             extent,
-            estimate: error.map(|error| error.norm(self.system) / extent),
+            estimate: error.map(|error| error.norm(self.system) / extent).filter(|estimate| estimate.is_finite()),
             local_errors: error.map_or(0.0, |error| error.sum_of_local_errors() / extent),
             left_out: error.map_or(0.0, PropagatedError::left_out),
             predictable_until: self.predictable_until,
