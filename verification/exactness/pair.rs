@@ -5,7 +5,7 @@ use super::study::store::Store;
 use super::study::{random, rows};
 use faer::Par;
 use sprung::accuracy::relative_position_error;
-use sprung::integrate::{ImplicitOptions, Method};
+use sprung::integrate::{ImplicitOptions, Method, MonitorOptions};
 use sprung::linear::{PreconditionerKind, SolverChoice, SolverOptions, Tolerance};
 
 /// The methods whose solves follow their errors.
@@ -83,7 +83,13 @@ pub fn pairs(seed: u64, store: &Store) -> sprung::Result<Vec<Pair>> {
             let run = |tolerance| {
                 let (solver, preconditioner, par) = (SolverChoice::Cg, Some(kind), Par::Seq);
                 let linear = SolverOptions { solver, preconditioner, tolerance, par, ..SolverOptions::default() };
-                subject.run_with(method, &ImplicitOptions { linear, ..ImplicitOptions::default() }, ask)
+                // Solves for the propagated error are not the steps'.
+                subject.run_with(
+                    method,
+                    &ImplicitOptions { linear, ..ImplicitOptions::default() },
+                    MonitorOptions::ENERGY,
+                    ask,
+                )
             };
             let (strict, end, work) = run(Tolerance::Fixed(STRICT))?;
             let (needed, other_end, less) = run(Tolerance::OfMotion)?;

@@ -171,7 +171,7 @@ impl Subject<'_> {
 
     fn run(&self, (method, stiffness): Way, ask: Ask) -> sprung::Result<Run> {
         let options = ImplicitOptions { stiffness, ..Default::default() };
-        self.run_with(method, &options, ask).map(|(run, ..)| run)
+        self.run_with(method, &options, MonitorOptions::default(), ask).map(|(run, ..)| run)
     }
 
     /// A run with any options of implicit methods, where it ended and the work that it took; no search for an accuracy.
@@ -182,10 +182,11 @@ impl Subject<'_> {
         &self,
         method: Method,
         options: &ImplicitOptions,
+        watch: MonitorOptions,
         ask: Ask,
     ) -> sprung::Result<(Run, State, Statistics)> {
         let stiffness = options.stiffness;
-        let mut monitor = Monitor::new(self.system, self.start, MonitorOptions::default())?;
+        let mut monitor = Monitor::new(self.system, self.start, watch)?;
         let mut state = self.start.clone();
         let clock = Instant::now();
         let mut left = MOST_PARTICLE_STEPS / self.system.particles().max(1) as u64;
