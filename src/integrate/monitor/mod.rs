@@ -177,7 +177,11 @@ impl<'s> Monitor<'s> {
         }
         self.steps += 1;
         self.duration += dt;
-        match self.growth.enter(&self.ledger, steps, state, dt) {
+        let grown = self.growth.enter(&self.ledger, steps, state, dt);
+        if !self.growth.exchanged().is_finite() {
+            return Err(StepFailure::NonFinite);
+        }
+        match grown {
             Some(Unstable { gained, exchanged }) if self.options.stops_unstable => {
                 Err(StepFailure::Unstable { gained, exchanged })
             }
