@@ -212,10 +212,9 @@ impl Growth {
         if gained > rounding + self.doubt {
             self.gained = self.gained.max(gained);
         }
-        // Of sums that are not numbers nothing is known: the step itself must have been refused then.
-        let is_above = gained > MOST_GROWTH * exchanged + rounding + self.doubt;
+        // Of sums that are not finite nothing is known.
+        let is_above = exchanged.is_finite() && gained > MOST_GROWTH * exchanged + rounding + self.doubt;
         let all = exchanged + self.stored + self.fall * dt * dt;
-        // Of sums that are no numbers nothing is known.
         let is_sudden = all.is_finite() && gained > MOST_AT_ONCE * all + rounding + self.doubt;
         self.above = if is_sudden {
             PATIENCE
