@@ -168,7 +168,7 @@ def test_unusable_files_are_named(tmp_path):
         sprung.System.parse("", "yaml")
     with pytest.raises(ValueError, match='kind = "sphere": must be one of chain, '):
         sprung.System.ready("sphere")
-    with pytest.raises(ValueError, match="size 0: a cloth can have"):
+    with pytest.raises(ValueError, match="size = 0: must be a positive integer"):
         sprung.System.ready("cloth", 0)
 
 
