@@ -361,4 +361,19 @@ impl LinearSolver for PetscSolver<'_> {
     fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
         or_abort(self.run(&a, b, x, work))
     }
+
+    fn solve_aside(
+        &mut self,
+        a: Held<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+        work: &mut Work,
+    ) -> Result<Solution, SolveFailure> {
+        x.fill(0.0);
+        let own = std::mem::replace(&mut self.tolerance, tolerance);
+        let solved = or_abort(self.run(&a, b, x, work));
+        self.tolerance = own;
+        solved
+    }
 }

@@ -269,7 +269,7 @@ impl<'s> LinearSystem<'s> {
     /// ```
     ///
     /// K is exact, whatever the matrix has of it. r, in N, is what the step that is linearised left out. On entry `r` holds it; it is used up. Where the
-    /// solve fails the error stays as it is.
+    /// matrix at hand is another one than A(τ), or the solve fails, the error stays as it is. No later solve depends on this one.
     pub fn resolve(
         &mut self,
         tau: f64,
@@ -277,25 +277,22 @@ impl<'s> LinearSystem<'s> {
         r: &mut [Vector3<f64>],
         d: &mut [Vector3<f64>],
     ) {
-        let system = self.system;
-        let step = Combination::step(tau);
-        let holds = self.combination.mass == step.mass && self.equations.prepared().is_some();
-        let before = self.statistics;
-        if holds || self.prepare(self.policy, step).is_ok() {
-            for ((r, v), mass) in r.iter_mut().zip(&*v).zip(system.masses()) {
-                *r = v * (mass / tau) - *r;
-            }
-            add_elastic_differential(system, &self.extensions, x, r);
-            d.fill(Vector3::zeros());
-            let tolerance = self.tolerance;
-            self.set_tolerance(ERROR_TOLERANCE);
-            if self.solve(r, d).is_ok() {
-                x.iter_mut().zip(&*d).for_each(|(x, d)| *x += d);
-                v.iter_mut().zip(&*d).for_each(|(v, d)| *v = d / tau);
-            }
-            self.set_tolerance(tolerance);
+        let Self { system, extensions, equations, statistics, combination, rhs, solution, .. } = self;
+        if combination.mass != Combination::step(tau).mass {
+            return;
         }
-        self.statistics = Statistics { work: self.statistics.work, ..before };
+        let Some(mut prepared) = equations.prepared() else { return };
+        for ((r, v), mass) in r.iter_mut().zip(&*v).zip(system.masses()) {
+            *r = v * (mass / tau) - *r;
+        }
+        add_elastic_differential(system, extensions, x, r);
+        system.dofs().gather(r, rhs);
+        if prepared.solve_aside(rhs, solution, ERROR_TOLERANCE, &mut statistics.work).is_ok() {
+            d.fill(Vector3::zeros());
+            system.dofs().scatter(solution, d);
+            x.iter_mut().zip(&*d).for_each(|(x, d)| *x += d);
+            v.iter_mut().zip(&*d).for_each(|(v, d)| *v = d / tau);
+        }
     }
 
     /// As [`solve_as_needed`](Self::solve_as_needed), and further where the error turns out to be much smaller: `error` is ‖E‖_M of the step

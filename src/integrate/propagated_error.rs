@@ -370,8 +370,10 @@ pub(super) fn on_axes(vector: Vector3<f64>, axes: Axes) -> Vector3<f64> {
 mod tests {
     use super::*;
     use crate::integrate::{ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, run_monitored};
+    use crate::linear::{PreconditionerKind, SolverChoice};
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
+    use rand::{RngExt, SeedableRng};
     use std::ops::ControlFlow;
 
     /// A particle of 1 kg, 1 m from rest on a spring of 10 N/m, damped at the rate ζ.
@@ -453,6 +455,52 @@ mod tests {
         let estimate = indicators.estimate.unwrap() * indicators.extent;
         let ratio = estimate / (coarse - fine).norm();
         assert!((0.1..10.0).contains(&ratio), "{ratio}");
+    }
+
+    /// Springs between particles in disorder, half of them pressed.
+    fn tangle() -> (System, State) {
+        let mut builder = SystemBuilder::new();
+        builder.gravity(0.3, -9.8, 0.1);
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(7);
+        let places: Vec<[f64; 3]> = (0..40).map(|_| [(); 3].map(|()| random.random_range(-1.0..1.0))).collect();
+        places.iter().for_each(|place| drop(builder.particle(*place, random.random_range(0.5..2.0))));
+        for spring in 0..110 {
+            let [i, j] = [spring % 40, (spring + 1 + random.random_range(0..38)) % 40];
+            let length = (Vector3::from(places[i]) - Vector3::from(places[j])).norm();
+            let [stiffness, damping] = [random.random_range(10.0..100.0), random.random_range(0.0..1.0)];
+            builder.spring(i, j, Spring { stiffness, rest_length: length * random.random_range(0.7..1.3), damping });
+        }
+        builder.hold(0);
+        builder.build().unwrap()
+    }
+
+    /// What is known of the error changes no bit of the motion, whatever a solver keeps from one solve to the next.
+    #[test]
+    fn the_motion_does_not_depend_on_the_estimate() {
+        let (system, start) = tangle();
+        let every = |preconditioner| (SolverChoice::Cg, preconditioner);
+        let solvers = PreconditionerKind::ALL.into_iter().map(every).chain([
+            (SolverChoice::Auto, PreconditionerKind::BlockJacobi),
+            (SolverChoice::Llt, PreconditionerKind::BlockJacobi),
+        ]);
+        for (solver, preconditioner) in solvers {
+            let linear = ImplicitOptions::default().linear.with_solver(solver).with_preconditioner(preconditioner);
+            let options = ImplicitOptions::default().with_linear(linear);
+            for method in Method::ALL {
+                let end = |monitored: MonitorOptions| {
+                    let mut state = start.clone();
+                    let mut monitor = Monitor::new(&system, &state, monitored).unwrap();
+                    let mut stepper = method.stepper(&system, &state, &options).unwrap();
+                    let schedule = Schedule::duration(0.01, 0.1);
+                    let go_on = |_, _: &State, _: &Monitor| ControlFlow::Continue(());
+                    assert!(run_monitored(&mut *stepper, &mut state, &schedule, &mut monitor, go_on).end.is_ok());
+                    assert_eq!(monitor.error().is_some(), monitored.threshold.is_some());
+                    state
+                };
+                let with = end(MonitorOptions::default());
+                assert_eq!(with, end(MonitorOptions::ENERGY), "{} {solver:?} {preconditioner:?}", method.name());
+            }
+        }
     }
 
     #[test]

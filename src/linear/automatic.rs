@@ -340,6 +340,20 @@ impl LinearSolver for AutomaticSolver {
             }
         }
     }
+
+    fn solve_aside(
+        &mut self,
+        a: Held<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+        work: &mut Work,
+    ) -> Result<Solution, SolveFailure> {
+        match (&mut self.direct, self.method) {
+            (Direct::Ready(direct), Method::Cholesky) => direct.solve(a, b, x, work),
+            _ => self.iterative.solve_aside(a, b, x, tolerance, work),
+        }
+    }
 }
 
 #[cfg(all(test, feature = "scene"))]

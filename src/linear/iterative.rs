@@ -110,6 +110,24 @@ impl CgSolver {
     pub fn method(&mut self) -> &mut ConjugateGradient {
         &mut self.method
     }
+
+    /// Solves from the given x.
+    fn iterate(&mut self, a: &SystemOperator, b: &[f64], x: &mut [f64], work: &mut Work) -> CgReport {
+        let Self { method, preconditioner, application, .. } = self;
+        work.solves += 1;
+        work.iterative_solves += 1;
+        let report = match &*application {
+            Application::MatrixFree => method.solve(a, preconditioner, b, x),
+            Application::Assembled(matrix) => method.solve(matrix.matrix(), preconditioner, b, x),
+        };
+        work.cg_iterations += report.iterations;
+        match preconditioner.kind() {
+            Some(PreconditionerKind::None) => work.plain_iterations += report.iterations,
+            Some(PreconditionerKind::Multigrid) => work.multigrid_iterations += report.iterations,
+            _ => {}
+        }
+        report
+    }
 }
 
 impl Prepared<'_, CgSolver> {
@@ -147,31 +165,35 @@ impl LinearSolver for CgSolver {
     }
 
     fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
-        let Self { method, preconditioner, application, warm_start } = self;
-        work.solves += 1;
-        work.iterative_solves += 1;
         if x.iter().all(|&x| x == 0.0) {
+            let Self { application, warm_start, .. } = self;
             work.warm_starts += u64::from(match &*application {
                 Application::MatrixFree => warm_start.guess(&*a, b, x),
                 Application::Assembled(matrix) => warm_start.guess(matrix.matrix(), b, x),
             });
         }
-        let report = match &*application {
-            Application::MatrixFree => method.solve(&*a, preconditioner, b, x),
-            Application::Assembled(matrix) => method.solve(matrix.matrix(), preconditioner, b, x),
-        };
-        work.cg_iterations += report.iterations;
-        match preconditioner.kind() {
-            Some(PreconditionerKind::None) => work.plain_iterations += report.iterations,
-            Some(PreconditionerKind::Multigrid) => work.multigrid_iterations += report.iterations,
-            _ => {}
-        }
+        let report = self.iterate(&a, b, x, work);
         if report.outcome == CgOutcome::Converged {
-            warm_start.record(x);
-            if let Preconditioner::Multigrid(multigrid) = preconditioner {
-                multigrid.record(report.iterations, (report.first_residual / method.tolerance).log10());
+            self.warm_start.record(x);
+            if let Preconditioner::Multigrid(multigrid) = &mut self.preconditioner {
+                multigrid.record(report.iterations, (report.first_residual / self.method.tolerance).log10());
             }
         }
+        accept(&report)
+    }
+
+    fn solve_aside(
+        &mut self,
+        a: Held<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+        work: &mut Work,
+    ) -> Result<Solution, SolveFailure> {
+        x.fill(0.0);
+        let own = std::mem::replace(&mut self.method.tolerance, tolerance);
+        let report = self.iterate(&a, b, x, work);
+        self.method.tolerance = own;
         accept(&report)
     }
 }

@@ -98,4 +98,21 @@ pub trait LinearSolver: Send {
     /// # Errors
     /// When no solution can be vouched for; `x` is then unspecified.
     fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure>;
+
+    /// Solves as [`solve`](Self::solve) does, from zero and only to `‖b − A x‖ ≤ tolerance·‖b‖`, and keeps nothing of it: no later solve may depend
+    /// on it. Errors are propagated so. A solver that keeps something from one solve to the next, or has a tolerance, needs one of its own.
+    ///
+    /// # Errors
+    /// As of [`solve`](Self::solve).
+    fn solve_aside(
+        &mut self,
+        a: Held<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        _tolerance: f64,
+        work: &mut Work,
+    ) -> Result<Solution, SolveFailure> {
+        x.fill(0.0);
+        self.solve(a, b, x, work)
+    }
 }

@@ -93,6 +93,24 @@ impl<S: LinearSolver + ?Sized> Prepared<'_, S> {
         }
     }
 
+    /// Solves to a relative residual of `tolerance` and keeps nothing of it, see [`LinearSolver::solve_aside`].
+    ///
+    /// # Errors
+    /// As of [`solve`](Self::solve).
+    pub fn solve_aside(
+        &mut self,
+        b: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+        work: &mut Work,
+    ) -> Result<Solution, SolveFailure> {
+        let expected = self.matrix.order();
+        match [b.len(), x.len()].into_iter().find(|&found| found != expected) {
+            Some(found) => Err(SolveFailure::WrongLength { expected, found }),
+            None => self.solver.solve_aside(self.matrix, b, x, tolerance, work),
+        }
+    }
+
     /// The solver, for those who give it no other matrix.
     pub(super) fn solver(&mut self) -> &mut S {
         self.solver

@@ -153,10 +153,9 @@ pub struct ErrorReport {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ErrorKind {
-    /// From figures of the run itself: right to about a factor of ten, where the motion magnifies no differences or the method
-    /// [carries its errors on](crate::Method::carries_errors).
+    /// The propagated error of the run itself, see [`PropagatedError`](crate::integrate::PropagatedError): right to about a factor of ten.
     Indicator,
-    /// Independent runs agree, or what a run's own steps neglect is far below the accuracy.
+    /// Runs that do not share their errors agree, and so does the propagated error.
     Confirmed,
 }
 
