@@ -338,9 +338,6 @@ const STABLE: f64 = 0.7;
 /// Steps of a first run by a method of fixed steps that stability does not bound.
 const FIRST_STEPS: f64 = 200.0;
 
-/// The refinement of Verlet's steps from which a method of high order is cheaper.
-const MUCH_FINER: f64 = 4.0;
-
 impl<O: Observer> Search<'_, O> {
     fn configuration(&self, method: Method) -> Configuration {
         let AccuracyOptions { par, stiffness, solver, .. } = *self.options;
@@ -386,7 +383,11 @@ impl<O: Observer> Search<'_, O> {
         let is_saturated = run.error.is_none_or(|error| error > LINEAR);
         let needed = if is_saturated { FINER * FINER } else { (2.0 * excess).powf(1.0 / order) };
         let is_free = self.options.method.is_none() && candidate.configuration.method == Method::Verlet;
-        if is_free && needed >= MUCH_FINER { self.adaptive(Method::Dop853) } else { candidate.finer(needed.max(FINER)) }
+        if is_free && needed >= FINER * FINER {
+            self.adaptive(Method::Dop853)
+        } else {
+            candidate.finer(needed.max(FINER))
+        }
     }
 
     /// Makes a run, with the propagated error of its steps where that is asked for.

@@ -463,7 +463,9 @@ mod tests {
         builder.gravity(0.3, -9.8, 0.1);
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(7);
         let places: Vec<[f64; 3]> = (0..40).map(|_| [(); 3].map(|()| random.random_range(-1.0..1.0))).collect();
-        places.iter().for_each(|place| drop(builder.particle(*place, random.random_range(0.5..2.0))));
+        for place in &places {
+            builder.particle(*place, random.random_range(0.5..2.0));
+        }
         for spring in 0..110 {
             let [i, j] = [spring % 40, (spring + 1 + random.random_range(0..38)) % 40];
             let length = (Vector3::from(places[i]) - Vector3::from(places[j])).norm();
