@@ -17,10 +17,11 @@ mod state;
 pub use axes::Axes;
 pub use behaviour::{Actuation, Behaviour};
 pub use builder::SystemBuilder;
-#[cfg(feature = "scene")]
 pub use constraint::{Constraint, Motion, Prescribed};
 pub use curve::Curve;
-pub(crate) use curve::{SAME_TIME, check_length};
+pub(crate) use curve::SAME_TIME;
+#[cfg(feature = "scene")]
+pub(crate) use curve::check_length;
 pub use dofs::{Dof, DofMap};
 pub use external::{Derivatives, ExternalForce};
 pub use loads::Loads;

@@ -25,6 +25,7 @@ mod read;
 mod write;
 
 pub(super) use read::read;
+#[cfg(feature = "report")]
 pub(crate) use write::NpzWriter;
 
 /// The array that holds everything small.
