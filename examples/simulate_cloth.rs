@@ -3,24 +3,27 @@
 //! `cargo run --release --example simulate_cloth` writes `out/cloth.svg`.
 
 use sprung::figure::Drawing;
-use sprung::force::Energy;
-use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
 use sprung::report::drawing;
 use sprung::scene::builtin;
+use sprung::{Method, Simulation};
+use std::ops::ControlFlow;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let (system, mut state) = builtin::cloth(24)?.build()?;
-    let mut stepper = LinearBackwardEuler::new(&system, &state, &ImplicitOptions::default())?;
-    for step in 0..=80 {
-        if step % 20 == 0 {
-            println!("t = {:.2} s, total energy {:.6} J", state.time, Energy::of(&system, &state).total());
+    let (system, start) = builtin::cloth(24)?.build()?;
+    let simulation = Simulation::new(&system, start).method(Method::LinearBackwardEuler).dt(0.01);
+    let mut steps = 0;
+    let result = simulation.run_observed(0.8, |state, monitor| {
+        steps += 1;
+        if steps % 20 == 0 {
+            println!("t = {:.2} s, total energy {:.6} J", state.time, monitor.energy().total());
         }
-        stepper.step(&mut state, 0.01)?;
-    }
-    let work = stepper.statistics().work;
-    println!("{} solves, {} symbolic analysis", work.solves, work.symbolic_factorizations);
+        ControlFlow::Continue(())
+    })?;
+    let work = result.statistics.work;
+    println!("{}: {} solves, {} symbolic analysis", result.status.name(), work.solves, work.symbolic_factorizations);
+    result.warnings.iter().for_each(|warning| println!("{warning}"));
 
     std::fs::create_dir_all("out")?;
-    std::fs::write("out/cloth.svg", drawing::svg(&Drawing::strains("strain", &system, &state)))?;
+    std::fs::write("out/cloth.svg", drawing::svg(&Drawing::strains("strain", &system, &result.state)))?;
     Ok(())
 }

@@ -1,12 +1,11 @@
 //! Implicit mass–spring systems with an explicitly assembled sparse matrix.
 //!
-//! A [`SystemBuilder`] checks a description and gives a [`System`], which does not change any more, and its [`State`], which steppers
-//! move. Most programs need three things: a [`Method`]'s stepper, [`integrate::run`], and, where they want to look inside,
-//! [`integrate::StepMatrices`] and [`inspect`].
+//! A [`SystemBuilder`] checks a description and gives a [`System`], which does not change any more, and its [`State`]. Most programs need two things:
+//! a [`Simulation`], and, where they want to look inside, [`integrate::Matrices`] and [`inspect`].
 //!
 //! ```
-//! use sprung::integrate::{ImplicitOptions, Schedule, run};
-//! use sprung::{Method, Spring, SystemBuilder};
+//! use sprung::integrate::Matrices;
+//! use sprung::{Method, Simulation, Spring, Stiffness, SystemBuilder};
 //! use std::ops::ControlFlow;
 //!
 //! let mut builder = SystemBuilder::new();
@@ -15,16 +14,20 @@
 //! let bob = builder.particle([1.0, 0.0, 0.0], 2.0);
 //! builder.spring(anchor, bob, Spring { stiffness: 1000.0, rest_length: 1.0, damping: 0.3 });
 //! builder.hold(anchor);
-//! let (system, mut state) = builder.build()?;
+//! let (system, state) = builder.build()?;
 //!
-//! let mut stepper = Method::Bdf2.stepper(&system, &state, &ImplicitOptions::default())?;
 //! let mut lowest = 0.0_f64;
-//! let outcome = run(&mut *stepper, &mut state, &Schedule::duration(0.01, 1.0), |_, state| {
+//! let simulation = Simulation::new(&system, state.clone()).method(Method::Bdf2).dt(0.01);
+//! let result = simulation.run_observed(1.0, |state, _| {
 //!     lowest = lowest.min(state.positions[bob].y);
 //!     ControlFlow::Continue(())
-//! });
-//! assert_eq!((outcome.status().name(), outcome.steps), ("completed", 100));
+//! })?;
+//! assert_eq!((result.status.name(), result.steps), ("completed", 100));
 //! assert!((-1.2..-1.0).contains(&lowest));
+//!
+//! let mut matrices = Matrices::new(&system)?;
+//! matrices.update(&state, Stiffness::Full)?;
+//! assert_eq!(matrices.k().values()[0], -1000.0);
 //! # Ok::<(), sprung::Error>(())
 //! ```
 //!
@@ -47,7 +50,8 @@
 //! | [`integrate`] | time stepping methods, the run loop, and the matrices of one step |
 //! | [`inspect`] | definiteness: inertia, spectrum, critical steps, and the springs behind negative curvature |
 //! | [`accuracy`] | the cheapest way to a given accuracy, and what a scene does not need |
-//! | [`plan`] | how a run is made where little is said of it |
+//! | [`plan`] | the method, steps and solver of a run where they are not given |
+//! | [`simulation`] | one entry to all runs |
 //! | [`verify`] | checks as plain data: value, bound, and why the bound |
 //! | [`chart`] | speed against accuracy, and maps of stability |
 //! | [`report`] | checks and pictures as HTML, SVG, JSON, JUnit and text |
@@ -91,6 +95,7 @@ mod registers;
 pub mod report;
 #[cfg(feature = "scene")]
 pub mod scene;
+pub mod simulation;
 pub mod spring;
 pub mod system;
 pub mod verify;
@@ -107,6 +112,7 @@ pub use error::{Error, Result};
 pub use integrate::Method;
 #[cfg(feature = "scene")]
 pub use scene::Scene;
+pub use simulation::{Simulation, SimulationResult};
 pub use spring::{Spring, Stiffness};
 pub use system::{Constraint, DofMap, Motion, State, System, SystemBuilder};
 

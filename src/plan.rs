@@ -1,7 +1,7 @@
 //! How a run is made where little is said of it: what the command and every other front end decide alike, so that they compute the
 //! same bits.
 //!
-//! [`Wishes`] are what a user says. With the system, its state and a step they become a [`Plan`], in which nothing is open, and a
+//! [`RunOptions`] are what a user says. With the system, its state and a step they become a [`Plan`], in which nothing is open, and a
 //! plan makes the [`Stepper`] that [runs](Stepper::run).
 
 use crate::accuracy::{AccuracyOptions, Configuration, SpectralRadius, default_method};
@@ -49,7 +49,7 @@ impl MethodChoice {
 
 /// What is asked of a run. What is `None` is left to the program.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Wishes {
+pub struct RunOptions {
     /// The method.
     pub method: Option<MethodChoice>,
     /// The relative position error at the end.
@@ -100,7 +100,7 @@ pub fn parallelism(system: &System) -> Par {
     if system.dofs().len() < LARGE { Par::Seq } else { Par::rayon(PIECES) }
 }
 
-impl Wishes {
+impl RunOptions {
     /// The tolerance of adaptive steps where no step is given.
     const RTOL: f64 = 1e-2;
 

@@ -80,9 +80,7 @@ impl Assembled {
         let (starts, rows) = (starts.as_slice_mut()?, rows.as_slice_mut()?);
         let values = values.as_slice_mut()?;
         let Some(matrix) = self.matrix(matrix)? else {
-            // The blocks of M have nothing but zeros beside their diagonal.
-            let masses = self.step.m.iter().filter(|(row, column, _)| row == column);
-            values.iter_mut().zip(masses).for_each(|(to, (_, _, mass))| *to = mass);
+            values.iter_mut().zip(&self.step.m).for_each(|(to, mass)| *to = *mass);
             starts.iter_mut().zip(0..).for_each(|(to, start)| *to = start);
             rows.iter_mut().zip(0..).for_each(|(to, row)| *to = row);
             return Ok(());

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sprung::integrate::{Monitor, Schedule, Status};
 use sprung::output::{ChoiceReport, ErrorKind, ErrorReport, Ran};
-use sprung::plan::{Plan, Wishes};
+use sprung::plan::{Plan, RunOptions};
 use sprung::{State, System};
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -31,8 +31,8 @@ pub fn run<'py>(
     every: u64,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let wishes = Wishes { rtol: fraction("rtol", rtol)?, accuracy: fraction("accuracy", accuracy)?, ..stepper.wishes };
-    let pacing = Pacing::new(&wishes, duration, dt, !allow_unstable, every)?;
+    let run_options = RunOptions { rtol: fraction("rtol", rtol)?, accuracy: fraction("accuracy", accuracy)?, ..stepper.run_options };
+    let pacing = Pacing::new(&run_options, duration, dt, !allow_unstable, every)?;
     let mut guard = stepper.moving()?;
     let moving = &mut *guard;
     let calls_back = callback.is_some();
@@ -43,14 +43,14 @@ pub fn run<'py>(
             let observe = |number, state: &State| {
                 if calls_back { line.ask((number, state.clone())) } else { ControlFlow::Continue(()) }
             };
-            let done = of_stepper(stepper, &wishes, &pacing, moving, observe);
+            let done = of_stepper(stepper, &run_options, &pacing, moving, observe);
             moving.forget();
             done
         },
         |py, (number, state): (u64, State)| called(py, callback.as_ref(), &stepper.system, number, &state),
     )?;
     let Some(Done { summary, recorded }) = done.map_err(raised)? else {
-        let accuracy = wishes.accuracy.unwrap_or(0.0);
+        let accuracy = run_options.accuracy.unwrap_or(0.0);
         let why = format!("no run comes to the end of this motion: there is no answer to an accuracy of {accuracy:e}");
         return Err(PyRuntimeError::new_err(why));
     };
@@ -82,22 +82,22 @@ fn called(
 /// Runs on; `None` where there is no answer to an accuracy.
 fn of_stepper(
     stepper: &Stepper,
-    wishes: &Wishes,
+    run_options: &RunOptions,
     pacing: &Pacing,
     moving: &mut Moving,
     observe: impl FnMut(u64, &State) -> ControlFlow<()>,
 ) -> sprung::Result<Option<Done>> {
     let system = &*stepper.system;
     let subject = Subject { name: &stepper.name, system };
-    if let Some(options) = wishes.accuracy_options(system, pacing.duration, pacing.interval) {
+    if let Some(options) = run_options.accuracy_options(system, pacing.duration, pacing.interval) {
         return search(&subject, &options, pacing, &stepper.flag, &mut moving.state);
     }
-    simulate(&subject, wishes, pacing, &mut moving.state, observe).map(Some)
+    simulate(&subject, run_options, pacing, &mut moving.state, observe).map(Some)
 }
 
 fn simulate(
     subject: &Subject<'_>,
-    wishes: &Wishes,
+    run_options: &RunOptions,
     pacing: &Pacing,
     state: &mut State,
     mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
@@ -105,7 +105,7 @@ fn simulate(
     let Subject { name, system } = subject;
     let schedule = Schedule::duration(pacing.interval, pacing.duration);
     let clock = Instant::now();
-    let plan = wishes.plan(system, state, [schedule.dt(), pacing.duration], pacing.rtol)?;
+    let plan = run_options.plan(system, state, [schedule.dt(), pacing.duration], pacing.rtol)?;
     let mut monitor = Monitor::new(system, state, plan.monitor(pacing.stops_unstable, true))?;
     let mut stepper = plan.stepper(system, state)?;
     let mut recorded = Recorded::new(system, schedule.len(), pacing.every)?;
@@ -113,7 +113,7 @@ fn simulate(
     let outcome = stepper.run(system, state, &schedule, &mut monitor, |number, state, monitor| {
         recorded.push(number, state, monitor);
         // Of steps without systems to solve nobody else looks whether to stop.
-        match wishes.interrupt.is_requested() {
+        match run_options.interrupt.is_requested() {
             true => ControlFlow::Break(()),
             false if recorded.is_frame(number) => observe(number, state),
             false => ControlFlow::Continue(()),

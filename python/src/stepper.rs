@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use self_cell::self_cell;
 use sprung::State;
 use sprung::integrate::{Statistics, TimeStepper};
-use sprung::plan::Wishes;
+use sprung::plan::RunOptions;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 type Owner = Arc<sprung::System>;
@@ -40,7 +40,7 @@ pub struct Moving {
 pub struct Stepper {
     pub system: Arc<sprung::System>,
     pub name: String,
-    pub wishes: Wishes,
+    pub run_options: RunOptions,
     pub flag: Flag,
     moving: Mutex<Moving>,
 }
@@ -71,17 +71,17 @@ impl Stepper {
     ) -> PyResult<Self> {
         let start = state(&system.system, &given)?;
         let flag = Flag::new();
-        let wishes = Wishes {
+        let run_options = RunOptions {
             method: method.map(names::method).transpose()?,
             stiffness: stiffness.map(names::policy).transpose()?,
             solver: solver.map(names::solver).transpose()?,
             preconditioner: preconditioner.map(names::preconditioner).transpose()?.flatten(),
             tolerance: tolerance.map(|value| positive("tolerance", value)).transpose()?,
             interrupt: flag.interrupt(),
-            ..Wishes::default()
+            ..RunOptions::default()
         };
         let moving = Mutex::new(Moving { state: start, kept: None, done: Statistics::default() });
-        Ok(Self { system: system.system.clone(), name: system.name.clone(), wishes, flag, moving })
+        Ok(Self { system: system.system.clone(), name: system.name.clone(), run_options, flag, moving })
     }
 
     /// One step of dt seconds; why it could not be done, by status and in words.
@@ -94,7 +94,7 @@ impl Stepper {
             let kept = match kept {
                 Some(kept) => kept,
                 None => {
-                    let plan = self.wishes.plan(&self.system, state, [dt, dt], None)?;
+                    let plan = self.run_options.plan(&self.system, state, [dt, dt], None)?;
                     let (method, options) = (plan.configuration.method, plan.configuration.options);
                     let made = Kept::try_new(self.system.clone(), |system| method.stepper(system, state, &options))?;
                     kept.insert(made)

@@ -7,7 +7,7 @@ use sprung::System;
 use sprung::error::Invalid;
 use sprung::integrate::Schedule;
 use sprung::output::Summary;
-use sprung::plan::{DEFAULT_STEP, Wishes, records_every};
+use sprung::plan::{DEFAULT_STEP, RunOptions, records_every};
 use std::num::NonZeroU64;
 
 /// What is run.
@@ -32,16 +32,16 @@ pub struct Pacing {
 
 impl Pacing {
     /// What the arguments mean, as for the command.
-    pub fn new(wishes: &Wishes, duration: f64, dt: Option<f64>, stops_unstable: bool, every: u64) -> PyResult<Self> {
+    pub fn new(run_options: &RunOptions, duration: f64, dt: Option<f64>, stops_unstable: bool, every: u64) -> PyResult<Self> {
         let Some(every) = NonZeroU64::new(every) else {
             return Err(invalid(Invalid::new("every", every, "must be positive")));
         };
         if !(duration.is_finite() && duration > 0.0) {
             return Err(invalid(Invalid::new("duration", duration, "must be finite and positive")));
         }
-        let rtol = if dt.is_none() { wishes.rtol_without_step() } else { wishes.rtol };
-        let is_chosen = dt.is_none() && rtol.is_some() && wishes.rtol.is_none();
-        let chosen = if rtol.is_some() || wishes.accuracy.is_some() { records_every(duration) } else { DEFAULT_STEP };
+        let rtol = if dt.is_none() { run_options.rtol_without_step() } else { run_options.rtol };
+        let is_chosen = dt.is_none() && rtol.is_some() && run_options.rtol.is_none();
+        let chosen = if rtol.is_some() || run_options.accuracy.is_some() { records_every(duration) } else { DEFAULT_STEP };
         let interval = dt.unwrap_or(chosen);
         Schedule::check(interval, duration).map_err(invalid)?;
         Ok(Self { duration, interval, rtol, is_chosen, stops_unstable, every })

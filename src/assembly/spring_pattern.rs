@@ -59,14 +59,6 @@ impl SpringPattern {
         Self::of(system, |damping| damping > 0.0)
     }
 
-    /// The pattern of M: the diagonal.
-    ///
-    /// # Errors
-    /// More entries than 32-bit indices can count.
-    pub fn of_mass(system: &System) -> Result<Self> {
-        Self::of(system, |_| false)
-    }
-
     fn of(system: &System, enters: impl Fn(f64) -> bool + Copy) -> Result<Self> {
         let rows = system.particles() as u64;
         memory::ensure(PATTERN * (system.active_springs().len() as u64 + rows), "the pattern of the matrix")?;

@@ -12,7 +12,7 @@ use sprung::chart::{Deadline, Reference, Run, SizeRun, StabilityMap, SweepOption
 use sprung::integrate::{Method, Monitor, Schedule, Status, StiffnessPolicy, percent};
 use sprung::linear::SolverChoice;
 use sprung::output::AtomicFile;
-use sprung::plan::{MethodChoice, Wishes, parallelism};
+use sprung::plan::{MethodChoice, RunOptions, parallelism};
 use sprung::report::{chart_html, plot, tiles};
 use std::io::{self, Write};
 use std::ops::ControlFlow;
@@ -167,9 +167,9 @@ fn holds(scene: &LoadedScene, run: &Run, duration: f64, until: Deadline) -> bool
     let method = Method::ALL.into_iter().find(|method| method.name() == run.method).map(MethodChoice::Named);
     let stiffness = StiffnessPolicy::ALL.into_iter().find(|policy| policy.name() == run.stiffness);
     let solver = SolverChoice::ALL.into_iter().find(|solver| solver.name() == run.solver);
-    let wishes = Wishes { method, stiffness, solver, rtol: run.rtol, ..Wishes::default() };
+    let run_options = RunOptions { method, stiffness, solver, rtol: run.rtol, ..RunOptions::default() };
     let made = || -> Result<bool> {
-        let plan = wishes.plan(system, start, [run.dt, duration], run.rtol)?;
+        let plan = run_options.plan(system, start, [run.dt, duration], run.rtol)?;
         let mut monitor = Monitor::new(system, start, plan.monitor(true, true))?;
         let mut stepper = plan.stepper(system, start)?;
         let mut state = start.clone();

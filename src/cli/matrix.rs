@@ -117,7 +117,7 @@ impl Matrix {
             dofs: scene.system.dofs().len(),
             entries: Entries {
                 a: entries(&matrices.a),
-                m: entries(&matrices.m),
+                m: matrices.m.len(),
                 g: entries(&matrices.g),
                 k: entries(&matrices.k),
             },
@@ -138,7 +138,7 @@ impl Matrix {
 /// The name of the first part of the linear system that is not made of finite numbers.
 fn not_finite(matrices: &StepMatrices) -> Option<&'static str> {
     let StepMatrices { a, m, g, k, b } = matrices;
-    let parts = [("M", m.values()), ("G", g.values()), ("K", k.values()), ("A", a.values()), ("b", b)];
+    let parts = [("M", m.as_slice()), ("G", g.values()), ("K", k.values()), ("A", a.values()), ("b", b)];
     parts.into_iter().find(|(_, values)| !values.iter().all(|value| value.is_finite())).map(|(name, _)| name)
 }
 
@@ -155,7 +155,9 @@ fn write(folder: &Path, scene: &LoadedScene, matrices: &StepMatrices, how: &str)
         write_symmetric(folder.join(name), &comment, matrix.dofs().len(), nonzeros(matrix).count(), entries)
     };
     matrix("A.mtx", "A = M/dt^2 - G/dt - K, in N/m", &matrices.a)?;
-    matrix("M.mtx", "M, the masses, in kg", &matrices.m)?;
+    let comment = format!("M, the masses, in kg; {how}\nrows and columns as in dofs.csv");
+    let masses = matrices.m.iter().enumerate().map(|(row, mass)| (row, row, *mass));
+    write_symmetric(folder.join("M.mtx"), &comment, masses.len(), masses.len(), masses)?;
     matrix("G.mtx", "G = d f_damping/d v, in N s/m", &matrices.g)?;
     matrix("K.mtx", "K = d f_elastic/d x, in N/m", &matrices.k)?;
     let comment = format!("b = M v/dt + M gravity + f_elastic - A_fc dx_c, in N; {how}\nrows as in dofs.csv");

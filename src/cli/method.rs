@@ -7,7 +7,7 @@ use sprung::Stiffness;
 use sprung::accuracy::Configuration;
 use sprung::integrate::{Method, StiffnessPolicy};
 use sprung::linear::{PreconditionerKind, SolverChoice};
-use sprung::plan::{MethodChoice, Plan, Wishes};
+use sprung::plan::{MethodChoice, Plan, RunOptions};
 
 /// How to simulate. Options that are not given are `None`, so that those given in vain can be told.
 #[derive(Debug, clap::Args)]
@@ -151,8 +151,8 @@ pub fn repeat(plan: &Plan) -> String {
 
 impl MethodArguments {
     /// What is asked of a run.
-    pub fn wishes(&self) -> Wishes {
-        Wishes {
+    pub fn run_options(&self) -> RunOptions {
+        RunOptions {
             method: self.method,
             accuracy: self.accuracy,
             rtol: self.rtol,
@@ -166,7 +166,7 @@ impl MethodArguments {
 
     /// Names the options that the method or the solver asked for, or the method that stands for none in runs of this tolerance, does not use.
     pub fn note_unused(&self, console: &Console, rtol: Option<f64>) {
-        let method = Wishes { rtol, ..self.wishes() }.method();
+        let method = RunOptions { rtol, ..self.run_options() }.method();
         let given = [
             ("stiffness", self.stiffness.is_some()),
             ("solver", self.solver.is_some()),

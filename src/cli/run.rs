@@ -129,9 +129,12 @@ impl Run {
 
     /// How long the steps are, and for how long. A number of steps asks for steps of one length.
     fn pace(&self, console: &Console, scene: &LoadedScene) -> Result<Pacing> {
-        let adaptive =
-            if self.steps.is_some() { self.method.wishes().rtol } else { self.method.wishes().rtol_without_step() };
-        let asked = self.method.wishes().rtol.is_some();
+        let adaptive = if self.steps.is_some() {
+            self.method.run_options().rtol
+        } else {
+            self.method.run_options().rtol_without_step()
+        };
+        let asked = self.method.run_options().rtol.is_some();
         let given = self.dt.or(scene.time.dt.filter(|_| !asked));
         if let (Some(dt), true, None) = (scene.time.dt, asked, self.dt) {
             let dt = number(dt);
@@ -159,7 +162,7 @@ impl Run {
             },
         )?;
         scene.step_or_default(console, self.dt);
-        Ok(Pacing { schedule, rtol: self.method.wishes().rtol, is_chosen: false })
+        Ok(Pacing { schedule, rtol: self.method.run_options().rtol, is_chosen: false })
     }
 
     /// Decides how the scene is run.
@@ -167,7 +170,7 @@ impl Run {
         let LoadedScene { file, system, state, .. } = scene;
         let Pacing { schedule, rtol, is_chosen } = pace;
         let lengths = [schedule.dt(), schedule.elapsed(schedule.len())];
-        let plan = self.method.wishes().plan(system, state, lengths, rtol).map_err(|error| error.in_file(file))?;
+        let plan = self.method.run_options().plan(system, state, lengths, rtol).map_err(|error| error.in_file(file))?;
         let why = if is_chosen { "no dt is given: " } else { "" };
         let steps = rtol.map(|rtol| format!("{why}adaptive steps, rtol {rtol:e}"));
         let reasons: Vec<String> = steps.into_iter().chain(plan.reason.clone()).collect();
@@ -178,7 +181,7 @@ impl Run {
 
     /// The accuracy that is required, if one is. The answer is recorded at multiples of dt, where there is one.
     fn accuracy_options(&self, scene: &LoadedScene) -> Result<Option<AccuracyOptions>> {
-        if self.method.wishes().accuracy.is_none() {
+        if self.method.run_options().accuracy.is_none() {
             return Ok(None);
         }
         if self.resume {
@@ -187,7 +190,7 @@ impl Run {
         let duration = scene.motion_length(self.duration, "--accuracy")?;
         let interval = self.dt.or(scene.time.dt).unwrap_or(records_every(duration));
         scene.schedule(interval, duration)?;
-        Ok(self.method.wishes().accuracy_options(&scene.system, duration, interval))
+        Ok(self.method.run_options().accuracy_options(&scene.system, duration, interval))
     }
 
     /// Runs, writes and reports the results.

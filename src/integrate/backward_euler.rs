@@ -73,6 +73,7 @@ impl TimeStepper for BackwardEuler<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.0.linear.system, state, dt)?;
         let system = self.0.linear.system;
         system.prescribed().displacement(state.time + dt, &state.positions, &mut self.0.displacement);
         self.0.solve(state, dt)?;

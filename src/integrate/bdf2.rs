@@ -180,6 +180,7 @@ impl TimeStepper for Bdf2<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.iteration.system(), state, dt)?;
         let ratio = self.history.ratio(self.iteration.system(), state, dt);
         self.estimate.forget();
         self.advance(state, dt, ratio)?;
@@ -214,6 +215,7 @@ impl TimeStepper for Bdf2<'_> {
 
 impl AdaptiveStepper for Bdf2<'_> {
     fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
+        StepFailure::of_arguments(self.iteration.system(), state, dt)?;
         let mut ratio = self.history.ratio(self.iteration.system(), state, dt);
         // Without an estimate before it the past says nothing about errors: the step starts anew.
         if ratio == 0.0 || !self.estimate.is_known() {

@@ -136,7 +136,7 @@ impl<'s> Dop853<'s> {
     /// # Errors
     /// Coincident ends of a spring in `state`; too little memory.
     pub fn new(system: &'s System, state: &State) -> Result<Self> {
-        ensure_room(system, PARTICLE)?;
+        ensure_room(system, state, PARTICLE)?;
         Extensions::at(system, state)?;
         Ok(Self::unchecked(system, state))
     }
@@ -274,6 +274,7 @@ impl TimeStepper for Dop853<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.system, state, dt)?;
         let (mut time, end) = (state.time, state.time + dt);
         self.next.copy_from(state);
         let mut local_error = 0.0;
@@ -334,6 +335,7 @@ impl TimeStepper for Dop853<'_> {
 
 impl AdaptiveStepper for Dop853<'_> {
     fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
+        StepFailure::of_arguments(self.system, state, dt)?;
         // What the interpolant knows of the end of the last step is the beginning of this one.
         if self.knows_last {
             self.stages.0.swap(0, END);

@@ -12,8 +12,9 @@ use nalgebra::Vector3;
 const PARTICLE: u64 = 150;
 const SPRING: u64 = 40;
 
-/// Asks for the memory of an explicit method that keeps so many bytes for every particle.
-pub(super) fn ensure_room(system: &System, particle: u64) -> Result<()> {
+/// Asks for the memory of an explicit method that keeps so many bytes for every particle, and refuses a state of another system.
+pub(super) fn ensure_room(system: &System, state: &State, particle: u64) -> Result<()> {
+    state.check(system)?;
     let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
     memory::ensure(SPRING * springs + particle * particles, "the state of the method")
 }
@@ -34,7 +35,7 @@ struct Explicit<'s> {
 
 impl<'s> Explicit<'s> {
     fn new(system: &'s System, state: &State) -> Result<Self> {
-        ensure_room(system, PARTICLE)?;
+        ensure_room(system, state, PARTICLE)?;
         Extensions::at(system, state)?;
         let force = vec![Vector3::zeros(); system.particles()];
         Ok(Self { system, force, next: state.clone(), displaced: Vec::new(), statistics: Statistics::default() })
@@ -128,6 +129,7 @@ impl TimeStepper for ForwardEuler<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.0.system, state, dt)?;
         self.0.set_force(state)?;
         for ((x, v), (force, mass), (next_x, next_v)) in self.0.particles(state) {
             *next_x = x + v * dt;
@@ -188,6 +190,7 @@ impl TimeStepper for SymplecticEuler<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.0.system, state, dt)?;
         self.0.set_force(state)?;
         for ((x, v), (force, mass), (next_x, next_v)) in self.0.particles(state) {
             *next_v = v + force * (dt / mass);

@@ -2,7 +2,7 @@
 
 use crate::force::DegenerateSpring;
 use crate::linear::SolveFailure;
-use crate::system::System;
+use crate::system::{State, System};
 use serde::Serialize;
 
 /// Why a step could not be done.
@@ -28,6 +28,17 @@ pub enum StepFailure {
     /// The error estimate stays above the tolerance.
     #[error("the error estimate stays above the tolerance however short the step")]
     Tolerance,
+    /// The step's length.
+    #[error("a step of {0} s cannot be done: it must be finite and positive")]
+    StepLength(f64),
+    /// A state of another system.
+    #[error("the state has {found} positions or velocities, and the system {expected} particles")]
+    ForeignState {
+        /// Rows of the state.
+        found: usize,
+        /// Particles of the system.
+        expected: usize,
+    },
     /// The new state would not be finite.
     #[error("the new positions or velocities are not finite")]
     NonFinite,
@@ -130,6 +141,17 @@ impl StepFailure {
         Err(Self::DegenerateSpring(DegenerateSpring { spring: -lowest as usize, pair }))
     }
 
+    /// Refuses a step that is no step of a system.
+    pub(super) fn of_arguments(system: &System, state: &State, dt: f64) -> Result<(), Self> {
+        let expected = system.particles();
+        if let Some(found) =
+            [state.positions.len(), state.velocities.len()].into_iter().find(|&found| found != expected)
+        {
+            return Err(Self::ForeignState { found, expected });
+        }
+        if dt.is_finite() && dt > 0.0 { Ok(()) } else { Err(Self::StepLength(dt)) }
+    }
+
     /// The status of a run that this failure ends.
     pub fn status(&self) -> Status {
         match self {
@@ -140,7 +162,10 @@ impl StepFailure {
                 | SolveFailure::Unprepared
                 | SolveFailure::WrongLength { .. },
             ) => Status::NotConverged,
-            Self::Solve(SolveFailure::NonFinite) | Self::NonFinite => Status::NonFinite,
+            Self::Solve(SolveFailure::NonFinite)
+            | Self::NonFinite
+            | Self::StepLength(_)
+            | Self::ForeignState { .. } => Status::NonFinite,
             Self::Solve(SolveFailure::Interrupted) => Status::Interrupted,
             Self::DegenerateSpring(_) => Status::DegenerateSpring,
             Self::Newton { .. } | Self::Tolerance => Status::NotConverged,

@@ -4,7 +4,7 @@ use super::exactness::Exactness;
 use super::terms::{Choice, Terms};
 use super::{Softening, Statistics, StepFailure, StiffnessPolicy};
 use crate::error::Result;
-use crate::force::{Configuration, Extensions, add_elastic_differential};
+use crate::force::{Configuration, Extensions, add_damping_product, add_elastic_differential};
 use crate::interrupt::Interrupt;
 use crate::linear::{LinearSolver, MatrixAndSolver, Solution, SolveFailure, SolverOptions, Tolerance, norm, select};
 use crate::memory;
@@ -91,7 +91,7 @@ pub(super) struct LinearSystem<'s> {
 impl<'s> LinearSystem<'s> {
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
         // Before the solver, which may be large: a refusal comes early.
-        Self::check(system, options)?;
+        Self::check(system, state, options)?;
         let mut work = Work::default();
         let solver = select(system, &options.linear, options.stiffness.assurance(), &mut work)?;
         let mut linear = Self::with_solver(system, state, options, solver)?;
@@ -99,7 +99,8 @@ impl<'s> LinearSystem<'s> {
         Ok(linear)
     }
 
-    fn check(system: &System, options: &ImplicitOptions) -> Result<()> {
+    fn check(system: &System, state: &State, options: &ImplicitOptions) -> Result<()> {
+        state.check(system)?;
         options.linear.tolerance.check()?;
         let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
         memory::ensure(SPRING * springs + PARTICLE * particles, "the state of the method")
@@ -112,7 +113,7 @@ impl<'s> LinearSystem<'s> {
         options: &ImplicitOptions,
         solver: Box<dyn LinearSolver + 's>,
     ) -> Result<Self> {
-        Self::check(system, options)?;
+        Self::check(system, state, options)?;
         let extensions = Extensions::at(system, state)?;
         let policy = options.stiffness;
         let combination = Combination::STIFFNESS;
@@ -262,14 +263,16 @@ impl<'s> LinearSystem<'s> {
     }
 
     /// Applies the resolvent `(1 − τJ)⁻¹` of the linearised motion to an error, of positions in m and of velocities in m/s, with the matrix at hand: a step of
-    /// backward Euler of τ seconds,
+    /// backward Euler of τ seconds, which corrects steady motion,
     ///
     /// ```text
-    /// A(τ) d = M e_v/τ + K e_x − r,      e_x += d,      e_v = d/τ.
+    /// A(τ) c = K (e_x + τ e_v) + G e_v − r,      d = τ e_v + c,      e_x += d,      e_v = d/τ.
     /// ```
     ///
-    /// K is exact, whatever the matrix has of it. r, in N, is what the step that is linearised left out. On entry `r` holds it; it is used up. Where the
-    /// matrix at hand is another one than A(τ), or the solve fails, the error stays as it is. No later solve depends on this one.
+    /// K is exact, whatever the matrix has of it. r, in N, is what the step that is linearised left out. On entry `r` holds it; it is used up. An iterative
+    /// solver starts at c = 0, which is too little: what it leaves out is a part of the forces of the error, never of its velocity, so that vibrations
+    /// of the error are not braked from step to step. Where the matrix at hand is another one than A(τ), or the solve fails, the error stays as it is. No
+    /// later solve depends on this one.
     pub fn resolve(
         &mut self,
         tau: f64,
@@ -282,16 +285,20 @@ impl<'s> LinearSystem<'s> {
             return;
         }
         let Some(mut prepared) = equations.prepared() else { return };
-        for ((r, v), mass) in r.iter_mut().zip(&*v).zip(system.masses()) {
-            *r = v * (mass / tau) - *r;
+        for (((d, r), x), v) in d.iter_mut().zip(&mut *r).zip(&*x).zip(&*v) {
+            *d = x + v * tau;
+            *r = -*r;
         }
-        add_elastic_differential(system, extensions, x, r);
+        add_elastic_differential(system, extensions, d, r);
+        add_damping_product(system, extensions, v, r);
         system.dofs().gather(r, rhs);
         if prepared.solve_aside(rhs, solution, ERROR_TOLERANCE, &mut statistics.work).is_ok() {
             d.fill(Vector3::zeros());
             system.dofs().scatter(solution, d);
-            x.iter_mut().zip(&*d).for_each(|(x, d)| *x += d);
-            v.iter_mut().zip(&*d).for_each(|(v, d)| *v = d / tau);
+            for ((d, x), v) in d.iter().zip(&mut *x).zip(&mut *v) {
+                *x += *v * tau + d;
+                *v += d / tau;
+            }
         }
     }
 

@@ -84,6 +84,7 @@ impl TimeStepper for ImplicitMidpoint<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.newton.linear.system, state, dt)?;
         let Self { newton, next } = self;
         let system = newton.linear.system;
         system.prescribed().displacement(state.time + dt, &state.positions, &mut newton.displacement);

@@ -89,6 +89,7 @@ impl TimeStepper for LinearBackwardEuler<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.linear.system, state, dt)?;
         let Self { linear, force, displacement } = self;
         let system = linear.system;
         let time = state.time + dt;

@@ -1,7 +1,7 @@
-//! The matrices and the right-hand side of one step, assembled for the caller.
+//! K, G, M, A and b, assembled for the caller.
 
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
-use crate::error::Result;
+use crate::error::{Error, Invalid, Result};
 use crate::force::{Extensions, add_elastic_force, add_undamped_external_forces, add_weight};
 use crate::memory;
 use crate::operator::{Combination, SystemOperator};
@@ -10,12 +10,13 @@ use crate::system::{State, System};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// Everything of `A δx = b` at a state, over the free degrees of freedom ordered by particle, then axis.
+/// The matrices of a system at a state, over the free degrees of freedom ordered by particle, then axis: patterns and slots once, values as often as
+/// asked.
 ///
 /// # Examples
 /// ```
+/// use sprung::integrate::Matrices;
 /// use sprung::Stiffness;
-/// use sprung::integrate::StepMatrices;
 ///
 /// # use sprung::{Spring, SystemBuilder};
 /// # let mut builder = SystemBuilder::new();
@@ -23,60 +24,172 @@ use std::sync::Arc;
 /// # builder.particle([1.0, 0.0, 0.0], 1.0);
 /// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// # builder.hold(0);
-/// let (system, state) = builder.build()?;
-/// let step = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.5)?;
-/// let k = sprung::nalgebra::DMatrix::from(&step.k.to_csc());
+/// let (system, mut state) = builder.build()?;
+/// let mut matrices = Matrices::new(&system)?;
+/// matrices.update(&state, Stiffness::Full)?;
+/// let k = sprung::nalgebra::DMatrix::from(&matrices.k().to_csc());
 /// assert_eq!(k.diagonal().as_slice(), [-10.0, 10.0, 10.0]); // stable along the spring, unstable across
-/// assert_eq!(step.b, [10.0, 0.0, 0.0]);
+/// assert_eq!(matrices.masses(), [1.0, 1.0, 1.0]);
+///
+/// // A step of 0.1 s, by A δx = b.
+/// let (a, b) = (matrices.a(0.1)?, matrices.b(&state, 0.1)?);
+/// let x = a.cholesky()?.solve(&b)?;
+/// assert!((x[0] - 10.0 / 110.0).abs() < 1e-15);
+///
+/// // The values of another state on the same pattern.
+/// state.positions[1].x = 2.0;
+/// matrices.update(&state, Stiffness::Full)?;
+/// assert_eq!(matrices.k().values()[0], -10.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Debug, Clone)]
-pub struct StepMatrices {
-    /// `A = M/dt² − G/dt − K`, in N/m.
-    pub a: SymmetricMatrix,
-    /// M, in kg.
-    pub m: SymmetricMatrix,
-    /// `G = ∂f/∂v`, of springs, drag and forces from outside, in N·s/m; empty without damping.
-    pub g: SymmetricMatrix,
-    /// `K = ∂f_el/∂x` under the option, in N/m; negative where the system is stable.
-    pub k: SymmetricMatrix,
-    /// `b = M v/dt + g + f_el(x) − A_fc δx_c`, in N, and of forces from outside `f_ext − D v`, with the prescribed motion on the right-hand side.
-    pub b: Vec<f64>,
+pub struct Matrices<'s> {
+    system: &'s System,
+    stiffness: Arc<SpringPattern>,
+    k: SystemMatrix,
+    g: SystemMatrix,
+    masses: Vec<f64>,
+    at: Option<Linearization<'s>>,
 }
 
-/// Bytes of four matrices and their patterns, at most, for a spring and for a particle.
+/// A state that matrices are assembled at.
+struct Linearization<'s> {
+    extensions: Extensions,
+    operator: SystemOperator<'s>,
+    option: Stiffness,
+}
+
+/// Bytes of three matrices and their patterns, at most, for a spring and for a particle.
 const SPRING: u64 = 800;
 const PARTICLE: u64 = 800;
 
-impl StepMatrices {
-    /// Assembles the linearised backward Euler step of length dt from a state.
+impl<'s> Matrices<'s> {
+    /// The patterns of a system; K and G are zero until the first [`update`](Self::update).
     ///
     /// # Errors
-    /// Coincident ends of a spring; a matrix that is too large.
-    pub fn assemble(system: &System, state: &State, option: Stiffness, dt: f64) -> Result<Self> {
+    /// A matrix that is too large.
+    pub fn new(system: &'s System) -> Result<Self> {
         let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
-        memory::ensure(SPRING * springs + PARTICLE * particles, "the matrices of a step")?;
-        let extensions = Extensions::at(system, state)?;
+        memory::ensure(SPRING * springs + PARTICLE * particles, "the matrices of a system")?;
         let stiffness = Arc::new(SpringPattern::of_stiffness(system)?);
-        let matrix = |pattern: Arc<SpringPattern>, combination| {
-            let operator = SystemOperator::new(system, &extensions, option, combination);
-            (SystemMatrix::assemble(pattern, &operator).into_matrix(), operator)
-        };
-        let (m, _) = matrix(Arc::new(SpringPattern::of_mass(system)?), Combination::MASS);
-        let (g, _) = matrix(Arc::new(SpringPattern::of_damping(system)?), Combination::DAMPING);
-        let (k, _) = matrix(stiffness.clone(), Combination::STIFFNESS);
-        let (a, operator) = matrix(stiffness, Combination::step(dt));
+        let dofs = system.dofs();
+        Ok(Self {
+            system,
+            k: SystemMatrix::try_zeros(stiffness.clone())?,
+            g: SystemMatrix::try_zeros(Arc::new(SpringPattern::of_damping(system)?))?,
+            stiffness,
+            masses: (0..dofs.len()).map(|row| system.masses()[dofs.dof(row).particle]).collect(),
+            at: None,
+        })
+    }
 
-        let mut force: Vec<Vector3<f64>> =
-            system.masses().iter().zip(&state.velocities).map(|(m, v)| v * (m / dt)).collect();
+    /// Computes K and G at a state, with the stiffness of an option.
+    ///
+    /// # Errors
+    /// A state of another system; coincident ends of a spring. Without an update that succeeds there is neither A nor b.
+    pub fn update(&mut self, state: &State, option: Stiffness) -> Result<()> {
+        state.check(self.system)?;
+        let mut at = match self.at.take() {
+            Some(Linearization { mut extensions, operator, .. }) => {
+                extensions.update(self.system, state)?;
+                Linearization { extensions, operator, option }
+            }
+            None => {
+                let extensions = Extensions::at(self.system, state)?;
+                let operator = SystemOperator::new(self.system, &extensions, option, Combination::STIFFNESS);
+                Linearization { extensions, operator, option }
+            }
+        };
+        for (matrix, combination) in [(&mut self.k, Combination::STIFFNESS), (&mut self.g, Combination::DAMPING)] {
+            at.operator.update(&at.extensions, option, combination);
+            matrix.refill(&at.operator);
+        }
+        self.at = Some(at);
+        Ok(())
+    }
+
+    /// `K = ∂f_el/∂x` under the option, in N/m; negative where the system is stable.
+    pub fn k(&self) -> &SymmetricMatrix {
+        self.k.matrix()
+    }
+
+    /// `G = ∂f/∂v`, of springs, drag and forces from outside, in N·s/m; empty without damping.
+    pub fn g(&self) -> &SymmetricMatrix {
+        self.g.matrix()
+    }
+
+    /// The diagonal of M, in kg.
+    pub fn masses(&self) -> &[f64] {
+        &self.masses
+    }
+
+    fn step(&self, dt: f64) -> Result<(&Linearization<'s>, SystemOperator<'s>)> {
+        if !(dt.is_finite() && dt > 0.0) {
+            return Err(Invalid::new("dt", dt, "must be finite and positive").into());
+        }
+        let at =
+            self.at.as_ref().ok_or_else(|| Error::Unsupported("A and b are those of a state: update first".into()))?;
+        Ok((at, SystemOperator::new(self.system, &at.extensions, at.option, Combination::step(dt))))
+    }
+
+    /// `A = M/dt² − G/dt − K`, in N/m.
+    ///
+    /// # Errors
+    /// A dt that is not positive; no state yet; too little memory.
+    pub fn a(&self, dt: f64) -> Result<SymmetricMatrix> {
+        let (_, operator) = self.step(dt)?;
+        let mut a = SystemMatrix::try_zeros(self.stiffness.clone())?;
+        a.refill(&operator);
+        Ok(a.into_matrix())
+    }
+
+    /// `b = M v/dt + g + f_el(x) − A_fc δx_c`, in N, and of forces from outside `f_ext − D v`, with the prescribed motion on the right-hand side: of a step
+    /// from the state of the last update, whose velocities and time `state` has.
+    ///
+    /// # Errors
+    /// A dt that is not positive; no state yet; a state of another system.
+    pub fn b(&self, state: &State, dt: f64) -> Result<Vec<f64>> {
+        let (Linearization { extensions, .. }, operator) = self.step(dt)?;
+        let system = self.system;
+        state.check(system)?;
+        let inertia = |(mass, velocity): (&f64, &Vector3<f64>)| velocity * (mass / dt);
+        let mut force: Vec<Vector3<f64>> = system.masses().iter().zip(&state.velocities).map(inertia).collect();
         add_weight(system, &mut force);
-        add_undamped_external_forces(system, &extensions, &state.moment(), &mut force);
-        add_elastic_force(system, &extensions, &mut force);
+        add_undamped_external_forces(system, extensions, &state.moment(), &mut force);
+        add_elastic_force(system, extensions, &mut force);
         let mut displacement = vec![Vector3::zeros(); system.particles()];
         system.prescribed().displacement(state.time + dt, &state.positions, &mut displacement);
         let mut b = vec![0.0; system.dofs().len()];
         system.dofs().gather(&force, &mut b);
         operator.subtract_coupling(&displacement, &mut b);
-        Ok(Self { a, m, g, k, b })
+        Ok(b)
+    }
+}
+
+/// Everything of one step `A δx = b`, as [`Matrices`] gives it.
+#[derive(Debug, Clone)]
+pub struct StepMatrices {
+    /// `A = M/dt² − G/dt − K`, in N/m.
+    pub a: SymmetricMatrix,
+    /// The diagonal of M, in kg.
+    pub m: Vec<f64>,
+    /// `G = ∂f/∂v`, in N·s/m; empty without damping.
+    pub g: SymmetricMatrix,
+    /// `K = ∂f_el/∂x` under the option, in N/m.
+    pub k: SymmetricMatrix,
+    /// The right-hand side, in N, see [`Matrices::b`].
+    pub b: Vec<f64>,
+}
+
+impl StepMatrices {
+    /// Assembles the linearised backward Euler step of length dt from a state.
+    ///
+    /// # Errors
+    /// A dt that is not positive; a state of another system; coincident ends of a spring; a matrix that is too large.
+    pub fn assemble(system: &System, state: &State, option: Stiffness, dt: f64) -> Result<Self> {
+        let mut matrices = Matrices::new(system)?;
+        matrices.update(state, option)?;
+        let (a, b) = (matrices.a(dt)?, matrices.b(state, dt)?);
+        let Matrices { k, g, masses, .. } = matrices;
+        Ok(Self { a, m: masses, g: g.into_matrix(), k: k.into_matrix(), b })
     }
 }

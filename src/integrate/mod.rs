@@ -52,7 +52,7 @@ pub use failure::{NotSolved, Status, StepFailure};
 pub use implicit::ImplicitOptions;
 pub use implicit_midpoint::ImplicitMidpoint;
 pub use linear_backward_euler::LinearBackwardEuler;
-pub use matrices::StepMatrices;
+pub use matrices::{Matrices, StepMatrices};
 pub use method::{Equations, Method, MovesBy};
 pub use monitor::{
     Account, Balance, ErrorIndicators, INACCURATE, Monitor, MonitorOptions, Warning, percent, threshold,

@@ -348,6 +348,7 @@ impl TimeStepper for Rodas4<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.linear.system, state, dt)?;
         let (mut time, end) = (state.time, state.time + dt);
         self.base.copy_from(state);
         self.local_error = 0.0;

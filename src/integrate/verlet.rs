@@ -71,7 +71,7 @@ impl<'s> Verlet<'s> {
     /// # Errors
     /// Coincident ends of a spring in `state`; too little memory.
     pub fn new(system: &'s System, state: &State) -> Result<Self> {
-        ensure_room(system, PARTICLE)?;
+        ensure_room(system, state, PARTICLE)?;
         Extensions::at(system, state)?;
         Ok(Self {
             system,
@@ -194,6 +194,7 @@ impl TimeStepper for Verlet<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.system, state, dt)?;
         self.go(state, dt, None)
     }
 

@@ -290,6 +290,7 @@ impl TimeStepper for WMethod<'_> {
     }
 
     fn step(&mut self, state: &mut State, dt: f64) -> Result<(), StepFailure> {
+        StepFailure::of_arguments(self.linear.system, state, dt)?;
         self.prepare(state, dt)?;
         self.advance(state, dt)?;
         self.commit(state);
@@ -326,6 +327,7 @@ impl TimeStepper for WMethod<'_> {
 
 impl AdaptiveStepper for WMethod<'_> {
     fn try_step(&mut self, state: &State, dt: f64) -> Result<ErrorEstimate<'_>, StepFailure> {
+        StepFailure::of_arguments(self.linear.system, state, dt)?;
         match &mut self.held {
             Some(held) if held.h == dt && held.uses < USES => held.uses += 1,
             _ => self.prepare(state, dt)?,

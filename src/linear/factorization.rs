@@ -8,7 +8,7 @@ use super::ordering::Glance;
 use super::substitution::Diagonal;
 use super::supernode::supernodes;
 use crate::assembly::{BlockPattern, SymmetricMatrix};
-use crate::error::{Result, check_length};
+use crate::error::{Error, Result, check_length};
 use faer::dyn_stack::MemStack;
 use faer::linalg::cholesky::ldlt::factor::LdltError;
 use faer::linalg::cholesky::llt::factor::LltError;
@@ -217,6 +217,16 @@ impl<K: SolvingKind> Factorization<K> {
         self.run(a).map_err(|index| self.analysis.pivot(a.pattern(), index))
     }
 
+    /// `A⁻¹ b` with the last factored matrix.
+    ///
+    /// # Errors
+    /// [`Invalid`](crate::error::Invalid) for a vector whose length is not the order of A.
+    pub fn solve(&mut self, b: &[f64]) -> Result<Vec<f64>> {
+        let mut x = b.to_vec();
+        self.solve_in_place(&mut x)?;
+        Ok(x)
+    }
+
     /// `x ← A⁻¹ x` with the last factored matrix.
     ///
     /// # Errors
@@ -255,6 +265,39 @@ impl<K: SolvingKind> Factorization<K> {
         }
         self.analysis.times.solve_seconds += start.elapsed().as_secs_f64();
     }
+}
+
+impl SymmetricMatrix {
+    /// The Cholesky factorization, analysed and computed. For several matrices on one pattern see [`Factorization::analyse`].
+    ///
+    /// # Errors
+    /// A matrix that is not positive definite, or whose factor does not fit the memory.
+    pub fn cholesky(&self) -> Result<Cholesky, NotFactored> {
+        let mut factorization = Cholesky::analyse(self.pattern(), Par::Seq)?;
+        factorization.factor(self)?;
+        Ok(factorization)
+    }
+
+    /// The factorization L D Lᵀ, analysed and computed: of an indefinite matrix too.
+    ///
+    /// # Errors
+    /// A pivot that is zero or not finite; a factor that does not fit the memory.
+    pub fn ldlt(&self) -> Result<Ldlt, NotFactored> {
+        let mut factorization = Ldlt::analyse(self.pattern(), Par::Seq)?;
+        factorization.factor(self)?;
+        Ok(factorization)
+    }
+}
+
+/// Why a matrix has no factorization.
+#[derive(Debug, thiserror::Error)]
+pub enum NotFactored {
+    /// The factor does not fit the memory.
+    #[error(transparent)]
+    TooLarge(#[from] Error),
+    /// A pivot was refused: for Cholesky, the matrix is not positive definite.
+    #[error(transparent)]
+    Pivot(#[from] NonPositivePivot),
 }
 
 impl Factorization<Ldl> {

@@ -37,7 +37,7 @@ pub use block_jacobi::{BlockJacobi, DiagonalPart, NotPositiveBlock};
 pub use cg::{CgOutcome, CgReport, ConjugateGradient};
 pub use cost::CostModel;
 pub use direct::{CholeskyGlance, CholeskyPlan, CholeskySolver, LdltSolver};
-pub use factorization::{Cholesky, FactorKind, Factorization, Ldl, Ldlt, Llt, SolvingKind};
+pub use factorization::{Cholesky, FactorKind, Factorization, Ldl, Ldlt, Llt, NotFactored, SolvingKind};
 pub use iterative::{Application, CgSolver};
 pub use lagged_multigrid::LaggedMultigrid;
 pub use norms::{backward_error, dot, norm};

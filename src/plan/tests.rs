@@ -3,7 +3,7 @@ use crate::integrate::Dop853;
 use crate::spring::Spring;
 use crate::system::SystemBuilder;
 
-/// Method and tolerance without a step, of wishes for a method, an accuracy, a tolerance.
+/// Method and tolerance without a step, of run_options for a method, an accuracy, a tolerance.
 #[test]
 fn what_is_not_asked_for_is_decided() {
     let (verlet, bdf2) = (MethodChoice::Named(Method::Verlet), MethodChoice::Named(Method::Bdf2));
@@ -19,8 +19,8 @@ fn what_is_not_asked_for_is_decided() {
         (Some(verlet), Some(1e-3), Some(1e-5), (Some(Method::Verlet), Some(1e-5))),
         (Some(bdf2), None, None, (Some(Method::Bdf2), Some(1e-2))),
     ] {
-        let wishes = Wishes { method, accuracy, rtol, ..Wishes::default() };
-        assert_eq!((wishes.method(), wishes.rtol_without_step()), expected, "{wishes:?}");
+        let run_options = RunOptions { method, accuracy, rtol, ..RunOptions::default() };
+        assert_eq!((run_options.method(), run_options.rtol_without_step()), expected, "{run_options:?}");
     }
 }
 
@@ -29,14 +29,14 @@ fn what_is_not_asked_for_is_decided() {
 #[test]
 fn stiffness_decides_where_no_method_is_asked_for() {
     let (system, state) = swing();
-    let method = |wishes: Wishes, lengths: [f64; 2], rtol| {
-        let plan = wishes.plan(&system, &state, lengths, rtol).unwrap();
+    let method = |run_options: RunOptions, lengths: [f64; 2], rtol| {
+        let plan = run_options.plan(&system, &state, lengths, rtol).unwrap();
         assert!(plan.reason.is_some());
         plan.configuration.method
     };
-    assert_eq!(method(Wishes::default(), [0.1, 1.0], Some(1e-2)), Method::Dop853);
-    assert_eq!(method(Wishes::default(), [0.1, 1e6], Some(1e-2)), Method::Rodas4);
-    let auto = Wishes { method: Some(MethodChoice::Auto), ..Wishes::default() };
+    assert_eq!(method(RunOptions::default(), [0.1, 1.0], Some(1e-2)), Method::Dop853);
+    assert_eq!(method(RunOptions::default(), [0.1, 1e6], Some(1e-2)), Method::Rodas4);
+    let auto = RunOptions { method: Some(MethodChoice::Auto), ..RunOptions::default() };
     assert_eq!([0.1, 1.0].map(|dt| method(auto, [dt, 10.0], None)), [Method::Verlet, Method::Bdf2]);
 }
 
@@ -62,8 +62,8 @@ fn tolerances_follow_the_motion_where_nothing_is_said() {
         (Some(1e-3), None, Tolerance::Fixed(1e-3)),
         (Some(1e-3), cg, Tolerance::Fixed(1e-3)),
     ] {
-        let wishes = Wishes { tolerance, solver, ..Wishes::default() };
-        let linear = wishes.plan(&system, &state, [0.01, 1.0], None).unwrap().configuration.options.linear;
+        let run_options = RunOptions { tolerance, solver, ..RunOptions::default() };
+        let linear = run_options.plan(&system, &state, [0.01, 1.0], None).unwrap().configuration.options.linear;
         assert_eq!(linear.tolerance, expected, "{tolerance:?} {solver:?}");
     }
 }
@@ -81,7 +81,7 @@ fn swing() -> (System, State) {
 #[test]
 fn monitors_propagate_errors_and_stop_as_they_are_told() {
     let (system, state) = swing();
-    let plan = Wishes::default().plan(&system, &state, [0.01, 1.0], None).unwrap();
+    let plan = RunOptions::default().plan(&system, &state, [0.01, 1.0], None).unwrap();
     for stops_unstable in [false, true] {
         assert_eq!(plan.monitor(stops_unstable, false), MonitorOptions { threshold: None, stops_unstable });
         assert!(plan.monitor(stops_unstable, true).threshold.is_some());
@@ -93,7 +93,7 @@ fn monitors_propagate_errors_and_stop_as_they_are_told() {
 #[test]
 fn adaptive_runs_go_on_in_parts() {
     let (system, mut state) = swing();
-    let plan = Wishes::default().plan(&system, &state, [0.25, 1.5], Some(1e-3)).unwrap();
+    let plan = RunOptions::default().plan(&system, &state, [0.25, 1.5], Some(1e-3)).unwrap();
     let schedule = Schedule::duration(0.25, 1.5);
     let mut samples = Vec::new();
     for (part, first_step) in [(schedule.part(0, 2), Some(0.25)), (schedule.part(2, 100), None)] {

@@ -1,6 +1,7 @@
 //! What changes while a system moves.
 
 use super::System;
+use crate::error::Invalid;
 use nalgebra::Vector3;
 
 /// Positions and velocities of all particles at one time.
@@ -52,6 +53,24 @@ impl State {
     /// The largest coordinate, in m, and velocity, in m/s, that states may have: beyond it their squares, and with them energies,
     /// are no numbers any more.
     pub const LARGEST: f64 = 1e150;
+
+    /// Refuses a state of a system of another size.
+    ///
+    /// # Errors
+    /// [`Invalid`] with the list that has another length than the system has particles.
+    pub fn check(&self, system: &System) -> Result<(), Invalid> {
+        let expected = system.particles();
+        for (key, list) in [("positions", &self.positions), ("velocities", &self.velocities)] {
+            if list.len() != expected {
+                return Err(Invalid::new(
+                    key,
+                    format!("{} rows", list.len()),
+                    format!("must have {expected}, one for each particle"),
+                ));
+            }
+        }
+        Ok(())
+    }
 
     /// Whether the time is finite, and no coordinate or velocity is beyond [`LARGEST`](Self::LARGEST), infinite or undefined.
     pub fn is_finite(&self) -> bool {

@@ -3,7 +3,7 @@
 use crate::sandbox::Sandbox;
 use nalgebra::Vector3;
 use sprung::integrate::{Method, Monitor, Schedule};
-use sprung::plan::{MethodChoice, RECORDS, Wishes, records_every};
+use sprung::plan::{MethodChoice, RECORDS, RunOptions, records_every};
 use sprung::system::{Axes, Constraint, Motion};
 use sprung::{Spring, State, System, SystemBuilder};
 use std::ops::ControlFlow;
@@ -91,11 +91,16 @@ fn cloth(units: &Units) -> (System, State) {
 }
 
 /// How a run ends that is made as the command makes it, positions at its end in m, and the number of records.
-fn end(units: &Units, wishes: &Wishes, dt: Option<f64>, rtol: Option<f64>) -> (&'static str, Vec<Vector3<f64>>, usize) {
+fn end(
+    units: &Units,
+    run_options: &RunOptions,
+    dt: Option<f64>,
+    rtol: Option<f64>,
+) -> (&'static str, Vec<Vector3<f64>>, usize) {
     let (system, mut state) = cloth(units);
     let duration = DURATION * units.time;
     let interval = dt.map_or(records_every(duration), |dt| dt * units.time);
-    let plan = wishes.plan(&system, &state, [interval, duration], rtol).unwrap();
+    let plan = run_options.plan(&system, &state, [interval, duration], rtol).unwrap();
     let mut monitor = Monitor::new(&system, &state, plan.monitor(true, true)).unwrap();
     let mut stepper = plan.stepper(&system, &state).unwrap();
     let mut records = 0;
@@ -108,22 +113,22 @@ fn end(units: &Units, wishes: &Wishes, dt: Option<f64>, rtol: Option<f64>) -> (&
 }
 
 /// Every way to run: each method with equal steps, those that can with adaptive ones, and the choice of the program.
-fn ways() -> Vec<(Wishes, Option<f64>, Option<f64>)> {
-    let asked = |method| Wishes { method: Some(method), ..Wishes::default() };
+fn ways() -> Vec<(RunOptions, Option<f64>, Option<f64>)> {
+    let asked = |method| RunOptions { method: Some(method), ..RunOptions::default() };
     let equal = MethodChoice::ALL.into_iter().map(|method| (asked(method), Some(1.0 / 1024.0), None));
     let estimating = Method::ALL.into_iter().filter(|method| method.estimates_errors());
     let adaptive = estimating.map(|method| (asked(MethodChoice::Named(method)), None, Some(1e-3)));
-    equal.chain(adaptive).chain([(Wishes::default(), None, Some(1e-2))]).collect()
+    equal.chain(adaptive).chain([(RunOptions::default(), None, Some(1e-2))]).collect()
 }
 
 /// Powers of two change no digit: where one changes, a number is compared with one that has another unit.
 #[test]
 fn units_that_round_nothing_change_no_bit() {
-    for (wishes, dt, rtol) in ways() {
-        let expected = end(&SI, &wishes, dt, rtol);
+    for (run_options, dt, rtol) in ways() {
+        let expected = end(&SI, &run_options, dt, rtol);
         for units in &POWERS_OF_TWO {
-            let found = end(units, &wishes, dt, rtol);
-            assert_eq!(found, expected, "{units:?} {wishes:?} {rtol:?}");
+            let found = end(units, &run_options, dt, rtol);
+            assert_eq!(found, expected, "{units:?} {run_options:?} {rtol:?}");
             assert!(dt.is_some() || found.2 == RECORDS as usize, "{}", found.2);
         }
     }
@@ -132,17 +137,17 @@ fn units_that_round_nothing_change_no_bit() {
 /// With units that round, by as little as rounding and the tolerance of linear solves leave in half a second of a cloth.
 #[test]
 fn customary_units_give_the_same_motion() {
-    for (wishes, dt, rtol) in ways() {
-        let (status, expected, _) = end(&SI, &wishes, dt, rtol);
+    for (run_options, dt, rtol) in ways() {
+        let (status, expected, _) = end(&SI, &run_options, dt, rtol);
         for units in &CUSTOMARY {
-            let (ended, found, _) = end(units, &wishes, dt, rtol);
-            assert_eq!(ended, status, "{units:?} {wishes:?} {rtol:?}");
+            let (ended, found, _) = end(units, &run_options, dt, rtol);
+            assert_eq!(ended, status, "{units:?} {run_options:?} {rtol:?}");
             // Forward Euler makes energy from nowhere, and with it of every rounding what it likes.
             if status != "completed" {
                 continue;
             }
             let farthest = found.iter().zip(&expected).map(|(x, y)| (x - y).norm()).fold(0.0, f64::max);
-            assert!(farthest < 1e-8, "{farthest:e}: {units:?} {wishes:?} {rtol:?}");
+            assert!(farthest < 1e-8, "{farthest:e}: {units:?} {run_options:?} {rtol:?}");
         }
     }
 }

@@ -97,13 +97,14 @@ fn measure(problem: &Problem<Answer>) -> Outcome {
     checks.push(problem.check("energy", value, 30.0 * U, why));
 
     let matrices = StepMatrices::assemble(system, state, option, answer.dt)?;
+    let entries = |matrix: &SymmetricMatrix| matrix.iter().collect::<Vec<_>>();
     for (name, found, known) in [
-        ("A", &matrices.a, &answer.a),
-        ("M", &matrices.m, &answer.m),
-        ("G", &matrices.g, &answer.g),
-        ("K", &matrices.k, &answer.k),
+        ("A", entries(&matrices.a), &answer.a),
+        ("M", matrices.m.iter().enumerate().map(|(row, mass)| (row, row, *mass)).collect(), &answer.m),
+        ("G", entries(&matrices.g), &answer.g),
+        ("K", entries(&matrices.k), &answer.k),
     ] {
-        checks.push(compare_matrix(problem, name, found, known));
+        checks.push(compare_matrix(problem, name, &found, known));
     }
     let why = "relative to its largest entry: 30 roundings in every entry's sum";
     checks.push(problem.check("b", numbers(&matrices.b, &answer.b), 30.0 * U, why));
@@ -149,11 +150,11 @@ fn compare_state(problem: &Problem<Answer>, solver: &str, before: &State, after:
     ]
 }
 
-fn compare_matrix(problem: &Problem<Answer>, name: &str, found: &SymmetricMatrix, known: &[Vec<f64>]) -> Check {
+fn compare_matrix(problem: &Problem<Answer>, name: &str, found: &[(usize, usize, f64)], known: &[Vec<f64>]) -> Check {
     let largest = worst(known.iter().flatten().map(|value| value.abs()));
     let n = known.len();
     let mut entries = vec![vec![0.0; n]; n];
-    for (row, column, value) in found.iter() {
+    for &(row, column, value) in found {
         entries[row][column] = value;
         entries[column][row] = value;
     }

@@ -83,8 +83,7 @@ fn of(kind: &'static str) -> impl Fn(&serde_json::Value) -> bool {
 fn squared_frequencies(subject: &Subject, option: Stiffness) -> sprung::Result<Vec<f64>> {
     let matrices = StepMatrices::assemble(&subject.system, &subject.state, option, subject.dt)?;
     let n = subject.system.dofs().len();
-    let mut masses = vec![0.0; n];
-    matrices.m.iter().for_each(|(row, _, value)| masses[row] = value);
+    let masses = matrices.m;
     let mut scaled = DMatrix::zeros(n, n);
     for (row, column, value) in matrices.k.iter() {
         scaled[(row, column)] = -value / (masses[row] * masses[column]).sqrt();

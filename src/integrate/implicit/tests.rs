@@ -197,6 +197,6 @@ fn memory_is_asked_for_by_springs_and_particles() {
         asked("the state of the method", || LinearSystem::new(&system, &state, &ImplicitOptions::default()).is_ok());
     assert_eq!((made, bytes), (true, 2 * (3 * 200 + 5 * 1000)));
     let (made, bytes) =
-        asked("the matrices of a step", || StepMatrices::assemble(&system, &state, Stiffness::Full, 0.1).is_ok());
+        asked("the matrices of a system", || StepMatrices::assemble(&system, &state, Stiffness::Full, 0.1).is_ok());
     assert_eq!((made, bytes), (true, 8 * 800));
 }
