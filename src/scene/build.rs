@@ -127,8 +127,15 @@ impl Scene {
         let scale = mesh.scale.unwrap_or(1.0);
         Rule::Positive.check("mesh.scale", scale)?;
         let folder = self.file.as_deref().and_then(std::path::Path::parent).unwrap_or("".as_ref());
-        let named = |error: Error| Invalid::new("mesh.file", format!("{:?}", mesh.file), error.to_string());
-        let mut geometry = MeshGeometry::load(&folder.join(&mesh.file)).map_err(named)?;
+        let path = folder.join(&mesh.file);
+        let named = |error: Error| {
+            // The path is said once where it is what the scene says.
+            let is_as_written = path.as_os_str() == mesh.file.as_str();
+            let (text, start) = (error.to_string(), format!("{}: ", path.display()));
+            let rule = text.strip_prefix(&start).filter(|_| is_as_written).unwrap_or(&text);
+            Invalid::new("mesh.file", format!("{:?}", mesh.file), rule)
+        };
+        let mut geometry = MeshGeometry::load(&path).map_err(named)?;
         geometry.vertices.iter_mut().for_each(|x| *x *= scale);
         if let Some(weld) = mesh.weld {
             Rule::NotNegative.check("mesh.weld", weld)?;

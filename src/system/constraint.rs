@@ -124,7 +124,11 @@ impl Prescribed {
             let start = positions[particle][axis];
             coordinates.push(Coordinate { particle: particle as u32, axis: axis as u8, motion: motion as u32, start });
         }
-        let motions = constraints.into_iter().map(|constraint| constraint.motion).collect();
+        // A motion that later constraints override everywhere moves nothing, and its kinks are none.
+        let is_used = |index: usize| coordinates.iter().any(|c: &Coordinate| c.motion as usize == index);
+        let used =
+            |(index, constraint): (usize, Constraint)| if is_used(index) { constraint.motion } else { Motion::Held };
+        let motions = constraints.into_iter().enumerate().map(used).collect();
         (Self { motions, coordinates, kinks: Vec::new() }, axes)
     }
 

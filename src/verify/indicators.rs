@@ -26,6 +26,9 @@ const PARTS: u64 = 4;
 /// Errors below this are rounding and what iterative solvers leave.
 const SMALLEST: f64 = 1e-9;
 
+/// The largest estimate: a larger error is one of another motion, however large.
+const SATURATED: f64 = 2.0;
+
 /// The share of estimates within a factor of ten.
 const SHARE: f64 = 0.8;
 
@@ -61,7 +64,8 @@ pub(super) fn measure(subject: &Subject) -> Measured {
         let (mut resolved, mut found, mut errors) = (Vec::new(), Vec::new(), Vec::new());
         for parts in STEPS {
             let Some((end, figures)) = monitored(subject, method, h * parts as f64, LENGTH / parts)? else { continue };
-            let error = distance(&end, &exact) / figures.extent;
+            // Estimates saturate at the size of the motion.
+            let error = (distance(&end, &exact) / figures.extent).min(SATURATED);
             runs += 1.0;
             if error > 0.3 && figures.warnings(None).is_empty() {
                 silent += 1.0;

@@ -302,6 +302,9 @@ fn explain(
     springs: Option<&(&System, ForceError)>,
     tolerance: f64,
 ) -> Entry {
+    if entry.verdict == CANNOT_BE_MEASURED {
+        return entry;
+    }
     let Some(column) = entry.column else { return entry };
     let mirrored = entry_of(numeric, column, entry.row);
     if entry.row != column

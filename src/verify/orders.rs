@@ -29,6 +29,12 @@ impl ErrorCurve {
 }
 
 impl ErrorCurve {
+    /// Whether the observed order is not that of theory.
+    pub(super) fn is_off(&self) -> bool {
+        let off = (self.observed() - f64::from(self.order)).abs();
+        off.is_nan() || off > TOLERANCE
+    }
+
     /// Why the curve says nothing of the order: errors do not fall with one power yet, or with a higher one than the leading term has,
     /// which then vanishes. `None` where the last two slopes agree.
     pub(super) fn unclear(&self) -> Option<String> {

@@ -66,7 +66,7 @@ fn files_that_are_no_scenes_end_with_status_2() {
         ("broken.json", "broken.json: particles: EOF while parsing a value at line 1 column 14"),
         ("latin.toml", "latin.toml: "),
         ("scene.yaml", "scene.yaml: a scene file must end in .toml, .json or .npz"),
-        ("mesh.toml", "mesh.toml: mesh.file = \"none.obj\": none.obj: "),
+        ("mesh.toml", "mesh.toml: mesh.file = \"none.obj\": "),
         ("folder.toml", "folder.toml: "),
         ("missing.toml", "missing.toml: "),
     ] {

@@ -45,7 +45,9 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
                     None => row[at] = next(property.kind)?,
                     Some(length) => {
                         let length = next(length)?;
-                        let length = whole(length).ok_or_else(|| broken(element, number))?;
+                        let length = whole(length).ok_or_else(|| {
+                            Fault(format!("{} {number}: {length} is no number of entries of a list", element.name))
+                        })?;
                         for _ in 0..length {
                             let entry = next(property.kind)?;
                             if corners == Some(at) {
