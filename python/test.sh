@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
-# Builds the Python package into an environment of its own and tests it, with the arguments for pytest.
-# Where there is no Python 3.10 with pip, or its packages cannot be had, it says so and does nothing.
+# Builds the wheel of the Python package, installs it into an environment of its own and tests it there, with the arguments for pytest.
+# SPRUNG_WHEEL=FILE tests a wheel that there is already. Where there is no Python 3.10 with pip, or its packages cannot be had, it says
+# so and does nothing.
 set -euo pipefail
+wheel=${SPRUNG_WHEEL:+$(realpath "$SPRUNG_WHEEL")}
 cd "$(dirname "$0")/.."
 root=$PWD
 environment=$root/target/python-venv
@@ -21,13 +23,17 @@ has() { "$python" -c "import $1" 2>/dev/null; }
 for package in maturin numpy scipy pytest; do
   has "$package" || "$python" -m pip install --quiet "$package" || skip "$package cannot be installed"
 done
-# Forces of these two are checked where they are to be had; the tests say where they are not.
-for package in autograd jax; do
+# Forces of autograd and of JAX and meshes of meshio are checked where they are to be had; the tests say where they are not.
+for package in autograd jax meshio; do
   has "$package" || "$python" -m pip install --quiet "$package" 2>/dev/null || true
 done
 
-# Dependencies that the library's own build has are not built again.
-export CARGO_TARGET_DIR=$root/target
 export PATH=$environment/bin:$PATH
-"$python" -m pip install --quiet --no-build-isolation --no-deps --force-reinstall "$root/python"
+if [ -z "$wheel" ]; then
+  rm -rf "$root/target/wheels"
+  python/wheel.sh "$root/target/wheels"
+  wheel=$(echo "$root"/target/wheels/sprung-*.whl)
+fi
+"$python" -m pip uninstall --quiet --yes sprung 2>/dev/null
+"$python" -m pip install --quiet "$wheel"
 "$python" -m pytest python/tests "$@"

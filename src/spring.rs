@@ -28,7 +28,8 @@
 
 mod law;
 
-pub use law::{SpringLaw, Tension};
+pub(crate) use law::LawValues;
+pub use law::{LawValue, SpringLaw, Tension};
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -4,6 +4,10 @@
 //! work goes to a pool of threads, and the thread that called waits for it: every twentieth of a second it lets Python look for signals,
 //! and raises a flag that the library looks at between pieces of work when one of them raised an exception. The work may ask the
 //! caller something in between, such as to call a function of the user's: that runs in the thread that called, where users expect it.
+//!
+//! Forces and spring laws of the user's own are called where they are needed, by the thread that computes, which takes the lock for as long
+//! ([`functions`](crate::functions)). Whoever calls [`compute`] must not hold the lock while it waits for other threads, and does not: `detach`
+//! gives it back. What such a function raises is kept in the flag and ends the computation.
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -18,33 +22,55 @@ use std::time::Duration;
 /// How often signals are looked for.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// A request to stop, of one computation. The library holds flags for ever, so they are used again.
-pub struct Flag(&'static AtomicBool);
+/// A request to stop, of one computation, and the first exception of a function that it called. The library holds the bits for ever, so they
+/// are used again.
+pub struct Flag {
+    stop: &'static AtomicBool,
+    exception: Mutex<Option<PyErr>>,
+}
 
 static UNUSED: Mutex<Vec<&'static AtomicBool>> = Mutex::new(Vec::new());
 
 impl Flag {
     /// One that nobody uses.
-    pub fn new() -> Self {
+    pub fn new() -> Arc<Self> {
         let unused = UNUSED.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        Self(unused.unwrap_or_else(|| Box::leak(Box::new(AtomicBool::new(false)))))
+        let stop = unused.unwrap_or_else(|| Box::leak(Box::new(AtomicBool::new(false))));
+        Arc::new(Self { stop, exception: Mutex::new(None) })
     }
 
     /// As the library takes it.
     pub fn interrupt(&self) -> Interrupt {
-        Interrupt::on(self.0)
+        Interrupt::on(self.stop)
     }
 
     /// Whether to stop.
     pub fn is_raised(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Stops, and keeps the first exception that says why.
+    pub fn fail(&self, exception: PyErr) {
+        self.exception.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(exception);
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether a function has raised an exception.
+    pub fn has_failed(&self) -> bool {
+        self.exception.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
+    /// Is as new; the exception that there was.
+    fn reset(&self) -> Option<PyErr> {
+        self.stop.store(false, Ordering::Relaxed);
+        self.exception.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }
 
 impl Drop for Flag {
     fn drop(&mut self) {
-        self.0.store(false, Ordering::Relaxed);
-        UNUSED.lock().unwrap_or_else(PoisonError::into_inner).push(self.0);
+        self.stop.store(false, Ordering::Relaxed);
+        UNUSED.lock().unwrap_or_else(PoisonError::into_inner).push(self.stop);
     }
 }
 
@@ -73,7 +99,7 @@ impl<M> Line<M> {
 /// Computes, see the module.
 ///
 /// # Errors
-/// What a handler of a signal raised; the work has ended then, early where it looks at the flag.
+/// What a handler of a signal or a function of the user's raised; the work has ended then, early where it looks at the flag.
 pub fn compute<T: Send>(py: Python<'_>, flag: &Flag, work: impl FnOnce() -> T + Send) -> PyResult<T> {
     converse(py, flag, |_: &Line<()>| work(), |_, ()| Ok(ControlFlow::Continue(())))
 }
@@ -88,8 +114,10 @@ pub fn converse<T: Send, M: Send>(
     work: impl FnOnce(&Line<M>) -> T + Send,
     mut answer: impl FnMut(Python<'_>, M) -> PyResult<ControlFlow<()>> + Send,
 ) -> PyResult<T> {
-    let pool = pool()?;
-    flag.0.store(false, Ordering::Relaxed);
+    // A function of the user's that computes in turn runs on a thread of the pool. If it waited there for others of the pool, all of them
+    // could come to wait.
+    let pool = if rayon::current_thread_index().is_some() { made(1)? } else { pool()? };
+    flag.reset();
     let mut result = None;
     let mut raised = None;
     py.detach(|| {
@@ -113,7 +141,7 @@ pub fn converse<T: Send, M: Send>(
                     }
                 };
                 let reply = outcome.unwrap_or_else(|error| {
-                    flag.0.store(true, Ordering::Relaxed);
+                    flag.stop.store(true, Ordering::Relaxed);
                     *raised = Some(error);
                     ControlFlow::Break(())
                 });
@@ -123,8 +151,8 @@ pub fn converse<T: Send, M: Send>(
             }
         });
     });
-    flag.0.store(false, Ordering::Relaxed);
-    match (raised, result) {
+    let failed = flag.reset();
+    match (raised.or(failed), result) {
         (Some(error), _) => Err(error),
         (None, Some(result)) => Ok(result),
         (None, None) => Err(PyRuntimeError::new_err("the computation ended without a result")),
@@ -142,9 +170,14 @@ fn pool() -> PyResult<Arc<ThreadPool>> {
     {
         return Ok(pool.clone());
     }
-    let made = ThreadPoolBuilder::new().build().map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
-    let made = Arc::new(made);
+    // As many threads as rayon makes by itself.
+    let made = made(0)?;
     // The parent's cannot be ended from here.
     std::mem::forget(pool.replace((process, made.clone())));
     Ok(made)
+}
+
+fn made(threads: usize) -> PyResult<Arc<ThreadPool>> {
+    let made = ThreadPoolBuilder::new().num_threads(threads).build();
+    made.map(Arc::new).map_err(|error| PyRuntimeError::new_err(error.to_string()))
 }

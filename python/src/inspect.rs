@@ -22,6 +22,7 @@ type Eigenpairs<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 #[pyclass(frozen, module = "sprung._native")]
 pub struct Inspection {
     system: Arc<sprung::System>,
+    flag: Arc<Flag>,
     name: String,
     state: State,
     found: Inspected,
@@ -32,9 +33,10 @@ pub struct Inspection {
 pub fn inspect(py: Python<'_>, system: &System, given: Given<'_>, dt: f64, stiffness: &str) -> PyResult<Inspection> {
     let (name, state) = (system.name.clone(), state(&system.system, &given)?);
     let (option, dt) = (names::stiffness(stiffness)?, positive("dt", dt)?);
-    let system = system.system.clone();
-    let found = compute(py, &Flag::new(), || Inspected::at(&system, &state, dt, option, parallelism(&system)))?;
-    Ok(Inspection { found: found.map_err(raised)?, system, name, state })
+    let flag = Flag::new();
+    let system = system.bound(py, &flag);
+    let found = compute(py, &flag, || Inspected::at(&system, &state, dt, option, parallelism(&system)))?;
+    Ok(Inspection { found: found.map_err(raised)?, system, flag, name, state })
 }
 
 #[pymethods]
@@ -52,8 +54,8 @@ impl Inspection {
 
     /// Everything as a page.
     fn html(&self, py: Python<'_>) -> PyResult<String> {
-        let Self { system, name, state, found } = self;
-        let made = compute(py, &Flag::new(), || {
+        let Self { system, flag, name, state, found } = self;
+        let made = compute(py, flag, || {
             let pictures = Pictures::of(system, state, found)?;
             Ok(html(name, 0, state.time, found, None, &pictures))
         })?;

@@ -9,6 +9,7 @@ mod arrays;
 mod compute;
 mod error;
 mod factor;
+mod functions;
 mod inspect;
 mod jacobian;
 mod matrices;

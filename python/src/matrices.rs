@@ -23,9 +23,11 @@ pub struct Assembled {
 /// Assembles A, M, G, K and b of a step of dt seconds.
 #[pyfunction]
 pub fn assemble(py: Python<'_>, system: &System, given: Given<'_>, dt: f64, stiffness: &str) -> PyResult<Assembled> {
-    let (system, state) = (&*system.system, state(&system.system, &given)?);
+    let state = state(&system.system, &given)?;
     let (option, dt) = (names::stiffness(stiffness)?, positive("dt", dt)?);
-    let assembled = compute(py, &Flag::new(), || StepMatrices::assemble(system, &state, option, dt))?;
+    let flag = Flag::new();
+    let system = system.bound(py, &flag);
+    let assembled = compute(py, &flag, || StepMatrices::assemble(&system, &state, option, dt))?;
     Ok(Assembled { step: assembled.map_err(raised)?, pattern: Mutex::new(None) })
 }
 

@@ -40,7 +40,7 @@ pub fn operator(
     stiffness: &str,
     matrix: &str,
 ) -> PyResult<Operator> {
-    let (system, state) = (system.system.clone(), state(&system.system, &given)?);
+    let state = state(&system.system, &given)?;
     let option = names::stiffness(stiffness)?;
     let combination = match matrix {
         "A" => Combination::step(positive("dt", dt)?),
@@ -49,9 +49,11 @@ pub fn operator(
         "K" => Combination::STIFFNESS,
         _ => return Err(invalid(Invalid::new("matrix", format!("{matrix:?}"), "must be one of A, M, G, K"))),
     };
-    let cell = compute(py, &Flag::new(), || {
+    let flag = Flag::new();
+    let system = system.bound(py, &flag);
+    let cell = compute(py, &flag, || {
         Cell::try_new(system, |system| {
-            let extensions = Extensions::at(system, &state.positions)?;
+            let extensions = Extensions::at(system, &state)?;
             Ok(SystemOperator::new(system, &extensions, option, combination))
         })
     })?;

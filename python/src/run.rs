@@ -31,7 +31,8 @@ pub fn run<'py>(
     every: u64,
     callback: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let run_options = RunOptions { rtol: fraction("rtol", rtol)?, accuracy: fraction("accuracy", accuracy)?, ..stepper.run_options };
+    let run_options =
+        RunOptions { rtol: fraction("rtol", rtol)?, accuracy: fraction("accuracy", accuracy)?, ..stepper.run_options };
     let pacing = Pacing::new(&run_options, duration, dt, !allow_unstable, every)?;
     let mut guard = stepper.moving()?;
     let moving = &mut *guard;

@@ -41,7 +41,7 @@ pub struct Stepper {
     pub system: Arc<sprung::System>,
     pub name: String,
     pub run_options: RunOptions,
-    pub flag: Flag,
+    pub flag: Arc<Flag>,
     moving: Mutex<Moving>,
 }
 
@@ -61,6 +61,7 @@ impl Stepper {
 impl Stepper {
     #[new]
     fn new(
+        py: Python<'_>,
         system: &System,
         given: Given<'_>,
         method: Option<&str>,
@@ -81,7 +82,7 @@ impl Stepper {
             ..RunOptions::default()
         };
         let moving = Mutex::new(Moving { state: start, kept: None, done: Statistics::default() });
-        Ok(Self { system: system.system.clone(), name: system.name.clone(), run_options, flag, moving })
+        Ok(Self { system: system.bound(py, &flag), name: system.name.clone(), run_options, flag, moving })
     }
 
     /// One step of dt seconds; why it could not be done, by status and in words.
@@ -101,8 +102,12 @@ impl Stepper {
                 }
             };
             Ok(kept.with_dependent_mut(|_, stepper| stepper.step(state, dt)))
-        })?;
-        let failed = stepped.map_err(raised)?.err();
+        });
+        if stepped.is_err() {
+            // What the method keeps may come of a function that raised an exception.
+            moving.forget();
+        }
+        let failed = stepped?.map_err(raised)?.err();
         Ok(failed.map(|failure| (failure.status().name(), failure.to_string())))
     }
 

@@ -3,11 +3,14 @@
 use crate::arrays::{Given, Handed, handed, rows, state, vectors};
 use crate::compute::{Flag, compute};
 use crate::error::{of_argument, raised};
+use crate::functions::{Functions, GivenForce};
 use crate::names;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::{PyTraverseError, PyVisit};
 use sprung::error::Invalid;
-use sprung::force::{DegenerateSpring, Energy, Reactions, add_weight};
+use sprung::force::{DegenerateSpring, Energy, Reactions, add_external_forces, add_weight};
 use sprung::nalgebra::Vector3;
 use sprung::output::AtomicFile;
 use sprung::scene::{Scene, TimeSettings, builtin, refined};
@@ -21,7 +24,9 @@ use std::sync::Arc;
 /// A system with the state it starts from, and what its scene says beside.
 #[pyclass(frozen, module = "sprung._native")]
 pub struct System {
+    /// Without functions of the user's.
     pub system: Arc<sprung::System>,
+    functions: Functions,
     pub start: State,
     pub name: String,
     pub time: TimeSettings,
@@ -35,7 +40,28 @@ type GivenConstraint = (Vec<usize>, Option<Vec<usize>>, Option<[f64; 3]>, Option
 impl System {
     fn of_scene(scene: Scene) -> PyResult<Self> {
         let (system, start, triangles) = scene.build_with_triangles().map_err(raised)?;
-        Ok(Self { system: Arc::new(system), start, name: scene.name, time: scene.time, triangles })
+        let (system, functions) = (Arc::new(system), Functions::default());
+        Ok(Self { system, functions, start, name: scene.name, time: scene.time, triangles })
+    }
+
+    /// The system with the user's functions, for a computation that has this flag.
+    pub fn bound(&self, py: Python<'_>, flag: &Arc<Flag>) -> Arc<sprung::System> {
+        if self.functions.is_empty() {
+            self.system.clone()
+        } else {
+            Arc::new(self.functions.bind(py, &self.system, flag))
+        }
+    }
+
+    /// # Errors
+    /// Functions, which no scene file can hold.
+    fn check_can_be_written(&self) -> PyResult<()> {
+        if self.functions.is_empty() {
+            return Ok(());
+        }
+        Err(PyValueError::new_err(
+            "forces and laws of the system are functions: they cannot be written to a scene file",
+        ))
     }
 }
 
@@ -83,8 +109,9 @@ impl System {
             positions,
         };
         let (system, start) = py.detach(|| builder.build()).map_err(of_argument)?;
-        let (system, time, triangles) = (Arc::new(system), TimeSettings::default(), Vec::new());
-        Ok(Self { system, start, name, time, triangles })
+        let (system, functions, time, triangles) =
+            (Arc::new(system), Functions::default(), TimeSettings::default(), Vec::new());
+        Ok(Self { system, functions, start, name, time, triangles })
     }
 
     /// From a scene file.
@@ -116,8 +143,31 @@ impl System {
         py.detach(|| scene.map_err(raised).and_then(Self::of_scene))
     }
 
+    /// The same system with more forces, and with a law for its springs where one is given.
+    fn with_functions(&self, py: Python<'_>, forces: Vec<GivenForce>, law: Option<Py<PyAny>>) -> Self {
+        let kept = |function: &Option<Py<PyAny>>| function.as_ref().map(|function| function.clone_ref(py));
+        let before = self.functions.forces.iter();
+        let before = before.map(|(value, derivatives, rate)| (value.clone_ref(py), kept(derivatives), kept(rate)));
+        Self {
+            system: self.system.clone(),
+            functions: Functions {
+                forces: before.chain(forces).collect(),
+                law: law.or_else(|| kept(&self.functions.law)),
+            },
+            start: self.start.clone(),
+            name: self.name.clone(),
+            time: self.time,
+            triangles: self.triangles.clone(),
+        }
+    }
+
+    fn __traverse__(&self, visit: PyVisit<'_>) -> Result<(), PyTraverseError> {
+        self.functions.traverse(&visit)
+    }
+
     /// The system at a state as a scene file, `toml` or `json`.
     fn write(&self, py: Python<'_>, given: Given<'_>, format: &str) -> PyResult<String> {
+        self.check_can_be_written()?;
         let state = state(&self.system, &given)?;
         let is_json = format == "json";
         Ok(py.detach(|| {
@@ -128,6 +178,7 @@ impl System {
 
     /// Writes the system at a state as a scene file, TOML, JSON or NumPy arrays by its extension, whole or not at all.
     fn save(&self, py: Python<'_>, given: Given<'_>, path: PathBuf) -> PyResult<()> {
+        self.check_can_be_written()?;
         let state = state(&self.system, &given)?;
         let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_owned();
         if !["toml", "json", "npz"].contains(&extension.as_str()) {
@@ -206,38 +257,32 @@ impl System {
         handed(py, &self.system, &self.start)
     }
 
-    /// Forces on all particles at a state, in N: those of springs, of damping, of gravity, or all.
+    /// Forces on all particles at a state, in N: those of springs, of damping, of gravity, from outside, or all.
     fn force<'py>(&self, py: Python<'py>, given: Given<'py>, kind: &str) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (system, state) = (&*self.system, state(&self.system, &given)?);
-        let [elastic, damping, weight] = match kind {
-            "all" => [true; 3],
-            "elastic" => [true, false, false],
-            "damping" => [false, true, false],
-            "weight" => [false, false, true],
+        let state = state(&self.system, &given)?;
+        let [elastic, damping, weight, external] = match kind {
+            "all" => [true; 4],
+            "elastic" => [true, false, false, false],
+            "damping" => [false, true, false, false],
+            "weight" => [false, false, true, false],
+            "external" => [false, false, false, true],
             _ => {
-                let rule = "must be one of all, elastic, damping, weight";
+                let rule = "must be one of all, elastic, damping, weight, external";
                 return Err(raised(Error::Invalid(Invalid::new("kind", format!("{kind:?}"), rule))));
             }
         };
-        // Of springs between two held particles too: they move nothing, and pull on what holds them.
-        let force = compute(py, &Flag::new(), || -> sprung::Result<_> {
+        let flag = Flag::new();
+        let system = &*self.bound(py, &flag);
+        let force = compute(py, &flag, || -> sprung::Result<_> {
             let mut force = vec![Vector3::zeros(); system.particles()];
-            for (index, spring) in system.springs().iter().enumerate() {
-                let pair @ [i, j] = system.pair(index);
-                let at = Extension::between(&state.positions[i], &state.positions[j]);
-                let at = at.ok_or(DegenerateSpring { spring: index, pair })?;
-                let mut f = Vector3::zeros();
-                if elastic {
-                    f += spring.elastic_force(&at);
-                }
-                if damping {
-                    f += spring.damping_force(&at, &(state.velocities[i] - state.velocities[j]));
-                }
-                force[i] += f;
-                force[j] -= f;
+            if elastic || damping {
+                add_spring_forces(system, &state, [elastic, damping], &mut force)?;
             }
             if weight {
                 add_weight(system, &mut force);
+            }
+            if external {
+                add_external_forces(system, &state.moment(), &mut force);
             }
             Ok(force)
         })?;
@@ -247,7 +292,9 @@ impl System {
     /// Forces with which constraints act at a state, in N: a row for every particle, zero along free axes.
     fn reactions<'py>(&self, py: Python<'py>, given: Given<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let state = state(&self.system, &given)?;
-        let found = py.detach(|| Reactions::at(&self.system, &state)).map_err(|error| raised(error.into()))?;
+        let flag = Flag::new();
+        let system = self.bound(py, &flag);
+        let found = compute(py, &flag, || Reactions::at(&system, &state))?.map_err(|error| raised(error.into()))?;
         let mut forces = vec![Vector3::zeros(); self.system.particles()];
         found.particles.iter().zip(&found.forces).for_each(|(&p, force)| forces[p] = *force);
         rows(py, &forces, self.system.dimension())
@@ -256,9 +303,36 @@ impl System {
     /// Kinetic, elastic and gravitational energy of a state, in J.
     fn energy(&self, py: Python<'_>, given: Given<'_>) -> PyResult<(f64, f64, f64)> {
         let state = state(&self.system, &given)?;
-        let Energy { kinetic, elastic, gravitational } = py.detach(|| Energy::of(&self.system, &state));
+        let flag = Flag::new();
+        let system = self.bound(py, &flag);
+        let Energy { kinetic, elastic, gravitational } = compute(py, &flag, || Energy::of(&system, &state))?;
         Ok((kinetic, elastic, gravitational))
     }
+}
+
+/// Adds forces of springs, elastic ones and those of damping; of springs between two held particles too: they move nothing, and pull on what
+/// holds them.
+fn add_spring_forces(
+    system: &sprung::System,
+    state: &State,
+    [elastic, damping]: [bool; 2],
+    force: &mut [Vector3<f64>],
+) -> sprung::Result<()> {
+    for (number, spring) in system.springs_at(&state.moment()).iter().enumerate() {
+        let pair @ [i, j] = system.pair(number);
+        let at = system.extension(number, &state.positions[i], &state.positions[j]);
+        let at = at.ok_or(DegenerateSpring { spring: number, pair })?;
+        let mut f = Vector3::zeros();
+        if elastic {
+            f += spring.elastic_force(&at);
+        }
+        if damping && spring.damping > 0.0 {
+            f += spring.damping_force(&at, &(state.velocities[i] - state.velocities[j]));
+        }
+        force[i] += f;
+        force[j] -= f;
+    }
+    Ok(())
 }
 
 /// The length of a spring; NaN where an end does not exist, for which the builder rejects the pair.

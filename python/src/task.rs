@@ -32,7 +32,13 @@ pub struct Pacing {
 
 impl Pacing {
     /// What the arguments mean, as for the command.
-    pub fn new(run_options: &RunOptions, duration: f64, dt: Option<f64>, stops_unstable: bool, every: u64) -> PyResult<Self> {
+    pub fn new(
+        run_options: &RunOptions,
+        duration: f64,
+        dt: Option<f64>,
+        stops_unstable: bool,
+        every: u64,
+    ) -> PyResult<Self> {
         let Some(every) = NonZeroU64::new(every) else {
             return Err(invalid(Invalid::new("every", every, "must be positive")));
         };
@@ -41,7 +47,8 @@ impl Pacing {
         }
         let rtol = if dt.is_none() { run_options.rtol_without_step() } else { run_options.rtol };
         let is_chosen = dt.is_none() && rtol.is_some() && run_options.rtol.is_none();
-        let chosen = if rtol.is_some() || run_options.accuracy.is_some() { records_every(duration) } else { DEFAULT_STEP };
+        let chosen =
+            if rtol.is_some() || run_options.accuracy.is_some() { records_every(duration) } else { DEFAULT_STEP };
         let interval = dt.unwrap_or(chosen);
         Schedule::check(interval, duration).map_err(invalid)?;
         Ok(Self { duration, interval, rtol, is_chosen, stops_unstable, every })

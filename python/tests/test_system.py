@@ -242,3 +242,32 @@ def test_ready_scenes_are_refined():
     coarse, fine = sprung.System.ready("cloth", 20), sprung.System.ready("cloth", 39, refine=True)
     widths = [np.ptp(system.initial_state().positions, axis=0) for system in (coarse, fine)]
     np.testing.assert_allclose(*widths, rtol=1e-12)
+
+
+def test_meshes_of_meshio(tmp_path):
+    meshio = pytest.importorskip("meshio", reason="meshio is not installed: its meshes were not read")
+    points = np.random.default_rng(0).normal(size=(14, 3))
+    cells = [("triangle", [[0, 1, 2], [2, 1, 3]]), ("line", [[3, 4], [4, 3]]), ("vertex", [[13]]), ("tetra", [[4, 5, 6, 7]])]
+    mesh = meshio.Mesh(points, cells)
+    edges = [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3], [3, 4], [4, 5], [4, 6], [4, 7], [5, 6], [5, 7], [6, 7]]
+    mesh.write(tmp_path / "mesh.vtk")
+    for given in (mesh, tmp_path / "mesh.vtk", str(tmp_path / "mesh.vtk")):
+        system = sprung.System.from_meshio(given, masses=2.0, stiffness=3.0, constraints=[sprung.Constraint(0)])
+        assert system.pairs.tolist() == edges
+        np.testing.assert_array_equal(system.initial_state().positions, points)
+        lengths = np.linalg.norm(points[system.pairs[:, 0]] - points[system.pairs[:, 1]], axis=1)
+        np.testing.assert_allclose(system.rest_lengths, lengths, rtol=1e-15)
+    # A cube has 12 edges, a quadrilateral its four sides and no diagonal, a wedge nine edges, a pyramid eight.
+    corners = {"hexahedron": (8, 12), "quad": (4, 4), "wedge": (6, 9), "pyramid": (5, 8), "polygon": (7, 7)}
+    for kind, (count, edges) in corners.items():
+        mesh = meshio.Mesh(points, [(kind, [list(range(count))])])
+        pairs = sprung.System.from_meshio(mesh, masses=1.0, stiffness=1.0).pairs
+        assert len(pairs) == edges and set(pairs.ravel()) == set(range(count)), kind
+        degrees = np.bincount(pairs.ravel(), minlength=count)
+        assert degrees.max() == {"hexahedron": 3, "quad": 2, "wedge": 3, "pyramid": 4, "polygon": 2}[kind]
+    # No edge of a cube joins corners that are not neighbours.
+    cube = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
+    mesh = meshio.Mesh(cube, [("hexahedron", [list(range(8))])])
+    np.testing.assert_array_equal(sprung.System.from_meshio(mesh, masses=1.0, stiffness=1.0).rest_lengths, 1.0)
+    with pytest.raises(ValueError, match="the mesh: cells of type 'triangle6'"):
+        sprung.System.from_meshio(meshio.Mesh(points, [("triangle6", [list(range(6))])]), masses=1.0)

@@ -40,6 +40,7 @@ impl Energy {
         let kinetic = masses.iter().zip(&state.velocities).map(|(m, v)| 0.5 * m * v.norm_squared()).sum();
         let gravity = system.gravity();
         let gravitational = masses.iter().zip(&state.positions).map(|(m, x)| -m * gravity.dot(x)).sum();
+        let law = system.law_values(&state.positions, state.time);
         let elastic = system
             .pairs()
             .iter()
@@ -47,7 +48,7 @@ impl Energy {
             .map(|(spring, &[i, j])| {
                 let (xi, xj) = (&state.positions[i as usize], &state.positions[j as usize]);
                 let at = Extension::between(xi, xj).unwrap_or(Extension::COLLAPSED);
-                system.elastic_energy(spring, &at, state.time)
+                system.elastic_energy_with(&law, spring, &at, state.time)
             })
             .sum();
         // An empty sum is −0, which reads as if it were something; with 0 added it is 0, and every other sum itself.

@@ -3,7 +3,7 @@
 
 use crate::error::DegenerateSpring;
 use crate::parallel::try_pieces;
-use crate::spring::{Extension, Spring};
+use crate::spring::{Extension, LawValues, Spring};
 use crate::system::{Derivatives, Moment, State, System};
 use nalgebra::{Matrix3, Vector3};
 
@@ -77,6 +77,8 @@ pub struct Extensions {
     values: Vec<Extension>,
     /// Of springs that have to be asked for, those that they are at these lengths and this time; empty where springs are the same at all.
     tangents: Vec<Spring>,
+    /// What the law says of all springs at this configuration, where it is asked so.
+    law: LawValues,
     /// The symmetric parts of the derivatives of forces from outside, one for every particle; empty where there are none.
     external: Vec<Derivatives>,
 }
@@ -95,10 +97,10 @@ impl Extensions {
             let extension = system.extension(spring, &at.positions[i], &at.positions[j]);
             values.push(extension.ok_or(DegenerateSpring { spring, pair })?);
         }
-        let mut extensions = Self { values, tangents: Vec::new(), external: Vec::new() };
+        let mut extensions = Self { values, tangents: Vec::new(), law: LawValues::default(), external: Vec::new() };
         if system.has_spring_law() {
             extensions.tangents = system.active().map(|(.., spring)| *spring).collect();
-            extensions.set_tangents(system, at.time);
+            extensions.set_tangents(system, &at);
         }
         if system.has_external_derivatives() {
             extensions.external = vec![Derivatives::default(); system.particles()];
@@ -121,14 +123,19 @@ impl Extensions {
             }
             Ok(())
         })?;
-        self.set_tangents(system, at.time);
+        self.set_tangents(system, &at);
         self.set_external(system, &at);
         Ok(())
     }
 
-    fn set_tangents(&mut self, system: &System, time: f64) {
+    fn set_tangents(&mut self, system: &System, at: &Configuration) {
+        if self.tangents.is_empty() {
+            return;
+        }
+        self.law = system.law_values(at.positions, at.time);
+        let (law, time) = (&self.law, at.time);
         for ((tangent, at), &spring) in self.tangents.iter_mut().zip(&self.values).zip(system.active_springs()) {
-            *tangent = system.spring_at(spring as usize, at.length, time);
+            *tangent = system.spring_with(law, spring as usize, at.length, time);
         }
     }
 
@@ -147,6 +154,11 @@ impl Extensions {
         for Derivatives { stiffness, damping } in &mut self.external {
             (*stiffness, *damping) = (symmetric(stiffness), symmetric(damping));
         }
+    }
+
+    /// What the law says of all springs, where it is asked so.
+    pub(crate) fn law(&self) -> &LawValues {
+        &self.law
     }
 
     /// The symmetric parts of the derivatives of forces from outside, one for every particle; empty where there are none.

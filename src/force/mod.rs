@@ -157,17 +157,18 @@ pub fn add_force_rate(system: &System, extensions: &Extensions, at: &Moment<'_>,
 /// The power, in W, that springs take up by changing their rest lengths: `Σ −½ k (l² − l0²)/l0² · l0'` over all springs that pull or push. It is
 /// what the elastic energy grows by while nothing moves.
 pub fn actuation_power(system: &System, at: &Moment<'_>) -> f64 {
+    if system.behaviour().actuation.is_empty() {
+        return 0.0;
+    }
+    let law = system.law_values(at.positions, at.time);
     let power = |(number, &[i, j]): (usize, &[u32; 2])| {
         let [factor, slope] = system.actuation(number, at.time)?;
         let length = (at.positions[i as usize] - at.positions[j as usize]).norm();
-        let spring = system.spring_at(number, length, at.time);
+        let spring = system.spring_with(&law, number, length, at.time);
         let ratio = length / spring.gauge_length();
         Some(-0.5 * spring.stiffness * (ratio * ratio - 1.0) * system.springs()[number].rest_length * slope)
             .filter(|_| factor > 0.0)
     };
-    if system.behaviour().actuation.is_empty() {
-        return 0.0;
-    }
     system.pairs().iter().enumerate().filter_map(power).sum()
 }
 

@@ -52,6 +52,7 @@ impl Reactions {
         let moment = state.moment();
         let mut force = vec![Vector3::zeros(); system.particles()];
         set_other_forces(system, &moment, &mut force);
+        let law = system.law_values(moment.positions, moment.time);
         for (number, pair) in system.pairs().iter().enumerate() {
             let [i, j] = pair.map(|end| end as usize);
             let Some(at) = Extension::between(&moment.positions[i], &moment.positions[j]) else {
@@ -61,7 +62,7 @@ impl Reactions {
                 }
                 return Err(DegenerateSpring { spring: number, pair: [i, j] });
             };
-            let spring = system.spring_at(number, at.length, moment.time);
+            let spring = system.spring_with(&law, number, at.length, moment.time);
             let mut f = spring.elastic_force(&at);
             if spring.damping > 0.0 {
                 f += spring.damping_force(&at, &(moment.velocities[i] - moment.velocities[j]));

@@ -2,7 +2,7 @@
 
 use super::batch::{AddForces, Coincident, Ends};
 use super::{DegenerateSpring, add_external_forces};
-use crate::spring::Spring;
+use crate::spring::{LawValues, Spring};
 use crate::system::{Moment, Share, System};
 use nalgebra::Vector3;
 
@@ -31,11 +31,12 @@ use nalgebra::Vector3;
 /// ```
 pub fn set_total_force(system: &System, at: &Moment<'_>, force: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
     set_other_forces(system, at, force);
+    let law = system.law_values(at.positions, at.time);
     if let Some(shares) = system.several_shares() {
-        return add_shares(system, at, &shares, force);
+        return add_shares(system, at, &law, &shares, force);
     }
     if system.has_spring_law() {
-        return add_by_law(system, at, system.active(), 0, force);
+        return add_by_law(system, at, &law, system.active(), 0, force);
     }
     if has_only_active(system) {
         // Nothing is looked up that stands in order.
@@ -91,12 +92,13 @@ pub(crate) fn first_degenerate(system: &System, positions: &[Vector3<f64>]) -> D
 fn add_by_law<'a>(
     system: &System,
     at: &Moment<'_>,
+    law: &LawValues,
     mut springs: impl Iterator<Item = (usize, [usize; 2], &'a Spring)>,
     first: usize,
     total: &mut [Vector3<f64>],
 ) -> Result<(), DegenerateSpring> {
     springs.try_for_each(|(spring, [i, j], _)| {
-        let f = by_law(system, at, spring, [i, j])?;
+        let f = by_law(system, at, law, spring, [i, j])?;
         if let Some(total) = total.get_mut(i.wrapping_sub(first)) {
             *total += f;
         }
@@ -108,11 +110,17 @@ fn add_by_law<'a>(
 }
 
 /// The force on end i of a spring that has a law of the caller's own.
-fn by_law(system: &System, at: &Moment<'_>, spring: usize, pair: [usize; 2]) -> Result<Vector3<f64>, DegenerateSpring> {
+fn by_law(
+    system: &System,
+    at: &Moment<'_>,
+    law: &LawValues,
+    spring: usize,
+    pair: [usize; 2],
+) -> Result<Vector3<f64>, DegenerateSpring> {
     let [i, j] = pair;
     let extension = system.extension(spring, &at.positions[i], &at.positions[j]);
     let extension = extension.ok_or(DegenerateSpring { spring, pair })?;
-    let parameters = system.spring_at(spring, extension.length, at.time);
+    let parameters = system.spring_with(law, spring, extension.length, at.time);
     let mut tension = parameters.stiffness * parameters.strain(&extension);
     // Without damping velocities may be anything, infinite too.
     if parameters.damping > 0.0 && extension.length > 0.0 {
@@ -125,6 +133,7 @@ fn by_law(system: &System, at: &Moment<'_>, spring: usize, pair: [usize; 2]) -> 
 fn add_shares(
     system: &System,
     at: &Moment<'_>,
+    law: &LawValues,
     shares: &[Share],
     total: &mut [Vector3<f64>],
 ) -> Result<(), DegenerateSpring> {
@@ -135,7 +144,7 @@ fn add_shares(
             if system.has_spring_law() {
                 let each = numbers.map(|number| number as usize);
                 let each = each.map(|number| (number, system.pair(number), &system.springs()[number]));
-                return add_by_law(system, at, each, particles.start, total);
+                return add_by_law(system, at, law, each, particles.start, total);
             }
             add(system, at, numbers.map(|number| numbered(system, number)), particles.start, total)
         }
@@ -143,7 +152,8 @@ fn add_shares(
             let (left, right) = shares.split_at(shares.len() / 2);
             let boundary = right.first().map_or(0, |share| share.particles.start - first.particles.start);
             let (low, high) = total.split_at_mut(boundary);
-            let (low, high) = rayon::join(|| add_shares(system, at, left, low), || add_shares(system, at, right, high));
+            let (low, high) =
+                rayon::join(|| add_shares(system, at, law, left, low), || add_shares(system, at, law, right, high));
             low.and(high)
         }
     }

@@ -15,6 +15,8 @@ mod implicit;
 mod implicit_midpoint;
 #[cfg(test)]
 mod kinds_tests;
+#[cfg(test)]
+mod law_tests;
 mod linear_backward_euler;
 mod matrices;
 mod merit;

@@ -267,7 +267,7 @@ impl<'s> Newton<'s> {
             if !system.counts(number) {
                 continue;
             }
-            add(system.elastic_energy(number, at, trial.time));
+            add(system.elastic_energy_with(linear.extensions.law(), number, at, trial.time));
             // Far from the origin a rounded position is a displacement, against which the spring does work.
             let reach = trial.positions[i].norm() + trial.positions[j].norm();
             rounding += f64::EPSILON * (spring.stiffness * spring.strain(at)).abs() * reach;

@@ -61,6 +61,52 @@ pub trait SpringLaw: Debug + Send + Sync {
     /// What it stores at a length, in J: `∫ T dl`. Time stepping with energies that are not those of the tension fails in line searches
     /// and by alarms of energy from nowhere.
     fn energy(&self, number: usize, spring: &Spring, length: f64) -> f64;
+
+    /// Whether it is asked for all springs at once, by [`values`](Self::values): where that costs less than asking one by one, as of a law
+    /// that an interpreter runs.
+    fn is_asked_at_once(&self) -> bool {
+        false
+    }
+
+    /// What it says of all springs of the system at one configuration, those between held particles too: one entry for each, in their order. By
+    /// default what it says of each.
+    fn values(&self, springs: &[Spring], lengths: &[f64]) -> Vec<LawValue> {
+        let each = springs.iter().zip(lengths).enumerate();
+        let value = |(number, (spring, &length)): (usize, (&Spring, &f64))| LawValue {
+            tension: self.tension(number, spring, length),
+            energy: self.energy(number, spring, length),
+        };
+        each.map(value).collect()
+    }
+}
+
+/// What a law says of one of all springs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LawValue {
+    /// T and T'.
+    pub tension: Tension,
+    /// What the spring stores, in J.
+    pub energy: f64,
+}
+
+/// What a law that is asked for all springs at once says at one configuration; nothing of any other law, which is asked spring by spring.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct LawValues(Vec<LawValue>);
+
+impl LawValues {
+    /// Of springs without such a law.
+    pub(crate) const NONE: &'static Self = &Self(Vec::new());
+
+    /// Of springs with these parameters at these lengths.
+    pub(crate) fn of(law: &dyn SpringLaw, springs: &[Spring], lengths: &[f64]) -> Self {
+        Self(law.values(springs, lengths))
+    }
+
+    /// Of the spring of a number.
+    #[inline]
+    pub(crate) fn get(&self, number: usize) -> Option<&LawValue> {
+        self.0.get(number)
+    }
 }
 
 /// The least slope, as a part of `k/l0`.

@@ -32,7 +32,7 @@ pub(crate) use shares::Share;
 pub use state::{Moment, State};
 
 use crate::error::Result;
-use crate::spring::{Extension, Spring, SpringLaw};
+use crate::spring::{Extension, LawValues, Spring, SpringLaw};
 use nalgebra::Vector3;
 use shares::Shares;
 use std::sync::Arc;
@@ -177,14 +177,43 @@ impl System {
     /// push has neither stiffness nor damping while it is shorter than at rest.
     #[inline]
     pub fn spring_at(&self, number: usize, length: f64, time: f64) -> Spring {
+        self.spring_with(LawValues::NONE, number, length, time)
+    }
+
+    /// As [`spring_at`](Self::spring_at), with what the law says of all springs at this configuration.
+    #[inline]
+    pub(crate) fn spring_with(&self, values: &LawValues, number: usize, length: f64, time: f64) -> Spring {
         let spring = self.spring_then(number, time);
         match &self.law {
-            Some(law) => spring.tangent(law.tension(number, &spring, length), length),
+            Some(law) => {
+                let known = values.get(number).map(|value| value.tension);
+                spring.tangent(known.unwrap_or_else(|| law.tension(number, &spring, length)), length)
+            }
             None if self.behaviour.is_tension_only(number) && length < spring.rest_length => {
                 Spring { stiffness: 0.0, rest_length: length, damping: 0.0 }
             }
             None => spring,
         }
+    }
+
+    /// All springs as they are at a moment, see [`spring_at`](Self::spring_at); those between prescribed particles too.
+    pub fn springs_at(&self, at: &Moment<'_>) -> Vec<Spring> {
+        let law = self.law_values(at.positions, at.time);
+        let length = |[i, j]: [usize; 2]| (at.positions[i] - at.positions[j]).norm();
+        let numbers = 0..self.springs.len();
+        numbers.map(|number| self.spring_with(&law, number, length(self.pair(number)), at.time)).collect()
+    }
+
+    /// What the law says of all springs at these positions and this time, where it is one that is asked so.
+    pub(crate) fn law_values(&self, positions: &[Vector3<f64>], time: f64) -> LawValues {
+        let Some(law) = &self.law else { return LawValues::default() };
+        if !law.is_asked_at_once() {
+            return LawValues::default();
+        }
+        let springs: Vec<Spring> = (0..self.springs.len()).map(|number| self.spring_then(number, time)).collect();
+        let length = |&[i, j]: &[u32; 2]| Extension::between(&positions[i as usize], &positions[j as usize]);
+        let lengths: Vec<f64> = self.pairs.iter().map(|pair| length(pair).map_or(0.0, |at| at.length)).collect();
+        LawValues::of(&**law, &springs, &lengths)
     }
 
     /// Where the ends of a spring are relative to each other; `None` where they coincide and the spring would need a direction.
@@ -197,9 +226,16 @@ impl System {
 
     /// What a spring stores at a time, in J.
     pub fn elastic_energy(&self, number: usize, at: &Extension, time: f64) -> f64 {
+        self.elastic_energy_with(LawValues::NONE, number, at, time)
+    }
+
+    /// As [`elastic_energy`](Self::elastic_energy), with what the law says of all springs at this configuration.
+    pub(crate) fn elastic_energy_with(&self, values: &LawValues, number: usize, at: &Extension, time: f64) -> f64 {
         let spring = self.spring_then(number, time);
         match &self.law {
-            Some(law) => law.energy(number, &spring, at.length),
+            Some(law) => {
+                values.get(number).map_or_else(|| law.energy(number, &spring, at.length), |value| value.energy)
+            }
             None if self.behaviour.is_tension_only(number) && at.length < spring.rest_length => 0.0,
             None => spring.elastic_energy(at),
         }

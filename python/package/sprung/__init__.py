@@ -21,6 +21,7 @@ negative (semidefinite) where the system is stable.
 
 from ._constraint import Constraint
 from ._errors import Breakdown, DoubtWarning
+from ._functions import ExternalForce
 from ._inspect import Inspection, inspect
 from ._jacobian import Entry, JacobianCheck, check_jacobian
 from ._matrices import Factor, Matrices, NotPositiveDefinite
@@ -37,6 +38,7 @@ __all__ = [
     "DoubtWarning",
     "Energy",
     "Entry",
+    "ExternalForce",
     "Factor",
     "Inspection",
     "JacobianCheck",

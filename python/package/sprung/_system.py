@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from . import _arrays, _native
+from . import _arrays, _functions, _native
 from ._arrays import Floats
 from ._constraint import Constraint, constraint, vector
+from ._functions import ExternalForce
 from ._html import framed
 from ._matrices import Factor, Matrices, linear_operator
 from ._state import Energy, Given, State
@@ -56,6 +57,10 @@ class System:
         An acceleration, in m/s**2; absent: none.
     constraints : iterable of Constraint or mapping
         Kinematic particles; mappings have the keys of a scene file.
+    forces : iterable of ExternalForce or callable
+        Forces from outside, see :class:`ExternalForce`; a callable is one without derivatives.
+    spring_law : callable, optional
+        The law of all springs in place of ``T = k (l/l0 - 1)``, see :meth:`with_spring_law`.
     name : str
         For reports.
 
@@ -84,6 +89,8 @@ class System:
         velocities: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
         constraints: Iterable[Constraint | Mapping[str, Any]] = (),
+        forces: Iterable[ExternalForce | Callable[..., Any]] = (),
+        spring_law: Callable[..., Any] | None = None,
         name: str = "system",
     ) -> None:
         places = _arrays.rows("positions", positions)
@@ -111,11 +118,16 @@ class System:
             [0.0] * 3 if gravity is None else vector("gravity", gravity, dimension),
             [entry._given(at, count, dimension) for at, entry in enumerate(entries)],
         )
+        given = _functions.forces(forces, 0, count, dimension)
+        self._native, self._forces = self._native.with_functions(given, None), len(given)
+        if spring_law is not None:
+            self._native = self.with_spring_law(spring_law)._native
 
     @classmethod
-    def _of(cls, native: _native.System) -> System:
+    def _of(cls, native: _native.System, forces: int = 0) -> System:
         system = cls.__new__(cls)
         system._native = native
+        system._forces = forces
         return system
 
     @classmethod
@@ -132,26 +144,29 @@ class System:
         return cls._of(_native.System.load(os.fspath(path)))
 
     @classmethod
-    def from_meshio(cls, path: str | os.PathLike[str], *, masses: ArrayLike, **parameters: Any) -> System:
-        """Read any mesh that the package ``meshio`` reads: points become particles, each edge of a cell once becomes a spring.
+    def from_meshio(cls, mesh: str | os.PathLike[str] | Any, *, masses: ArrayLike, **parameters: Any) -> System:
+        """Any mesh that the package ``meshio`` reads: points become particles, each edge of a cell once becomes a spring.
 
         Parameters
         ----------
-        path : path-like
-            The mesh. Its lines, triangles, quadrilaterals, tetrahedra, pyramids, wedges and hexahedra count; vertices are passed over.
+        mesh : path-like or meshio.Mesh
+            Its lines, triangles, quadrilaterals, polygons, tetrahedra, pyramids, wedges and hexahedra count; vertices are passed over.
         masses, **parameters
             As of the class.
 
         Raises
         ------
         ImportError
-            Where ``meshio`` is not installed.
+            For a path, where ``meshio`` is not installed.
         ValueError
             For cells with curved edges, which are not read, and for values that break a rule.
         """
-        import meshio
+        name = "the mesh"
+        if isinstance(mesh, (str, os.PathLike)):
+            import meshio
 
-        mesh = meshio.read(path)
+            name = os.fspath(mesh)
+            mesh = meshio.read(mesh)
         found = [np.empty((0, 2), dtype=np.int64)]
         for block in mesh.cells:
             if block.type == "vertex":
@@ -161,7 +176,7 @@ class System:
             elif block.type in _EDGES:
                 found += [np.asarray(block.data)[:, list(edge)] for edge in _EDGES[block.type]]
             else:
-                raise ValueError(f"{os.fspath(path)}: cells of type {block.type!r}: only cells with straight edges are read")
+                raise ValueError(f"{name}: cells of type {block.type!r}: only cells with straight edges are read")
         pairs = np.sort(np.concatenate(found), axis=1)
         pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
         return cls(mesh.points, pairs, masses=masses, **parameters)
@@ -187,6 +202,51 @@ class System:
         if size is not None and (isinstance(size, bool) or not isinstance(size, (int, np.integer)) or size < 1):
             raise ValueError(f"size = {size!r}: must be a positive integer")
         return cls._of(_native.System.ready(kind, size, bool(refine)))
+
+    def with_forces(self, *forces: ExternalForce | Callable[..., Any]) -> System:
+        """The same system with more forces from outside, each an :class:`ExternalForce` or a function of positions, velocities and time.
+
+        Of a system with functions all is as of any other, but that it cannot be written to a scene file, and that :func:`verify`
+        leaves them out.
+        """
+        shape = (len(self.masses), self.dimension)
+        given = _functions.forces(forces, self._forces, *shape)
+        return self._of(self._native.with_functions(given, None), self._forces + len(given))
+
+    def with_spring_law(self, law: Callable[..., Any]) -> System:
+        """The same system with another law for all its springs, in place of ``T = k (l/l0 - 1)``; their damping stays.
+
+        Parameters
+        ----------
+        law : callable
+            ``law(lengths, rest_lengths, stiffness)``, called once for all springs with arrays of one entry for each, in m, m and N, gives
+            ``(tension, slope)`` or ``(tension, slope, energy)`` of as many entries: the tension T, in N, positive where the spring pulls
+            its ends together; its slope dT/dl, in N/m; and what the spring stores, the integral of T from the rest length, in J.
+
+            Without an energy it is integrated by Gauss's rule with twelve nodes, each of which takes a call: to rounding of a smooth
+            tension, to about 1 % where it has kinks between the rest length and the length.
+
+        Notes
+        -----
+        Where a slope is not positive the matrix has a billionth of ``k/l0`` in its place, so that it is that of a convex law; forces stay
+        exact. Exceptions and wrong arrays are as of an :class:`ExternalForce`.
+
+        Examples
+        --------
+        A bungee, which does not push and stiffens as it is stretched:
+
+        >>> import numpy as np
+        >>> import sprung
+        >>> def bungee(lengths, rest_lengths, stiffness):
+        ...     strain = np.maximum(lengths / rest_lengths - 1, 0)
+        ...     energy = stiffness * rest_lengths * (strain**2 / 2 + strain**4 / 4)
+        ...     return stiffness * (strain + strain**3), stiffness * (1 + 3 * strain**2) / rest_lengths, energy
+        >>> system = sprung.System([[0.0], [3.0]], [[0, 1]], masses=1.0, stiffness=10.0, rest_lengths=2.0, spring_law=bungee)
+        >>> system.force().round(6).tolist()
+        [[6.25], [-6.25]]
+        """
+        given = _functions.law(law, len(self.pairs))
+        return self._of(self._native.with_functions([], given), self._forces)
 
     def to_toml(self, state: State | None = None) -> str:
         """The system as a scene file that starts at a state, by default the initial one."""
@@ -287,7 +347,8 @@ class System:
         ----------
         state : State, optional
             By default the initial one.
-        kind : {"all", "elastic", "damping", "weight"}
+        kind : {"all", "elastic", "damping", "weight", "external"}
+            Of springs and their damping, of gravity, of loads, drag and the :class:`ExternalForce` of the system, or of all together.
 
         Returns
         -------

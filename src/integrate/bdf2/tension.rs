@@ -38,10 +38,12 @@ impl Tensions {
 
     /// Takes the tensions at a state for the last ones.
     pub fn set(&mut self, system: &System, state: &State) {
+        let law = system.law_values(&state.positions, state.time);
         for (last, (number, [i, j], _)) in self.last.iter_mut().zip(system.active()) {
             // Coincident ends have no tension that lasts, and a step from there fails for its own reasons.
             let extension = Extension::between(&state.positions[i], &state.positions[j]);
-            *last = extension.map_or(0.0, |at| tension(&system.spring_at(number, at.length, state.time), &at));
+            let spring = |length| system.spring_with(&law, number, length, state.time);
+            *last = extension.map_or(0.0, |at| tension(&spring(at.length), &at));
         }
     }
 

@@ -9,7 +9,7 @@ use super::Sides;
 use super::sums::{Block, Damping, Kept, Span, Sums};
 use crate::force::batch::{BATCH, Batch as Forces, Coincident, List};
 use crate::force::run::Run;
-use crate::spring::{Extension, Spring};
+use crate::spring::{Extension, LawValues, Spring};
 use crate::system::{Moment, System};
 use nalgebra::Vector3;
 
@@ -18,6 +18,8 @@ use nalgebra::Vector3;
 pub(super) struct Step<'a> {
     pub system: &'a System,
     pub at: Moment<'a>,
+    /// What the law says of all springs, where it is asked so.
+    pub law: &'a LawValues,
     pub dt: f64,
     /// 1/dt; divisions are what a pass would wait for.
     pub inverse: f64,
@@ -179,10 +181,10 @@ impl Slots {
         let (system, time) = (step.system, step.at.time);
         for (slot, spring) in (first..first + count).enumerate().filter(|&(_, spring)| system.counts(spring)) {
             let length = now.length[slot];
-            let tangent = system.spring_at(spring, length, time);
+            let tangent = system.spring_with(step.law, spring, length, time);
             kept.stiffness[slot] = tangent.axial_stiffness();
             let at = Extension { direction: Vector3::zeros(), length };
-            self.elastic[slot] += system.elastic_energy(spring, &at, time);
+            self.elastic[slot] += system.elastic_energy_with(step.law, spring, &at, time);
         }
     }
 

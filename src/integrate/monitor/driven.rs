@@ -19,6 +19,7 @@
 use super::Sides;
 use super::springs::{resolved_step, span};
 use super::sums::Span;
+use crate::spring::LawValues;
 use crate::system::{Motion, State, System};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -60,6 +61,8 @@ pub(super) struct Drive<'s> {
     coordinates: Vec<Coordinate>,
     lead: Lead,
     springs: Vec<Driven>,
+    /// What a law that is asked for all springs at once said at the last state.
+    law: LawValues,
 }
 
 /// Energy of the moving coordinates themselves, in J.
@@ -109,7 +112,19 @@ impl<'s> Drive<'s> {
                 Driven { spring, d, velocities, resolved: resolved_step(system, spring) }
             })
             .collect();
-        Self { system, coordinates, lead: Lead { moving, mean: vec![Vector3::zeros(); particles] }, springs }
+        let lead = Lead { moving, mean: vec![Vector3::zeros(); particles] };
+        let mut drive = Self { system, coordinates, lead, springs, law: LawValues::default() };
+        drive.law = drive.law_at(state);
+        drive
+    }
+
+    /// What such a law says at a state, where springs are driven.
+    fn law_at(&self, state: &State) -> LawValues {
+        if self.springs.is_empty() {
+            LawValues::default()
+        } else {
+            self.system.law_values(&state.positions, state.time)
+        }
     }
 
     /// The springs that end in a moving coordinate.
@@ -134,7 +149,10 @@ impl<'s> Drive<'s> {
 
     /// Goes on to a state that a step of dt seconds led to.
     pub fn pass(&mut self, state: &State, dt: f64) -> Exchange {
-        let Self { system, coordinates, lead, springs } = self;
+        let now = self.law_at(state);
+        let before = std::mem::replace(&mut self.law, now);
+        let Self { system, coordinates, lead, springs, law } = self;
+        let laws = [&before, law];
         for c in coordinates {
             let position = state.positions[c.particle][c.axis];
             lead.mean[c.particle][c.axis] = (position - c.position) / dt;
@@ -149,12 +167,12 @@ impl<'s> Drive<'s> {
             let ends = [End::of(&driven.d, &relative(&driven.velocities)), End::of(&d, &relative(&velocities))];
             let force = [0, 1].map(|end: usize| {
                 let Span { length, rate } = ends[end].span;
-                let spring = system.spring_at(driven.spring, length, state.time);
+                let spring = system.spring_with(laws[end], driven.spring, length, state.time);
                 let stiffness = spring.axial_stiffness();
                 (stiffness * (length - spring.rest_length), stiffness * rate)
             });
             let step = Step { dt, is_resolved: dt <= driven.resolved };
-            let damping = system.spring_at(driven.spring, d.norm(), state.time).damping;
+            let damping = system.spring_with(laws[1], driven.spring, d.norm(), state.time).damping;
             exchange.add(&step.exchange(&ends, force, damping, &(only(i) - only(j))));
             (driven.d, driven.velocities) = (d, velocities);
         }

@@ -29,6 +29,7 @@ use crate::error::DegenerateSpring;
 use crate::force::batch::{BATCH, Coincident};
 use crate::force::{coincide, first_degenerate, set_other_forces, set_total_force};
 use crate::integrate::watch::Watch;
+use crate::spring::LawValues;
 use crate::system::{Axes, Moment, State, System};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -75,7 +76,8 @@ impl<'s> Springs<'s> {
 
     /// Goes on to where a step of dt seconds led to.
     pub fn pass(&mut self, at: &Moment<'_>, dt: f64) -> Sums {
-        let step = self.step(at, dt);
+        let law = self.system.law_values(at.positions, at.time);
+        let step = Step { law: &law, ..self.step(at, dt) };
         let pass = |(number, block): (usize, &mut Block)| {
             pulp::Arch::new().dispatch(Pass { step, first: number * BLOCK, block });
         };
@@ -91,7 +93,7 @@ impl<'s> Springs<'s> {
     where
         's: 'a,
     {
-        Step { system: self.system, at: *at, dt, inverse: if dt > 0.0 { 1.0 / dt } else { 0.0 } }
+        Step { system: self.system, at: *at, law: LawValues::NONE, dt, inverse: if dt > 0.0 { 1.0 / dt } else { 0.0 } }
     }
 
     fn total(&self) -> Sums {
