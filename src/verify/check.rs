@@ -67,6 +67,17 @@ impl Check {
         Self { is_judged: false, ..Self::new(claim, name, scene, 0.0, 0.0, reason) }
     }
 
+    /// Itself, but where it fails and the scene is one that it cannot judge: then that, with the reason.
+    pub(super) fn unless(self, cannot: impl FnOnce() -> Option<String>) -> Self {
+        if self.passed() {
+            return self;
+        }
+        match cannot() {
+            Some(reason) => Self::not_judged(self.claim, self.name, self.scene, reason),
+            None => self,
+        }
+    }
+
     /// Adds the table of worst entries.
     pub fn with_table(self, table: Vec<Entry>) -> Self {
         Self { table, ..self }

@@ -122,13 +122,9 @@ fn measure(
         let why = "in units of rounding, u (‖A‖ ‖δx‖ + ‖b‖) dt summed over the particles; a backward stable solve leaves \
                    at most 30 of them; Newton's method stops at a residual of 1e-10";
         let name = format!("{name}, {}", way.name());
-        let check = Check::new(Claim::Conservation, &name, &subject.name, worst(share), bound, why);
+        let check = Check::new(Claim::Conservation, name, &subject.name, worst(share), bound, why);
         // Iterations and directions then go through states far from those that the rounding is counted at.
-        let passing = if check.passed() { None } else { subject.passing(STEPS as f64 * dt) };
-        checks.push(match passing {
-            Some(reason) => Check::not_judged(Claim::Conservation, name, &subject.name, reason),
-            None => check,
-        });
+        checks.push(check.unless(|| subject.passing(STEPS as f64 * dt)));
     }
     Ok(checks)
 }

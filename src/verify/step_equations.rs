@@ -118,7 +118,9 @@ pub(super) fn others(subject: &Subject) -> Measured {
             false => "over 30 units of rounding of the forces that are added up",
         };
         let name = format!("residual of a step, {}", way.name());
-        checks.push(Check::new(Claim::Solvers, name, &subject.name, value, 1.0, why));
+        checks.push(
+            Check::new(Claim::Solvers, name, &subject.name, value, 1.0, why).unless(|| subject.beyond_rounding(dt)),
+        );
     }
     Ok(checks)
 }

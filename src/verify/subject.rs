@@ -28,6 +28,9 @@ pub struct Subject {
 /// squeezed one: far enough from 1 that no option's transverse term is near zero.
 const STRETCH: f64 = 1.25;
 
+/// Steps that are so many times as long as resolving ones: the square of it times u is a tenth of a percent.
+const BEYOND: f64 = 1e5;
+
 impl Subject {
     /// A scene, built; without a `dt` of its own the step is the [`resolving_step`](Self::resolving_step). Loads, drag, gravity that changes, and that
     /// springs do not push or change their rest lengths, is left out: checks do not judge it.
@@ -149,6 +152,15 @@ impl Subject {
             Vector3::from_fn(|axis, _| if free.contains(axis) { all[axis] } else { 0.0 })
         };
         (0..system.particles()).map(acceleration).collect()
+    }
+
+    /// Why a step of dt seconds is beyond what rounding can be followed through: the fastest vibration or decay is so much faster that what balances are
+    /// forces a billion times as large as those that move anything.
+    pub(super) fn beyond_rounding(&self, dt: f64) -> Option<String> {
+        let faster = dt / self.resolving_step();
+        (faster > BEYOND).then(|| {
+            format!("a step is {faster:.0e} times as long as one that resolves the fastest vibration or decay")
+        })
     }
 
     /// Why runs of a duration say little of a method, where a spring's ends move so far that it turns, or that they pass each other: by more than a quarter
