@@ -318,4 +318,16 @@ mod tests {
         builder.hold(0);
         assert!(!builder.build().unwrap().0.prescribed().moves());
     }
+
+    /// The path of a particle that is held by a later constraint moves nothing.
+    #[test]
+    fn paths_that_are_overridden_have_no_kinks() {
+        let mut builder = SystemBuilder::new();
+        builder.particle([0.0; 3], 1.0);
+        let motion = Motion::Path { times: vec![0.0, 0.5], offsets: vec![Vector3::zeros(), Vector3::x()] };
+        builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
+        assert_eq!(builder.clone().build().unwrap().0.prescribed().next_kink(0.1), Some(0.5));
+        builder.hold(0);
+        assert_eq!(builder.build().unwrap().0.prescribed().next_kink(0.1), None);
+    }
 }

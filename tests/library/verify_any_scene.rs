@@ -144,20 +144,27 @@ fn subject(seed: u64) -> Option<Subject> {
     Some(if seed.is_multiple_of(5) { Subject { dt: subject.resolving_step(), ..subject } } else { subject })
 }
 
+/// Scenes that were once accused falsely: springs that pass each other, kinks within the runs, motions and energies that are rounding, a collapsed spring,
+/// forces of damping a billion times those of inertia, a free fall of thousands of extents.
+const ACCUSED: [u64; 18] = [
+    50000, 50078, 50132, 50164, 50222, 50317, 50536, 50555, 50566, 50870, 51313, 51740, 51809, 51863, 51929, 60946,
+    61628, 61888,
+];
+
 /// The seeds to try: some, or as `SCENES=first..last` says.
-fn seeds() -> std::ops::Range<u64> {
+fn seeds() -> Vec<u64> {
     let given = std::env::var("SCENES").ok().and_then(|text| {
         let (first, last) = text.split_once("..")?;
-        Some(first.parse().ok()?..last.parse().ok()?)
+        Some((first.parse().ok()?..last.parse().ok()?).collect())
     });
-    given.unwrap_or(0..120)
+    given.unwrap_or_else(|| (0..120).chain(ACCUSED).collect())
 }
 
 #[test]
 fn nothing_is_accused_falsely() {
     let (mut scenes, mut judged, mut left_out, mut failed) = (0, 0, 0, Vec::new());
     let mut ordinary = [0; 2];
-    for subject in seeds().filter_map(subject) {
+    for subject in seeds().into_iter().filter_map(subject) {
         let results = verify(&subject);
         scenes += 1;
         judged += results.checks.len();
