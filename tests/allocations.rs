@@ -75,6 +75,17 @@ fn multigrid_allocates_nothing_after_the_first_step() {
     assert!(stepper.statistics().work.multigrid_setups > 1);
 }
 
+/// K and G of another state are values on the same pattern.
+#[test]
+fn matrices_of_another_state_allocate_nothing() {
+    let (system, mut state) = builtin::cloth(20).unwrap().build().unwrap();
+    let mut matrices = Matrices::new(&system).unwrap();
+    matrices.update(&state, Stiffness::Full).unwrap();
+    state.positions.iter_mut().for_each(|x| *x *= 1.1);
+    let counted = allocation_counter::measure(|| matrices.update(&state, Stiffness::Tension).unwrap());
+    assert_eq!(counted.count_total, 0);
+}
+
 /// Reading and building allocate for lists, not for what is in them: sixteen times as many springs are four more doublings of every list.
 /// Both are large enough for the system to be asked whether there is room, which takes allocations, too.
 #[test]
