@@ -119,7 +119,8 @@ pub(super) fn measure(subject: &Subject) -> Measured {
             "of all runs those that are wrong by 30 % and go without a warning: estimates are within ten times of the truth in nine of ten",
         ),
     ];
-    Ok(checks.into_iter().map(unless_by_chance).collect())
+    let passing = || subject.passing(LENGTH as f64 * h);
+    Ok(checks.into_iter().map(|check| unless_by_chance(check).unless(passing)).collect())
 }
 
 /// Digits by which estimates are off where something is wrong with them, and not with what they cannot know.
