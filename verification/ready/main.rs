@@ -91,9 +91,18 @@ fn answers(kind: Kind, size: usize, times: f64) -> Result<Vec<Answered>, String>
     let (system, start) = scene.build().map_err(of)?;
     let duration = times * scene.time.duration.unwrap_or(1.0);
     let explicit = reference(&system, &start, Method::Dop853, 1e-12, duration).map_err(of)?;
-    let implicit = reference(&system, &start, Method::Rodas4, 1e-9, duration).map_err(of)?;
-    let (Some(explicit), Some(implicit)) = (explicit, implicit) else { return Ok(Vec::new()) };
-    let apart = relative_position_error(&implicit.positions, &explicit.positions, &start.positions);
+    let Some(explicit) = explicit else { return Ok(Vec::new()) };
+    let mut apart = f64::INFINITY;
+    for rtol in [1e-9, 1e-11] {
+        let Some(implicit) = reference(&system, &start, Method::Rodas4, rtol, duration).map_err(of)? else {
+            return Ok(Vec::new());
+        };
+        apart = relative_position_error(&implicit.positions, &explicit.positions, &start.positions);
+        // The smallest R by ten.
+        if apart < 1e-5 {
+            break;
+        }
+    }
     let mut all = Vec::new();
     for accuracy in ACCURACIES {
         let (method, stiffness, solver) = (None, None, None);
@@ -148,7 +157,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let mut page = format!(
         "# Ready scenes\n\nMade by `cargo xtask ready{} --write`: answers of `--accuracy` on {} ready scenes and durations (the scenes' own, times {}). References are runs of \
-         DOP853 with `rtol = 1e-12` and of RODAS4 with `rtol = 1e-9`; errors are relative position errors against the first.\n\n\
+         DOP853 with `rtol = 1e-12` and of RODAS4 with `rtol = 1e-9`, or 1e-11 where these differ by more than 1e-5; errors are relative position errors against the first.\n\n\
          | R | answers | confirmed | broken promises | unconfirmed | of these needlessly |\n|---|---|---|---|---|---|\n",
         if arguments.largest < usize::MAX { format!(" --largest {}", arguments.largest) } else { String::new() },
         jobs.len(),
