@@ -18,6 +18,7 @@ mod number;
 mod parts;
 mod recorder;
 mod run;
+mod start;
 mod suggest;
 mod time;
 mod values;

@@ -10,6 +10,7 @@ use super::method::{MethodArguments, repeat};
 use super::number::{count, number};
 use super::parts::{Checkpoints, Ended, Parts};
 use super::recorder::Recorder;
+use super::start::At;
 use super::values::{positive, positive_count, whole};
 use super::view;
 use super::{Exit, Stop, interrupt};
@@ -51,6 +52,9 @@ pub struct Run {
     /// Length of the run, in steps; wins over a duration
     #[arg(long, value_name = "N", value_parser = whole)]
     steps: Option<u64>,
+
+    #[command(flatten)]
+    at: At,
 
     #[command(flatten)]
     method: MethodArguments,
@@ -101,7 +105,7 @@ struct Pacing {
 
 impl Run {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
-        let scene = self.scene.load(console)?;
+        let scene = self.at.place(self.scene.load(console)?)?;
         let accuracy = self.accuracy_options(&scene)?;
         if accuracy.is_some() && self.checkpoint.is_some() {
             console.note("--checkpoint has no effect with --accuracy");

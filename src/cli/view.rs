@@ -2,6 +2,7 @@
 
 use super::common::{SceneFile, folder_of};
 use super::console::Console;
+use super::start::At;
 use super::{Exit, Stop};
 use serde::Serialize;
 use sprung::figure::{Animation, Cast};
@@ -28,6 +29,9 @@ pub struct View {
     /// The page [default: view.html in the run's folder, or in out/<scene name>]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+
+    #[command(flatten)]
+    at: At,
 }
 
 /// The name of the page in an output folder.
@@ -47,9 +51,15 @@ impl View {
             return Err(missing(&self.subject).into());
         }
         let (animation, folder) = if self.subject.is_dir() {
+            if self.at.is_given() {
+                let run = self.subject.display();
+                return Err(
+                    Error::Usage(format!("{run}: --at shows a scene at another state, and this is a run")).into()
+                );
+            }
             (motion(&self.subject)?, self.subject.clone())
         } else {
-            let scene = SceneFile::at(&self.subject).load(console)?;
+            let scene = self.at.place(SceneFile::at(&self.subject).load(console)?)?;
             let cast = Cast::of(&scene.system, &scene.triangles);
             (Animation::still(&scene.name, cast, &scene.state), scene.folder(&None))
         };

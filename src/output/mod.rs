@@ -22,7 +22,7 @@ pub use atomic::AtomicFile;
 pub use checkpoint::{CHECKPOINT, Checkpoint, fingerprint, rows};
 pub use energy::{EnergyLog, LogPosition};
 pub use failure_bundle::{BUNDLE, FailedStep};
-pub use final_state::write_final_state;
+pub use final_state::{read_final_state, write_final_state};
 pub use folder::OutputFolder;
 pub use frames::{Frames, clear_frames};
 pub use matrix_market::{write_dofs, write_symmetric, write_vector};
