@@ -17,6 +17,7 @@ mod new;
 mod number;
 mod parts;
 mod recorder;
+mod resume;
 mod run;
 mod start;
 mod suggest;

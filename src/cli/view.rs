@@ -2,6 +2,7 @@
 
 use super::common::{SceneFile, folder_of};
 use super::console::Console;
+use super::number::number;
 use super::start::At;
 use super::{Exit, Stop};
 use serde::Serialize;
@@ -66,7 +67,11 @@ impl View {
         let page = self.output.clone().unwrap_or_else(|| folder.join(PAGE));
         let bytes = write(&page, &animation).map_err(Stop::Broken)?;
         let frames = animation.times.len();
-        let of_what = if frames == 1 { "the scene at rest".to_owned() } else { format!("{frames} frames") };
+        let of_what = match animation.times[..] {
+            [time] if self.at.is_given() => format!("the scene at t = {} s", number(time)),
+            [_] => "the scene at rest".to_owned(),
+            _ => format!("{frames} frames"),
+        };
         let megabytes = bytes as f64 / 1e6;
         let text = format!("{}: {of_what}, {megabytes:.1} MB\nopen {}", animation.title, page.display());
         console.result(&Written { page: &page, frames, bytes }, text)?;
@@ -116,16 +121,21 @@ pub fn frames(
         Some(checkpoint) => Frames::resume(folder, every, checkpoint.frames.clone(), system),
         None => Frames::create(folder, every),
     };
-    if let Some(every) = every {
-        return frames(every).map(Some);
+    match interval(every, view, schedule, system) {
+        None => Ok(None),
+        Some(steps) if every.is_some() => frames(steps).map(Some),
+        Some(steps) => Ok(Some(frames(steps)?.without_vtk())),
     }
-    if !view {
-        return Ok(None);
-    }
-    let frame = 6 * size_of::<f64>() * system.particles().max(1);
-    let wanted = (SPACE / frame).clamp(FEWEST, SMOOTH) as u64;
-    let every = NonZeroU64::new(schedule.len().div_ceil(wanted)).unwrap_or(NonZeroU64::MIN);
-    Ok(Some(frames(every)?.without_vtk()))
+}
+
+/// Steps from one frame of a run to the next, if frames are kept.
+pub fn interval(every: Option<NonZeroU64>, view: bool, schedule: &Schedule, system: &System) -> Option<NonZeroU64> {
+    let smooth = || {
+        let frame = 6 * size_of::<f64>() * system.particles().max(1);
+        let wanted = (SPACE / frame).clamp(FEWEST, SMOOTH) as u64;
+        NonZeroU64::new(schedule.len().div_ceil(wanted)).unwrap_or(NonZeroU64::MIN)
+    };
+    every.or_else(|| view.then(smooth))
 }
 
 /// Writes the page; returns its size.
