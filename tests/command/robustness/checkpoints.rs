@@ -188,7 +188,7 @@ fn checkpoints_of_other_runs_and_damaged_ones_are_refused() {
         good[..middle].to_owned(),
         good[..good.len() - 2].to_owned(),
         format!("{}{other}{}", &good[..digit], &good[digit + 1..]),
-        good.replacen("checkpoint 2", "checkpoint 1", 1),
+        good.replacen("checkpoint 3", "checkpoint 2", 1),
         format!("{good}\n"),
     ] {
         sandbox.put("o/checkpoint", &bad);
@@ -215,7 +215,7 @@ fn lengthened<'a>(length: &'a str, more: &'a str, out: &'a str) -> Vec<&'a str> 
 }
 
 /// A finished run that is made longer ends with the bytes of one that was as long from the start, wherever the shorter one ended: on a checkpoint, between two, with a
-/// step that was cut short, at a time that no product of steps is.
+/// step that was cut short, at a time that is not quite that of a step.
 #[test]
 fn finished_runs_are_made_longer() {
     let sandbox = sandbox();
@@ -225,12 +225,12 @@ fn finished_runs_are_made_longer() {
     {
         sandbox.sprung(&lengthened(longer, more, "whole")).ends_with(0);
         let whole = files(&sandbox.path("whole"));
-        // 0.0001 · 30 is not 0.003 in binary: there the checkpoint is the one before.
+        // A duration of thirty steps but for its last bit ends at another time than they do: there the checkpoint is the one before.
         for (shorter, step) in [
             ("--steps 20", 20),
             ("--steps 25", 20),
             ("--duration 0.00234", 20),
-            ("--duration 0.003", 20),
+            ("--duration 0.0030000000000000005", 20),
             ("--steps 46", 40),
         ] {
             sandbox.sprung(&lengthened(shorter, more, "o")).ends_with(0);
