@@ -264,7 +264,7 @@ pub fn checkpoint(data: &[u8]) {
 
 /// As [`checkpoint`], for any bytes between the first line and a checksum that is right: past it nothing else guards what is read.
 pub fn checkpoint_summed(data: &[u8]) {
-    let mut bytes = b"sprung checkpoint 2\n".to_vec();
+    let mut bytes = b"sprung checkpoint 3\n".to_vec();
     bytes.extend(data.iter().map(|&byte| if byte == b'\n' { b' ' } else { byte }));
     bytes.push(b'\n');
     let sum = bytes

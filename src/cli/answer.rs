@@ -9,7 +9,7 @@ use indicatif::ProgressBar;
 use sprung::accuracy::{AccuracyOptions, Observer, SearchProgress, run_to_accuracy};
 use sprung::force::Energy;
 use sprung::integrate::{Monitor, Schedule};
-use sprung::output::{CHECKPOINT, EnergyChange, Summary, clear_frames, write_final_state};
+use sprung::output::{Checkpoint, EnergyChange, Summary, clear_frames, write_final_state};
 use sprung::{Error, Result, State, System};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -106,7 +106,7 @@ impl AccuracyCommand<'_> {
         let LoadedScene { file, name, system, state: start, .. } = scene;
         interrupt::keep();
         let claimed = claim(folder, &FILES, false)?;
-        claimed.remove(CHECKPOINT)?;
+        Checkpoint::forget(&claimed)?;
         let clock = Instant::now();
         let go_on = || !interrupted.load(Ordering::Relaxed);
         let schedule = Schedule::duration(options.interval, options.duration);

@@ -19,6 +19,9 @@ const BEGINNING: u64 = 2 << 20;
 /// The stack of a thread, in bytes.
 const STACK: u64 = 2 << 20;
 
+/// The part of a step, at most, by which times may be rounded.
+const RESOLVED: f64 = 1e-4;
+
 /// The scene that a command works on.
 #[derive(Debug, clap::Args)]
 pub struct SceneFile {
@@ -34,6 +37,8 @@ pub struct LoadedScene {
     pub time: TimeSettings,
     pub system: System,
     pub state: State,
+    /// The file that the state is from, where it is not the scene's start.
+    pub at: Option<PathBuf>,
     /// Of its mesh, to be shown.
     pub triangles: Vec<[u32; 3]>,
 }
@@ -49,7 +54,7 @@ impl SceneFile {
         let built = scene.build_with_notes().map_err(|error| error.in_file(&file))?;
         let Built { system, state, triangles, notes } = built;
         notes.iter().for_each(|line| console.note(line));
-        Ok(LoadedScene { file, name: scene.name, time: scene.time, system, state, triangles })
+        Ok(LoadedScene { file, name: scene.name, time: scene.time, system, state, at: None, triangles })
     }
 }
 
@@ -113,9 +118,14 @@ impl LoadedScene {
     /// Steps of dt seconds to the end of a run.
     ///
     /// # Errors
-    /// Those that cannot be counted.
+    /// Those that cannot be counted, or are lost beside the time at which they start.
     pub fn schedule(&self, dt: f64, duration: f64) -> Result<Schedule> {
         Schedule::check(dt, duration).map_err(|error| self.not_countable(error))?;
+        let (time, resolution) = (self.state.time, f64::EPSILON * self.state.time.abs());
+        if let Some(file) = self.at.as_ref().filter(|_| resolution > RESOLVED * dt) {
+            let rule = format!("is too late for steps of {dt:e} s: numbers of this size are {resolution:.0e} s apart");
+            return Err(Error::from(Invalid::new("time", time, rule)).in_file(file));
+        }
         Ok(Schedule::duration(dt, duration))
     }
 

@@ -3,17 +3,17 @@
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
 use super::number::number;
-use super::recorder::{bar, progress_bar};
+use super::recorder::bar;
+use super::start::{At, advance};
 use super::values::{choice, positive, whole};
 use super::{Exit, Stop, interrupt};
 use faer::Par;
 use sprung::inspect::{AFFORDABLE, FirstLosses, Follower, Inspection, Part, Pictures};
-use sprung::integrate::{ImplicitOptions, Method, RunFailure, Schedule, run};
-use sprung::linear::SolverOptions;
+use sprung::integrate::RunFailure;
 use sprung::output::{AtomicFile, OutputFolder};
 use sprung::plan::parallelism;
 use sprung::report::inspection::{InspectionRecord, first_answer, html, pictures, text};
-use sprung::{Result, State, Stiffness};
+use sprung::{Result, Stiffness};
 use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -40,6 +40,9 @@ pub struct Inspect {
     /// Follow a run for so many steps first (with on-demand stiffness)
     #[arg(long, value_name = "N", value_parser = whole, default_value = "0")]
     steps: u64,
+
+    #[command(flatten)]
+    at: At,
 
     /// Which part of every spring's stiffness enters the matrix that is examined
     #[arg(long, value_name = "OPTION", default_value = "full", value_parser = choice(&Stiffness::ALL, Stiffness::name, describe_stiffness))]
@@ -77,7 +80,7 @@ struct Arrival {
 
 impl Inspect {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
-        let mut scene = self.scene.load(console)?;
+        let mut scene = self.at.place(self.scene.load(console)?)?;
         let dt = scene.step_or_default(console, self.dt);
         let folder = scene.folder(&self.out);
         let file = scene.file.clone();
@@ -161,20 +164,12 @@ impl Inspect {
             return Ok(arrival);
         }
         let LoadedScene { system, state, .. } = scene;
-        let par = parallelism(system);
-        let mut follower = Follower::new(system, state, self.stiffness, dt, par)?;
-        let linear = SolverOptions { par, interrupt: interrupt::request(), ..SolverOptions::default() };
-        let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
-        let mut stepper = Method::LinearBackwardEuler.stepper(system, state, &options)?;
+        let mut follower = Follower::new(system, state, self.stiffness, dt, parallelism(system))?;
         let mut collapsed = None;
-        let bar = progress_bar(console, self.steps).with_message("looking at each");
-        let outcome = run(stepper.as_mut(), state, &Schedule::steps(dt, self.steps), |step, state: &State| {
-            bar.set_position(step);
+        let outcome = advance(console, (system, state), (dt, self.steps), "looking at each", |step, state| {
             collapsed = follower.look(step, state).err();
-            let goes_on = collapsed.is_none() && !interrupt::is_requested();
-            if goes_on { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
-        });
-        bar.finish_and_clear();
+            if collapsed.is_none() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        })?;
         if let Some(spring) = collapsed {
             return Err(spring.into());
         }

@@ -1,20 +1,23 @@
-//! `sprung matrix`: the linear system of the first step as Matrix Market files.
+//! `sprung matrix`: the linear system of a step as Matrix Market files.
 
 use super::common::{LoadedScene, SceneFile, Threads, check_writable};
 use super::console::{Console, error};
-use super::values::{choice, positive};
+use super::number::number;
+use super::start::{At, advance};
+use super::values::{choice, positive, whole};
 use super::{Exit, Stop, interrupt};
 use serde::Serialize;
 use sprung::assembly::SymmetricMatrix;
-use sprung::integrate::StepMatrices;
+use sprung::integrate::{Outcome, StepMatrices};
 use sprung::output::{write_dofs, write_symmetric, write_vector};
-use sprung::{Result, Stiffness};
+use sprung::{Result, State, Stiffness};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-/// Write the matrices of the first step as Matrix Market files
+/// Write the matrices of a step as Matrix Market files
 ///
-/// Assembles A δx = b of the linearised backward Euler step at the initial state, with A = M/dt² − G/dt − K, over the free
-/// degrees of freedom, ordered by particle, then axis. Writes A.mtx (N/m), M.mtx (kg), G.mtx (N·s/m), K.mtx (N/m) and
+/// Assembles A δx = b of the linearised backward Euler step at the initial state, after --steps, or at the state of a file, with
+/// A = M/dt² − G/dt − K, over the free degrees of freedom, ordered by particle, then axis. Writes A.mtx (N/m), M.mtx (kg), G.mtx (N·s/m), K.mtx (N/m) and
 /// b.mtx (N), and dofs.csv, which says for every row its particle and axis, counted from 0. Of the symmetric matrices the
 /// lower triangle is written. G and K are negative semidefinite where nothing is compressed; prescribed motion has been
 /// moved to b.
@@ -27,6 +30,13 @@ pub struct Matrix {
     /// Time step, in seconds [default: the scene's time.dt, or 0.01]
     #[arg(long, value_name = "S", value_parser = positive)]
     dt: Option<f64>,
+
+    /// Assemble at the state after so many steps, those of `sprung run --steps N`
+    #[arg(long, value_name = "N", value_parser = whole, default_value = "0", conflicts_with = "at")]
+    steps: u64,
+
+    #[command(flatten)]
+    at: At,
 
     /// Which part of every spring's stiffness enters K and A
     #[arg(long, value_name = "OPTION", default_value = "full")]
@@ -55,6 +65,8 @@ const FILES: [&str; 6] = ["A.mtx", "M.mtx", "G.mtx", "K.mtx", "b.mtx", "dofs.csv
 #[derive(Serialize)]
 struct Report<'a> {
     scene: &'a str,
+    /// Of the state, in s.
+    time: f64,
     dt: f64,
     stiffness: &'static str,
     particles: usize,
@@ -76,9 +88,13 @@ struct Entries {
 
 impl Matrix {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
-        let scene = self.scene.load(console)?;
+        let mut scene = self.at.place(self.scene.load(console)?)?;
         let dt = scene.step_or_default(console, self.dt);
+        if self.steps > 0 {
+            interrupt::keep();
+        }
         let matrices = self.threads.install(|| {
+            self.arrive(console, &mut scene, dt)?;
             Ok(StepMatrices::assemble(&scene.system, &scene.state, self.stiffness, dt)
                 .map_err(|error| error.in_file(&scene.file))?)
         })?;
@@ -89,7 +105,7 @@ impl Matrix {
         let folder = scene.folder(&self.out);
         interrupt::keep();
         let _claimed = check_writable(&folder, &FILES)?;
-        let how = format!("dt = {dt:?} s, stiffness {}", self.stiffness.name());
+        let how = format!("t = {:?} s, dt = {dt:?} s, stiffness {}", scene.state.time, self.stiffness.name());
         let written = write(&folder, &scene, &matrices, &how);
         if interrupt::is_requested() {
             return Err(Stop::Computation("interrupted: not every matrix was written".into()));
@@ -97,6 +113,27 @@ impl Matrix {
         written.map_err(Stop::Broken)?;
         self.report(console, &scene, &matrices, dt, &folder)?;
         Ok(Exit::Done)
+    }
+
+    /// Goes as many steps as asked for.
+    fn arrive(&self, console: &Console, scene: &mut LoadedScene, dt: f64) -> Result<(), Stop> {
+        if self.steps == 0 {
+            return Ok(());
+        }
+        let LoadedScene { file, system, state, .. } = scene;
+        let every = |_, _: &State| ControlFlow::Continue(());
+        let arrived = advance(console, (system, state), (dt, self.steps), "on the way", every);
+        match arrived.map_err(|error| error.in_file(file))? {
+            Outcome { end: Ok(ControlFlow::Continue(())), .. } => Ok(()),
+            Outcome { end: Ok(ControlFlow::Break(())), steps } => {
+                Err(Stop::Computation(format!("interrupted after step {steps}: no matrix was written")))
+            }
+            Outcome { end: Err(failed), .. } => {
+                let (status, time) = (failed.failure.status().name(), number(failed.time));
+                let step = failed.step;
+                Err(Stop::Computation(format!("{status} in step {step}, at t = {time} s: {}", failed.failure)))
+            }
+        }
     }
 
     fn report(
@@ -110,6 +147,7 @@ impl Matrix {
         let entries = |matrix: &SymmetricMatrix| nonzeros(matrix).count();
         let report = Report {
             scene: &scene.name,
+            time: scene.state.time,
             dt,
             stiffness: self.stiffness.name(),
             particles: scene.system.particles(),
@@ -124,9 +162,10 @@ impl Matrix {
             out: folder,
         };
         let text = format!(
-            "{}: {} degrees of freedom, {} entries in the lower triangle of A\n\
+            "{} at t = {} s: {} degrees of freedom, {} entries in the lower triangle of A\n\
              A.mtx, M.mtx, G.mtx, K.mtx, b.mtx and dofs.csv are in {}",
             report.scene,
+            number(report.time),
             report.dofs,
             report.entries.a,
             folder.display(),

@@ -7,7 +7,7 @@ use super::recorder::Recorder;
 use sprung::integrate::{Monitor, MonitorOptions, Outcome, Schedule, Statistics, Status};
 use sprung::output::{Checkpoint, rows};
 use sprung::plan::{Plan, Stepper};
-use sprung::{Error, Result, State, System};
+use sprung::{Result, State, System};
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -32,6 +32,8 @@ pub struct Checkpoints<'s> {
     pub folder: &'s Path,
     /// The run's fingerprint.
     pub run: String,
+    /// What depends on its length.
+    pub length: String,
 }
 
 /// A run that has ended.
@@ -55,19 +57,28 @@ struct Reached {
 }
 
 impl<'s> Parts<'s> {
-    /// The checkpoint of a folder, if it is of this run.
-    ///
-    /// # Errors
-    /// One of another run.
-    pub fn accept(&self, found: Checkpoint, folder: &Path) -> Result<Checkpoint> {
-        let is_ours = |ours: &Checkpoints| found.run == ours.run && found.every == ours.every.get();
-        if self.checkpoints.as_ref().is_some_and(is_ours) && found.positions.len() == self.system.particles() {
-            return Ok(found);
+    /// Why the run cannot go on from a checkpoint, if it cannot.
+    pub fn obstacle(&self, found: &Checkpoint) -> Option<&'static str> {
+        let ours = self.checkpoints.as_ref()?;
+        if found.run != ours.run || found.every != ours.every.get() || found.positions.len() != self.system.particles()
+        {
+            return Some("its checkpoint is of another run");
         }
-        let folder = folder.display();
-        Err(Error::Usage(format!(
-            "{folder}: its checkpoint is of another run: give the scene and the arguments of that one, or leave out --resume"
-        )))
+        if found.length != ours.length {
+            return Some(match self.plan.rtol {
+                Some(_) => "its adaptive steps depend on the length of the run",
+                None => {
+                    "its frames are as far apart as the length of the run makes them (with --frames N they are not)"
+                }
+            });
+        }
+        (found.reached >= self.schedule.len()).then_some("its checkpoint is not before the end of this run")
+    }
+
+    /// Whether the end of the run is also a place of checkpoints of every longer one, with the same bits.
+    fn ends_on_longer_runs(&self, every: NonZeroU64) -> bool {
+        let Self { schedule, plan, .. } = self;
+        plan.rtol.is_none() && schedule.ends_with_whole_step() && schedule.len().is_multiple_of(every.get())
     }
 
     /// A monitor for the part that begins at a state, and a stepper.
@@ -127,14 +138,18 @@ impl<'s> Parts<'s> {
             let mut statistics = *stepper.get().statistics();
             statistics.add(&reached.statistics);
             let wall_seconds = reached.wall_seconds + clock.elapsed().as_secs_f64();
-            let is_over = outcome.status() != Status::Completed || part.len() >= schedule.len();
-            let Some(checkpoints) = self.checkpoints.as_ref().filter(|_| !is_over) else {
+            let is_last = part.len() >= schedule.len();
+            let is_kept = |c: &&Checkpoints| {
+                outcome.status() == Status::Completed && (!is_last || self.ends_on_longer_runs(c.every))
+            };
+            let Some(checkpoints) = self.checkpoints.as_ref().filter(is_kept) else {
                 return Ok(Ended { stepper, monitor, outcome, statistics, wall_seconds });
             };
             reached = Reached { steps: part.len(), accepted: outcome.steps, statistics, ..reached };
             let (energies, frames) = recorder.position()?;
             let checkpoint = Checkpoint {
                 run: checkpoints.run.clone(),
+                length: checkpoints.length.clone(),
                 every: checkpoints.every.get(),
                 reached: reached.steps,
                 steps: reached.accepted,
@@ -148,6 +163,9 @@ impl<'s> Parts<'s> {
                 frames,
             };
             checkpoint.write(checkpoints.folder)?;
+            if is_last {
+                return Ok(Ended { stepper, monitor, outcome, statistics, wall_seconds });
+            }
             (monitor, stepper) = self.begin(Some(&checkpoint), state)?;
             // The last step's request to stop is answered here: with everything in the checkpoint.
             if self.interrupted.load(Ordering::Relaxed) {

@@ -10,20 +10,21 @@ use super::method::{MethodArguments, repeat};
 use super::number::{count, number};
 use super::parts::{Checkpoints, Ended, Parts};
 use super::recorder::Recorder;
+use super::resume::Earlier;
+use super::start::At;
 use super::values::{positive, positive_count, whole};
 use super::view;
 use super::{Exit, Stop, interrupt};
 use sprung::accuracy::AccuracyOptions;
 use sprung::integrate::{Schedule, Status, StiffnessPolicy};
 use sprung::output::{
-    CHECKPOINT, Checkpoint, ChoiceReport, EnergyLog, FailureReport, OutputFolder, Ran, Summary, WAITING, clear_frames,
-    fingerprint, write_final_state,
+    Checkpoint, ChoiceReport, EnergyLog, FailureReport, OutputFolder, Ran, Summary, WAITING, clear_frames,
+    clear_frames_after, fingerprint, write_final_state,
 };
 use sprung::plan::{DEFAULT_STEP, Plan, records_every};
-use sprung::{Error, Result};
-use std::fmt::{self, Display};
+use sprung::{Error, Result, System};
 use std::num::NonZeroU64;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 /// Simulate a scene
@@ -44,13 +45,16 @@ pub struct Run {
     #[arg(long, value_name = "S", value_parser = positive)]
     dt: Option<f64>,
 
-    /// Length of the run, in seconds [default: the scene's time.duration]
+    /// Length of the run, in seconds; with --at it counts from there [default: the scene's time.duration]
     #[arg(long, value_name = "S", value_parser = positive)]
     duration: Option<f64>,
 
     /// Length of the run, in steps; wins over a duration
     #[arg(long, value_name = "N", value_parser = whole)]
     steps: Option<u64>,
+
+    #[command(flatten)]
+    at: At,
 
     #[command(flatten)]
     method: MethodArguments,
@@ -71,8 +75,9 @@ pub struct Run {
     checkpoint: Option<NonZeroU64>,
 
     /// Go on in the output folder from its last checkpoint: every file in the end is that of a run that nothing interrupted, with
-    /// the same arguments. Where there is none yet and --checkpoint is given the run begins anew; so it does where a run has come to its
-    /// end, and says so
+    /// the same arguments. So a run that has come to its end goes on when a longer --duration or --steps is given. Where there is no checkpoint
+    /// yet and --checkpoint is given the run begins anew; so it does, and says why, where a finished run cannot be gone on with: with other
+    /// arguments, and with adaptive steps, which depend on the length of the run
     #[arg(long)]
     resume: bool,
 
@@ -101,7 +106,7 @@ struct Pacing {
 
 impl Run {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
-        let scene = self.scene.load(console)?;
+        let scene = self.at.place(self.scene.load(console)?)?;
         let accuracy = self.accuracy_options(&scene)?;
         if accuracy.is_some() && self.checkpoint.is_some() {
             console.note("--checkpoint has no effect with --accuracy");
@@ -205,20 +210,8 @@ impl Run {
         let Prepared { schedule, plan, choice } = prepared;
         let schedule = &schedule;
         let LoadedScene { file, name, system, state: start, triangles, .. } = scene;
-        let found = if self.resume { Checkpoint::read(&folder)? } else { None };
-        let every = self.checkpoint.or_else(|| NonZeroU64::new(found.as_ref()?.every));
-        let before = if found.is_none() { Before::of(&folder) } else { None };
-        match before {
-            Some(before) if self.resume => {
-                console.note(format_args!("{before} and left nothing to go on from: this run starts again"));
-            }
-            Some(before) => console.note(format_args!("{before}: this run replaces its files")),
-            None if self.resume && every.is_none() => {
-                let folder = folder.display();
-                return Err(Error::Usage(format!("{folder}: no checkpoint to resume from: give --checkpoint N")).into());
-            }
-            None => {}
-        }
+        let earlier = Earlier::of(&folder, self.resume)?;
+        let every = self.checkpoint.or_else(|| earlier.every());
         let parts = Parts {
             system: &system,
             start: &start,
@@ -230,17 +223,24 @@ impl Run {
                 every,
                 folder: &folder,
                 run: fingerprint(&system, &start, &self.how(&plan, schedule)),
+                length: self.length(&plan, schedule, &system),
             }),
         };
-        let from = found.map(|found| parts.accept(found, &folder)).transpose()?;
+        let from = earlier.checkpoint(console, self.resume, &parts)?;
         let mut state = from.as_ref().map_or_else(|| start.clone(), Checkpoint::state);
         let begun = parts.begin(from.as_ref(), &state).map_err(|error| error.in_file(&file))?;
         interrupt::keep();
         let claimed = claim(&folder, &FILES, self.resume)?;
-        if from.is_none() {
-            claimed.remove(CHECKPOINT)?;
-            if self.files.frames.is_some() {
-                clear_frames(&claimed)?;
+        match &from {
+            None => {
+                Checkpoint::forget(&claimed)?;
+                if self.files.frames.is_some() {
+                    clear_frames(&claimed)?;
+                }
+            }
+            Some(checkpoint) => {
+                Checkpoint::reopen(&claimed)?;
+                clear_frames_after(&claimed, checkpoint.reached)?;
             }
         }
         let resumable = every.is_some();
@@ -281,7 +281,7 @@ impl Run {
             .and_then(|()| write_final_state(folder.join("final.json"), &summary.scene, &system, summary.steps, &state))
             .and_then(|()| self.files.clear_older(&claimed))
             .and_then(|()| summary.write(folder.join("summary.json")))
-            .and_then(|()| if summary.status == Status::Completed { forget_checkpoint(&claimed) } else { Ok(()) });
+            .and_then(|()| if summary.status == Status::Completed { put_away(&claimed) } else { Ok(()) });
         written.map_err(Stop::Broken)?;
         if summary.status == Status::Completed {
             claimed.tidy();
@@ -310,45 +310,30 @@ impl Run {
 }
 
 impl Run {
-    /// Everything but the scene that decides about the bits of the files.
+    /// Everything but the scene that decides about the bits of the files, however long the run is.
     fn how(&self, plan: &Plan, schedule: &Schedule) -> String {
         let Plan { configuration, rtol, .. } = plan;
         format!(
-            "{configuration:?} {rtol:?} {schedule:?} {:?} {} {} {}",
-            self.files.frames, self.files.view, self.allow_unstable, self.no_error_estimate
+            "{configuration:?} {rtol:?} {:?} {:?} {} {} {}",
+            schedule.dt(),
+            self.files.frames,
+            self.files.view,
+            self.allow_unstable,
+            self.no_error_estimate
         )
     }
-}
 
-/// The run whose results are in a folder.
-struct Before {
-    folder: PathBuf,
-    method: String,
-    status: String,
-    time: f64,
-}
-
-impl Before {
-    /// As its summary says; `None` where there is none that can be read.
-    fn of(folder: &Path) -> Option<Self> {
-        let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
-        let summary: serde_json::Value = serde_json::from_str(&text).ok()?;
-        let text = |key: &str| summary.get(key)?.as_str().map(str::to_owned);
-        let time = summary.get("time")?.as_f64()?;
-        Some(Self { folder: folder.into(), method: text("method")?, status: text("status")?, time })
+    /// What of a run depends on its length: all of one that adapts its steps, whose tolerance is for the whole; else the interval of frames that was not asked for.
+    fn length(&self, plan: &Plan, schedule: &Schedule, system: &System) -> String {
+        if plan.rtol.is_some() {
+            return format!("{schedule:?}");
+        }
+        format!("{:?}", view::interval(self.files.frames, self.files.view, schedule, system))
     }
 }
 
-impl Display for Before {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { folder, method, status, time } = self;
-        let (folder, time) = (folder.display(), number(*time));
-        write!(f, "{folder}: a run by {method} ended here, {status} at t = {time} s")
-    }
-}
-
-/// A run that came to its end has nothing to go on with.
-fn forget_checkpoint(folder: &OutputFolder) -> Result<()> {
-    folder.remove(CHECKPOINT)?;
+/// A run that came to its end keeps its last checkpoint, for a longer one; its frames are in the trajectory.
+fn put_away(folder: &OutputFolder) -> Result<()> {
+    Checkpoint::finish(folder)?;
     folder.remove(WAITING)
 }

@@ -2,6 +2,8 @@
 
 use super::common::{SceneFile, folder_of};
 use super::console::Console;
+use super::number::number;
+use super::start::At;
 use super::{Exit, Stop};
 use serde::Serialize;
 use sprung::figure::{Animation, Cast};
@@ -28,6 +30,9 @@ pub struct View {
     /// The page [default: view.html in the run's folder, or in out/<scene name>]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+
+    #[command(flatten)]
+    at: At,
 }
 
 /// The name of the page in an output folder.
@@ -47,16 +52,26 @@ impl View {
             return Err(missing(&self.subject).into());
         }
         let (animation, folder) = if self.subject.is_dir() {
+            if self.at.is_given() {
+                let run = self.subject.display();
+                return Err(
+                    Error::Usage(format!("{run}: --at shows a scene at another state, and this is a run")).into()
+                );
+            }
             (motion(&self.subject)?, self.subject.clone())
         } else {
-            let scene = SceneFile::at(&self.subject).load(console)?;
+            let scene = self.at.place(SceneFile::at(&self.subject).load(console)?)?;
             let cast = Cast::of(&scene.system, &scene.triangles);
             (Animation::still(&scene.name, cast, &scene.state), scene.folder(&None))
         };
         let page = self.output.clone().unwrap_or_else(|| folder.join(PAGE));
         let bytes = write(&page, &animation).map_err(Stop::Broken)?;
         let frames = animation.times.len();
-        let of_what = if frames == 1 { "the scene at rest".to_owned() } else { format!("{frames} frames") };
+        let of_what = match animation.times[..] {
+            [time] if self.at.is_given() => format!("the scene at t = {} s", number(time)),
+            [_] => "the scene at rest".to_owned(),
+            _ => format!("{frames} frames"),
+        };
         let megabytes = bytes as f64 / 1e6;
         let text = format!("{}: {of_what}, {megabytes:.1} MB\nopen {}", animation.title, page.display());
         console.result(&Written { page: &page, frames, bytes }, text)?;
@@ -106,16 +121,21 @@ pub fn frames(
         Some(checkpoint) => Frames::resume(folder, every, checkpoint.frames.clone(), system),
         None => Frames::create(folder, every),
     };
-    if let Some(every) = every {
-        return frames(every).map(Some);
+    match interval(every, view, schedule, system) {
+        None => Ok(None),
+        Some(steps) if every.is_some() => frames(steps).map(Some),
+        Some(steps) => Ok(Some(frames(steps)?.without_vtk())),
     }
-    if !view {
-        return Ok(None);
-    }
-    let frame = 6 * size_of::<f64>() * system.particles().max(1);
-    let wanted = (SPACE / frame).clamp(FEWEST, SMOOTH) as u64;
-    let every = NonZeroU64::new(schedule.len().div_ceil(wanted)).unwrap_or(NonZeroU64::MIN);
-    Ok(Some(frames(every)?.without_vtk()))
+}
+
+/// Steps from one frame of a run to the next, if frames are kept.
+pub fn interval(every: Option<NonZeroU64>, view: bool, schedule: &Schedule, system: &System) -> Option<NonZeroU64> {
+    let smooth = || {
+        let frame = 6 * size_of::<f64>() * system.particles().max(1);
+        let wanted = (SPACE / frame).clamp(FEWEST, SMOOTH) as u64;
+        NonZeroU64::new(schedule.len().div_ceil(wanted)).unwrap_or(NonZeroU64::MIN)
+    };
+    every.or_else(|| view.then(smooth))
 }
 
 /// Writes the page; returns its size.

@@ -126,6 +126,11 @@ impl Schedule {
         self.dt
     }
 
+    /// Whether its last step is as long as all others and ends, to the bit, when that of a longer schedule does.
+    pub fn ends_with_whole_step(&self) -> bool {
+        self.remainder.is_none() && self.duration == self.whole_steps as f64 * self.dt
+    }
+
     /// Length of step `index`, from 0; `None` when there is no such step.
     pub fn step(&self, index: u64) -> Option<f64> {
         match self.remainder {

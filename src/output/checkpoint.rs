@@ -5,7 +5,7 @@
 //! bits of both the same. Numbers are written in the shortest form that reads back to the same bits.
 
 use super::checksum::{Checksum, Tally};
-use super::{AtomicFile, LogPosition};
+use super::{AtomicFile, LogPosition, OutputFolder};
 use crate::error::{Error, Result};
 use crate::integrate::{Account, Statistics};
 use crate::memory;
@@ -13,13 +13,16 @@ use crate::system::{State, System};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The file's name.
 pub const CHECKPOINT: &str = "checkpoint";
 
+/// The name that the last checkpoint of a run has once that has come to its end: a longer run may go on from it.
+pub const FINISHED: &str = "checkpoint.finished";
+
 /// The first line. The number changes with the meaning of what follows.
-const FORMAT: &str = "sprung checkpoint 2";
+const FORMAT: &str = "sprung checkpoint 3";
 
 /// Bytes that reading holds at most for a byte of a checkpoint.
 const BYTES: u64 = 6;
@@ -30,6 +33,8 @@ const BYTES: u64 = 6;
 pub struct Checkpoint {
     /// Of the scene and of how it is run, see [`fingerprint`]: another run cannot go on from here.
     pub run: String,
+    /// What depends on the length of the run: where it is the same, a run of another length has the same bits up to here.
+    pub length: String,
     /// Steps from one checkpoint to the next.
     pub every: u64,
     /// Steps that the run counts, or records where its steps are adaptive: a multiple of `every`.
@@ -81,7 +86,43 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Io`] for one that cannot be read, [`Error::Format`] for one that is damaged, or of another version.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
-        let file = folder.join(CHECKPOINT);
+        Self::read_file(folder.join(CHECKPOINT))
+    }
+
+    /// Reads the last checkpoint of a run that has come to its end; `None` where there is none.
+    ///
+    /// # Errors
+    /// As for [`read`](Self::read).
+    pub fn read_finished(folder: &Path) -> Result<Option<Self>> {
+        Self::read_file(folder.join(FINISHED))
+    }
+
+    /// Puts the checkpoint of a folder, if there is one, aside as that of a run that has come to its end.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when it cannot be renamed.
+    pub fn finish(folder: &OutputFolder) -> Result<()> {
+        folder.rename(CHECKPOINT, FINISHED)
+    }
+
+    /// Takes the checkpoint of a run that has come to its end, if there is one, as that of a run which goes on.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when it cannot be renamed.
+    pub fn reopen(folder: &OutputFolder) -> Result<()> {
+        folder.rename(FINISHED, CHECKPOINT)
+    }
+
+    /// Removes the checkpoints of an earlier run.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when one cannot be removed.
+    pub fn forget(folder: &OutputFolder) -> Result<()> {
+        folder.remove(CHECKPOINT)?;
+        folder.remove(FINISHED)
+    }
+
+    fn read_file(file: PathBuf) -> Result<Option<Self>> {
         let bytes = match std::fs::metadata(&file) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             metadata => metadata.map_err(|source| Error::io(&file, source))?.len(),

@@ -1,13 +1,15 @@
 //! `final.json`: where everything is and how fast it moves when a run ends.
 
 use super::AtomicFile;
-use crate::error::Result;
-use crate::force::Reactions;
-use crate::system::{State, System};
+use crate::error::{Error, Invalid, Result};
+use crate::force::{Energy, Reactions};
+use crate::memory;
+use crate::scene::{Row, json_table};
+use crate::system::{State, System, check_length};
 use nalgebra::Vector3;
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Writes `{"scene", "time", "steps", "positions", "velocities", "reactions"}`, time in s, positions in m, velocities in m/s, one
 /// row per particle with as many entries as the scene has axes.
@@ -41,6 +43,68 @@ pub fn write_final_state(
         serde_json::to_writer(&mut *file, &content).map_err(io::Error::from)?;
         file.write_all(b"\n")
     })
+}
+
+/// Bytes that reading holds at most for a byte of the file: the text, and rows twice.
+const BYTES: u64 = 8;
+
+/// Reads the state that [`write_final_state`] wrote, for a system of as many particles and axes: `"time"` in s, `"positions"` in m and `"velocities"` in m/s,
+/// to the bit. Other keys are passed over.
+///
+/// # Errors
+/// With the file's name: [`Error::Io`] when it cannot be read, [`Error::Format`] for text that is no such JSON, or in which a number is not finite, with key and
+/// position, and [`Error::Invalid`] for a state that does not fit the system, or that no run could start from: rows of another number or length, coordinates
+/// beyond [`State::LARGEST`], a spring of zero length that needs a direction, an energy beyond the largest number.
+pub fn read_final_state(file: &Path, system: &System) -> Result<State> {
+    let bytes = std::fs::metadata(file).map_err(|source| Error::io(file, source))?.len();
+    memory::ensure(bytes.saturating_mul(BYTES), "the state")?;
+    let text = std::fs::read_to_string(file).map_err(|source| Error::io(file, source))?;
+    let stored: Stored = json_table(&text).map_err(|message| Error::Format { file: file.into(), message })?;
+    stored.state(system).map_err(|invalid| Error::from(invalid).in_file(file))
+}
+
+/// What a state is read from.
+#[derive(Deserialize)]
+struct Stored {
+    time: f64,
+    positions: Vec<Row>,
+    velocities: Vec<Row>,
+}
+
+impl Stored {
+    fn state(&self, system: &System) -> Result<State, Invalid> {
+        let vectors = |key: &str, rows: &[Row]| -> Result<Vec<_>, Invalid> {
+            check_length(key, rows.len(), system.particles(), "particles of the scene")?;
+            rows.iter().enumerate().map(|(at, row)| vector(key, at, row, system.dimension())).collect()
+        };
+        let (positions, velocities) =
+            (vectors("positions", &self.positions)?, vectors("velocities", &self.velocities)?);
+        let state = State { time: self.time, positions, velocities };
+        for (spring, &[i, j]) in system.pairs().iter().enumerate() {
+            let ends = [i, j].map(|p| &state.positions[p as usize]);
+            if system.extension(spring, ends[0], ends[1]).is_none() {
+                let rule = format!("is where particle {i} is: spring {spring} has zero length and no direction");
+                return Err(Invalid::new("positions", format!("{:?}", self.positions[j as usize]), rule).at(j as usize));
+            }
+        }
+        if !Energy::of(system, &state).total().is_finite() {
+            let rule = "have an energy beyond the largest number, with the scene's masses and springs";
+            return Err(Invalid::new("velocities", "those of the state", rule));
+        }
+        Ok(state)
+    }
+}
+
+fn vector(key: &str, at: usize, row: &Row, dimension: usize) -> Result<Vector3<f64>, Invalid> {
+    let wrong = |rule: String| Err(Invalid::new(key, format!("{row:?}"), rule).at(at));
+    if row.dimension() != dimension {
+        let entries = if dimension == 1 { "entry" } else { "entries" };
+        return wrong(format!("must have {dimension} {entries}, as the scene's rows have"));
+    }
+    if !row.as_slice().iter().all(|x| x.abs() <= State::LARGEST) {
+        return wrong("must be at most 1e150 in size: squares of more are beyond the largest number".into());
+    }
+    Ok(row.vector())
 }
 
 #[derive(Serialize)]

@@ -58,6 +58,17 @@ impl OutputFolder {
         remove(&self.path.join(name))
     }
 
+    /// Gives a file another name, in place of one that has it; that it is not there is no error.
+    ///
+    /// # Errors
+    /// [`Error::Io`] when it cannot be renamed.
+    pub fn rename(&self, from: &str, to: &str) -> Result<()> {
+        match std::fs::rename(self.path.join(from), self.path.join(to)) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(Error::io(self.path.join(from), error)),
+            _ => Ok(()),
+        }
+    }
+
     /// Removes those files of a folder inside this one whose names a test accepts, and the folder itself if nothing is left.
     ///
     /// # Errors

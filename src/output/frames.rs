@@ -149,6 +149,15 @@ pub fn clear_frames(folder: &OutputFolder) -> Result<()> {
     folder.remove_inside("frames", is_frame)
 }
 
+/// Removes the frames after a step, which a run that goes on from there writes anew, or does not come to.
+///
+/// # Errors
+/// [`Error::Io`](crate::Error::Io) when a file cannot be removed.
+pub fn clear_frames_after(folder: &OutputFolder, step: u64) -> Result<()> {
+    let number = |name: &str| name.strip_prefix("frame_")?.strip_suffix(".vtp")?.parse().ok();
+    folder.remove_inside("frames", |name| number(name).is_some_and(|number: u64| number > step))
+}
+
 #[cfg(test)]
 mod tests {
     use super::{Frames, clear_frames};

@@ -3,6 +3,7 @@
 //! Every number is written in the shortest decimal form that reads back to the same bits.
 
 mod answered;
+mod arrays;
 mod atomic;
 mod checkpoint;
 mod checksum;
@@ -19,12 +20,12 @@ mod trajectory;
 mod vtk;
 
 pub use atomic::AtomicFile;
-pub use checkpoint::{CHECKPOINT, Checkpoint, fingerprint, rows};
+pub use checkpoint::{CHECKPOINT, Checkpoint, FINISHED, fingerprint, rows};
 pub use energy::{EnergyLog, LogPosition};
 pub use failure_bundle::{BUNDLE, FailedStep};
-pub use final_state::write_final_state;
+pub use final_state::{read_final_state, write_final_state};
 pub use folder::OutputFolder;
-pub use frames::{Frames, clear_frames};
+pub use frames::{Frames, clear_frames, clear_frames_after};
 pub use matrix_market::{write_dofs, write_symmetric, write_vector};
 pub use playback::{describe, energy_tracks, playback};
 pub use ran::Ran;

@@ -1,17 +1,16 @@
 //! From an output folder back to a motion that can be played.
 
+use super::arrays::{array, list, wrong};
 use super::trajectory::TRAJECTORY;
 use crate::error::{Error, Result};
 use crate::figure::{Animation, Binding, Cast, Track};
 use crate::report::number::typeset;
 use nalgebra::Vector3;
-use npyz::{Deserialize, NpyFile};
 use serde_json::Value;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 use zip::ZipArchive;
-use zip::read::ZipFile;
 
 /// The motion that a run left in its output folder: the frames of `trajectory.npz`, the curves of `energy.csv`, and what
 /// `summary.json` says of the run, where they are there.
@@ -69,17 +68,6 @@ fn read(folder: &Path, file: File) -> io::Result<Animation> {
     Ok(animation)
 }
 
-type Archive = ZipArchive<BufReader<File>>;
-
-fn array<'a>(archive: &'a mut Archive, name: &str) -> io::Result<NpyFile<BufReader<ZipFile<'a, BufReader<File>>>>> {
-    let entry = archive.by_name(&format!("{name}.npy")).map_err(|error| wrong(&format!("{name}: {error}")))?;
-    NpyFile::new(BufReader::with_capacity(1 << 18, entry))
-}
-
-fn list<T: Deserialize>(archive: &mut Archive, name: &str) -> io::Result<Vec<T>> {
-    array(archive, name)?.into_vec()
-}
-
 fn rows<const N: usize>(values: &[u32]) -> Vec<[u32; N]> {
     values.as_chunks().0.to_vec()
 }
@@ -96,10 +84,6 @@ fn binding(code: u8) -> Binding {
         1 => Binding::Held,
         _ => Binding::Moved,
     }
-}
-
-fn wrong(what: &str) -> io::Error {
-    io::Error::new(io::ErrorKind::InvalidData, what)
 }
 
 fn json(path: &Path) -> Option<Value> {

@@ -18,6 +18,7 @@
 //! wait in a file of their own until the run ends.
 
 use super::AtomicFile;
+use super::arrays::{Archive, array, list, wrong};
 use crate::error::{Error, Result};
 use crate::figure::Binding;
 use crate::scene::NpzWriter;
@@ -25,6 +26,7 @@ use crate::system::{State, System};
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use zip::ZipArchive;
 
 /// The name of the file in an output folder.
 pub const TRAJECTORY: &str = "trajectory.npz";
@@ -71,13 +73,18 @@ impl Trajectory {
         Ok(Self { target: folder.join(TRAJECTORY), waiting, times: Vec::new(), steps: Vec::new() })
     }
 
-    /// Goes on behind frames of these times and steps, which wait in the folder.
+    /// Goes on behind frames of these times and steps, which wait in the folder, or are the first of the trajectory that a run which came to its end wrote.
     ///
     /// # Errors
     /// [`Error::Io`] when they do not.
     pub fn resume(folder: &Path, frames: &[(f64, u64)], system: &System) -> Result<Self> {
         let path = folder.join(WAITING);
         let length = (2 * 8 * system.particles() * system.dimension() * frames.len()) as u64;
+        let waits = std::fs::metadata(&path).is_ok_and(|file| file.len() >= length);
+        if !waits && folder.join(TRAJECTORY).is_file() {
+            let target = folder.join(TRAJECTORY);
+            restore(&target, &path, frames, system).map_err(|source| Error::io(target, source))?;
+        }
         let open = || -> io::Result<File> {
             let mut file = File::options().read(true).write(true).open(&path)?;
             if file.metadata()?.len() < length {
@@ -152,6 +159,31 @@ impl Trajectory {
             npz.finish()
         })
     }
+}
+
+/// Puts the first frames of a trajectory back to where they waited for its end.
+fn restore(from: &Path, to: &Path, frames: &[(f64, u64)], system: &System) -> io::Result<()> {
+    let open = || -> io::Result<Archive> { Ok(ZipArchive::new(BufReader::new(File::open(from)?))?) };
+    let (mut first, mut second) = (open()?, open()?);
+    let (times, steps): (Vec<f64>, Vec<u64>) = (list(&mut first, "times")?, list(&mut first, "steps")?);
+    let is_ours = times.len() >= frames.len() && times.into_iter().zip(steps).zip(frames).all(|(a, b)| a == *b);
+    let (positions, velocities) = (array(&mut first, "positions")?, array(&mut second, "velocities")?);
+    let rows = [system.particles() as u64, system.dimension() as u64];
+    if !is_ours || [&positions, &velocities].iter().any(|array| array.shape().get(1..) != Some(&rows)) {
+        return Err(wrong("what the checkpoint goes on from is not there any more"));
+    }
+    let number = |error: npyz::DTypeError| wrong(&error.to_string());
+    let mut halves = [positions.data::<f64>().map_err(number)?, velocities.data::<f64>().map_err(number)?];
+    let mut waiting = BufWriter::with_capacity(1 << 18, File::create(to)?);
+    for _ in frames {
+        for half in &mut halves {
+            for _ in 0..rows[0] * rows[1] {
+                let value = half.next().ok_or_else(|| wrong("it ends early"))??;
+                waiting.write_all(&value.to_le_bytes())?;
+            }
+        }
+    }
+    waiting.flush()
 }
 
 /// Half of every waiting frame: what comes after so many skipped numbers.

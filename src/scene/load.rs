@@ -5,6 +5,8 @@ use super::words::plain;
 use super::{Scene, npz};
 use crate::error::{Error, Invalid, Result};
 use crate::memory;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use std::path::Path;
 
 /// Bytes that reading holds at most for a byte of a file: of JSON the text and the numbers, of TOML a tree too. Found by lowering
@@ -103,10 +105,15 @@ fn parse_json(text: &str) -> Result<Scene, String> {
     if let Some(scene) = parse_fitting_json(text) {
         return Ok(scene);
     }
-    let mut deserializer = serde_json::Deserializer::from_str(text);
-    let scene = with_key(&mut deserializer, serde_json::Error::to_string)?;
+    json_table(text)
+}
+
+/// A table from JSON; what is wrong with it comes with the key, line and column.
+pub(crate) fn json_table<T: DeserializeOwned>(text: &str) -> Result<T, String> {
+    let mut deserializer = serde_json::Deserializer::from_str(without_byte_order_mark(text));
+    let table = with_key(&mut deserializer, serde_json::Error::to_string)?;
     deserializer.end().map_err(|error| error.to_string())?;
-    Ok(scene)
+    Ok(table)
 }
 
 /// A scene from JSON in which there is nothing to complain of.
@@ -117,10 +124,10 @@ fn parse_fitting_json(text: &str) -> Option<Scene> {
 }
 
 /// Deserializes, naming the key of what does not fit.
-fn with_key<'de, D: serde::Deserializer<'de>>(
+fn with_key<'de, D: serde::Deserializer<'de>, T: Deserialize<'de>>(
     deserializer: D,
     describe: impl Fn(&D::Error) -> String,
-) -> Result<Scene, String> {
+) -> Result<T, String> {
     let mut track = serde_path_to_error::Track::new();
     table(serde_path_to_error::Deserializer::new(deserializer, &mut track)).map_err(|error| {
         let message = plain(&with_suggestion(describe(&error)));

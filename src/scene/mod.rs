@@ -43,6 +43,8 @@ mod write;
 pub use build::Built;
 pub use builtin::{Kind, builtin, refined};
 pub use entries::{ActuationEntry, Drag, FactorPath, Flags, ForceEntry, Gravity, GravityPath};
+#[cfg(feature = "report")]
+pub(crate) use load::json_table;
 pub use mesh::MeshGeometry;
 #[cfg(feature = "report")]
 pub(crate) use npz::NpzWriter;

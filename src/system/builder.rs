@@ -181,12 +181,7 @@ impl SystemBuilder {
             if spring.rest_length != 0.0 && !has_length() {
                 return Err(wrong("is a spring of zero current length".into()));
             }
-            check_positive("springs.stiffness", s, spring.stiffness)?;
-            for (key, value) in [("springs.rest_lengths", spring.rest_length), ("springs.damping", spring.damping)] {
-                if !(value.is_finite() && value >= 0.0) {
-                    return Err(Invalid::new(key, value, "must be finite and not negative").at(s));
-                }
-            }
+            check_spring(s, spring)?;
         }
         Ok(())
     }
@@ -270,6 +265,17 @@ fn check_energies(system: &System, state: &State) -> Result<(), Invalid> {
         total += Extension::between(ends[0], ends[1]).map_or(0.0, |at| spring.elastic_energy(&at));
         if !total.is_finite() {
             return Err(Invalid::new("springs.stiffness", spring.stiffness, rule).at(s));
+        }
+    }
+    Ok(())
+}
+
+/// The parameters of one spring.
+pub(super) fn check_spring(number: usize, spring: &Spring) -> Result<(), Invalid> {
+    check_positive("springs.stiffness", number, spring.stiffness)?;
+    for (key, value) in [("springs.rest_lengths", spring.rest_length), ("springs.damping", spring.damping)] {
+        if !(value.is_finite() && value >= 0.0) {
+            return Err(Invalid::new(key, value, "must be finite and not negative").at(number));
         }
     }
     Ok(())

@@ -91,18 +91,24 @@ impl Constraint {
 /// All prescribed coordinates, each with its start and its motion.
 #[derive(Debug, Clone, Default)]
 pub struct Prescribed {
-    motions: Vec<Motion>,
-    coordinates: Vec<Coordinate>,
+    pub(super) motions: Vec<Motion>,
+    pub(super) coordinates: Vec<Coordinate>,
     /// When something else has a kink, in s.
     kinks: Vec<f64>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Coordinate {
-    particle: u32,
-    axis: u8,
-    motion: u32,
-    start: f64,
+pub(super) struct Coordinate {
+    pub particle: u32,
+    pub axis: u8,
+    pub motion: u32,
+    pub start: f64,
+}
+
+impl Coordinate {
+    pub fn dof(&self) -> Dof {
+        Dof { particle: self.particle as usize, axis: usize::from(self.axis) }
+    }
 }
 
 impl Prescribed {
@@ -177,10 +183,7 @@ impl Prescribed {
 
     /// Every prescribed coordinate by particle, then axis: with its start, in m, and the index of its motion.
     pub fn iter(&self) -> impl Iterator<Item = (Dof, f64, usize)> + '_ {
-        self.coordinates.iter().map(|c| {
-            let dof = Dof { particle: c.particle as usize, axis: c.axis as usize };
-            (dof, c.start, c.motion as usize)
-        })
+        self.coordinates.iter().map(|c| (c.dof(), c.start, c.motion as usize))
     }
 
     /// Number of prescribed coordinates.

@@ -3,6 +3,7 @@
 mod axes;
 mod behaviour;
 mod builder;
+mod change;
 mod constraint;
 mod curve;
 mod dofs;
@@ -116,7 +117,7 @@ impl System {
         behaviour.check(&self.springs)?;
         behaviour.actuation.iter().for_each(|entry| self.prescribed.add_kinks(&entry.factors.times));
         self.actuated = Arc::new(behaviour.of_springs(self.springs.len()));
-        self.has_special_springs = !behaviour.is_empty() || self.springs.iter().any(|spring| spring.rest_length == 0.0);
+        self.has_special_springs = behaviour.has_special(&self.springs);
         self.behaviour = Arc::new(behaviour);
         Ok(self)
     }

@@ -6,6 +6,7 @@ mod rejected;
 #[path = "../common/sandbox.rs"]
 mod sandbox;
 
+mod at;
 mod breakdown;
 mod first_minute;
 mod inspect;

@@ -162,7 +162,7 @@ fn json_is_alone_on_stdout_and_quiet_is_silent() {
     sandbox.put("line.toml", LINE);
     let answer = sandbox.sprung(&["matrix", "line.toml", "--json", "--out", "o"]).ends_with(0);
     let expected = json!({
-        "scene": "line", "dt": 0.5, "stiffness": "full", "particles": 3, "springs": 2, "dofs": 2,
+        "scene": "line", "time": 0.0, "dt": 0.5, "stiffness": "full", "particles": 3, "springs": 2, "dofs": 2,
         "entries": { "A": 3, "M": 2, "G": 3, "K": 3 }, "out": "o",
     });
     assert_eq!(answer.json(), expected);
@@ -177,12 +177,13 @@ fn json_is_alone_on_stdout_and_quiet_is_silent() {
 fn unusable_arguments_are_refused_before_anything_is_written() {
     let sandbox = Sandbox::new();
     sandbox.put("line.toml", LINE);
-    let cases: [(&[&str], &[&str]); 5] = [
+    let cases: [(&[&str], &[&str]); 6] = [
         (&["matrix", "line.toml", "--dt", "-1"], &["'-1'", "--dt"]),
         (&["matrix", "line.toml", "--stiffness", "on-demand"], &["'on-demand'", "--stiffness", "tension"]),
         (&["matrix", "line.toml", "--out", "line.toml"], &["line.toml", "not a directory"]),
         (&["matrix", "missing.toml"], &["missing.toml"]),
-        (&["matrix", "line.toml", "--steps", "3"], &["--steps"]),
+        (&["matrix", "line.toml", "--steps", "-3"], &["'-3'", "--steps"]),
+        (&["matrix", "line.toml", "--steps", "3", "--at", "x.json"], &["--steps", "--at", "cannot be used with"]),
     ];
     for (arguments, parts) in cases {
         sandbox.sprung(arguments).ends_with(2).complains(parts);

@@ -20,6 +20,7 @@ fn builder() -> SystemBuilder {
 fn checkpoint(system: &System, state: &State) -> Checkpoint {
     Checkpoint {
         run: "0123".into(),
+        length: "None".into(),
         every: 5,
         reached: 10,
         steps: 10,

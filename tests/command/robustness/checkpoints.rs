@@ -54,13 +54,13 @@ fn killed_after_a_checkpoint(sandbox: &Sandbox, arguments: &[&str], signal: &str
     child.wait().unwrap();
 }
 
-/// Every file but the checkpoint by its name; of the summary all but the times.
+/// Every file but checkpoints by its name; of the summary all but the times.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     for inside in ["", "frames"] {
-        for entry in std::fs::read_dir(folder.join(inside)).unwrap().map(Result::unwrap) {
+        for entry in std::fs::read_dir(folder.join(inside)).into_iter().flatten().map(Result::unwrap) {
             let name = format!("{inside}/{}", entry.file_name().to_str().unwrap());
-            if entry.path().is_file() && name != "/checkpoint" {
+            if entry.path().is_file() && !name.starts_with("/checkpoint") {
                 let bytes = std::fs::read(entry.path()).unwrap();
                 all.insert(name.clone(), if name == "/summary.json" { untimed(&bytes) } else { bytes });
             }
@@ -150,11 +150,11 @@ fn interrupted_runs_are_resumed() {
     let resume = fixed.split(' ').chain(["o", "--resume"]).collect::<Vec<_>>();
     sandbox.sprung(&resume).ends_with(0);
     same("interrupted", &files(&sandbox.path("whole")), &files(&sandbox.path("o")));
-    // There is nothing to go on from any more: the run begins again, and says so.
-    let again = "run cloth.toml --dt 1e-5 --steps 20 --out o --resume".split(' ').collect::<Vec<_>>();
+    // A shorter run has nothing to go on from: it begins again, and says so.
+    let again = "run cloth.toml --dt 1e-5 --steps 20 --out o --frames 1000 --resume".split(' ').collect::<Vec<_>>();
     let answer = sandbox.sprung(&again).ends_with(0);
     answer.complains(&[
-        "o: a run by linear-backward-euler ended here, completed at t = 0.06 s and left nothing to go on from",
+        "o: a run by linear-backward-euler ended here, completed at t = 0.06 s; its checkpoint is not before the end of this run",
         "starts again",
     ]);
     assert_eq!(sandbox.json("o/summary.json")["steps"], 20);
@@ -188,7 +188,7 @@ fn checkpoints_of_other_runs_and_damaged_ones_are_refused() {
         good[..middle].to_owned(),
         good[..good.len() - 2].to_owned(),
         format!("{}{other}{}", &good[..digit], &good[digit + 1..]),
-        good.replacen("checkpoint 2", "checkpoint 1", 1),
+        good.replacen("checkpoint 3", "checkpoint 2", 1),
         format!("{good}\n"),
     ] {
         sandbox.put("o/checkpoint", &bad);
@@ -198,10 +198,91 @@ fn checkpoints_of_other_runs_and_damaged_ones_are_refused() {
     std::fs::rename(sandbox.path("o/energy.csv"), sandbox.path("o/away.csv")).unwrap();
     resume("").ends_with(2).complains(&["o/energy.csv: what the checkpoint goes on from is not there any more"]);
     std::fs::rename(sandbox.path("o/away.csv"), sandbox.path("o/energy.csv")).unwrap();
-    std::fs::remove_file(sandbox.path("o/.sprung-trajectory.part")).unwrap();
+    for name in ["o/.sprung-trajectory.part", "o/trajectory.npz"] {
+        std::fs::remove_file(sandbox.path(name)).unwrap();
+    }
     resume("").ends_with(2).complains(&["o/.sprung-trajectory.part: "]);
     // A run without checkpoints takes the folder over.
     sandbox.sprung(&["run", "cloth.toml", "--dt", "0.0002", "--steps", "10", "--out", "o"]).ends_with(0);
     assert!(!sandbox.path("o/checkpoint").exists());
     assert!(sandbox.names("o").iter().all(|name| !name.ends_with(".part")));
+}
+
+/// Arguments of a run of steps of 1e-4 s with a checkpoint every ten, of so long a run, in a folder.
+fn lengthened<'a>(length: &'a str, more: &'a str, out: &'a str) -> Vec<&'a str> {
+    let fixed = "run cloth.toml --dt 0.0001 --checkpoint 10 --out".split(' ');
+    fixed.chain([out]).chain(length.split(' ')).chain(more.split(' ')).collect()
+}
+
+/// A finished run that is made longer ends with the bytes of one that was as long from the start, wherever the shorter one ended: on a checkpoint, between two, with a
+/// step that was cut short, at a time that is not quite that of a step.
+#[test]
+fn finished_runs_are_made_longer() {
+    let sandbox = sandbox();
+    let longer = "--steps 47";
+    for more in
+        ["--frames 4", "--method bdf2 --solver cg --frames 3", "--method w2 --stiffness axial --no-error-estimate"]
+    {
+        sandbox.sprung(&lengthened(longer, more, "whole")).ends_with(0);
+        let whole = files(&sandbox.path("whole"));
+        // A duration of thirty steps but for its last bit ends at another time than they do: there the checkpoint is the one before.
+        for (shorter, step) in [
+            ("--steps 20", 20),
+            ("--steps 25", 20),
+            ("--duration 0.00234", 20),
+            ("--duration 0.0030000000000000005", 20),
+            ("--steps 46", 40),
+        ] {
+            sandbox.sprung(&lengthened(shorter, more, "o")).ends_with(0);
+            assert!(sandbox.path("o/checkpoint.finished").exists() && !sandbox.path("o/checkpoint").exists());
+            let resume = [&lengthened(longer, more, "o")[..], &["--resume"]].concat();
+            let answer = sandbox.sprung(&resume).ends_with(0);
+            answer
+                .complains(&["completed at t =", &format!("this run goes on from its checkpoint at step {step}, t =")]);
+            same(&format!("{more}, {shorter}"), &whole, &files(&sandbox.path("o")));
+            std::fs::remove_dir_all(sandbox.path("o")).unwrap();
+        }
+        std::fs::remove_dir_all(sandbox.path("whole")).unwrap();
+    }
+    // Made longer twice, then shorter again, but not so short as its checkpoint: later frames go.
+    for length in ["--steps 15", "--steps 33", "--steps 47", "--steps 44"] {
+        sandbox.sprung(&[&lengthened(length, "--frames 1", "o")[..], &["--resume"]].concat()).ends_with(0);
+    }
+    sandbox.sprung(&lengthened("--steps 44", "--frames 1", "whole")).ends_with(0);
+    same("again and again", &files(&sandbox.path("whole")), &files(&sandbox.path("o")));
+}
+
+/// What depends on the length of a run keeps a longer one from going on: it begins again, says why, and ends with the right bytes all the same.
+#[test]
+fn what_depends_on_the_length_begins_again() {
+    let sandbox = sandbox();
+    for (more, lengths, why) in [
+        (
+            "--rtol 1e-3 --method w2",
+            ["--duration 0.0035", "--duration 0.0055"],
+            "its adaptive steps depend on the length of the run",
+        ),
+        ("--view", ["--steps 310", "--steps 610"], "its frames are as far apart as the length of the run makes them"),
+    ] {
+        let run = |length: &str, out: &str, resume: &[&str]| {
+            sandbox.sprung(&[&lengthened(length, more, out)[..], resume].concat()).ends_with(0)
+        };
+        run(lengths[0], "o", &[]);
+        run(lengths[1], "o", &["--resume"]).complains(&[why, "this run starts again"]);
+        run(lengths[1], "whole", &[]);
+        same(more, &files(&sandbox.path("whole")), &files(&sandbox.path("o")));
+        for out in ["o", "whole"] {
+            std::fs::remove_dir_all(sandbox.path(out)).unwrap();
+        }
+    }
+    // Another method is another run.
+    sandbox.sprung(&lengthened("--steps 20", "--frames 4", "o")).ends_with(0);
+    let other = [&lengthened("--steps 30", "--frames 4", "o")[..], &["--method", "bdf2", "--resume"]].concat();
+    sandbox.sprung(&other).ends_with(0).complains(&["its checkpoint is of another run: this run starts again"]);
+    assert_eq!(sandbox.json("o/summary.json")["method"], "bdf2");
+    // One that kept no checkpoint leaves nothing.
+    sandbox.sprung(&["run", "cloth.toml", "--dt", "0.0001", "--steps", "5", "--out", "o"]).ends_with(0);
+    assert!(!sandbox.path("o/checkpoint.finished").exists());
+    let resume = [&lengthened("--steps 20", "--frames 4", "o")[..], &["--resume"]].concat();
+    sandbox.sprung(&resume).ends_with(0).complains(&["left nothing to go on from, as it wrote no checkpoint"]);
 }
