@@ -31,6 +31,7 @@ mod hard_states;
 mod indicators;
 mod jacobian;
 mod ledger;
+mod limits;
 mod measured;
 mod measurement;
 mod momentum;
