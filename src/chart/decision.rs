@@ -103,6 +103,14 @@ impl WorkPrecision {
                 percent(best)
             );
         }
+        let right = |at: &usize| self.runs[*at].useful_error().is_some_and(|error| error <= LEAST_ACCURACY);
+        let excluded = self.excluded.iter().filter(|at| right(at)).count();
+        if excluded > 0 {
+            return format!(
+                "{excluded} runs are right to 10 % over this motion, and none of those tried holds to the end of the whole scene, where its motion \
+                 magnifies errors or shorter steps are needed"
+            );
+        }
         "in no method are errors below 10 % that shorter steps make smaller: what runs end with depends on chance"
             .into()
     }

@@ -20,9 +20,7 @@ pub use behaviour::{Actuation, Behaviour};
 pub use builder::SystemBuilder;
 pub use constraint::{Constraint, Motion, Prescribed};
 pub use curve::Curve;
-pub(crate) use curve::SAME_TIME;
-#[cfg(feature = "scene")]
-pub(crate) use curve::check_length;
+pub(crate) use curve::{SAME_TIME, check_length};
 pub use dofs::{Dof, DofMap};
 pub use external::{Derivatives, ExternalForce};
 pub use loads::Loads;

@@ -229,3 +229,16 @@ proptest! {
         }
     }
 }
+
+/// Where every run that is right here fails before the scene's own end, that is the reason, and not chance.
+#[test]
+fn what_does_not_hold_to_the_end_is_the_reason() {
+    let runs: Vec<Run> = (0..4)
+        .map(|k| run("bdf2", "on-demand", [0.1 * 0.5f64.powi(k), 2f64.powi(k)], false, Some(1e-2 * 0.25f64.powi(k))))
+        .collect();
+    let chart = table(runs);
+    assert!(!chart.recommendations()[0].starts_with("Nothing"), "{:?}", chart.recommendations());
+    let excluded = WorkPrecision { excluded: (0..4).collect(), ..chart };
+    let said = excluded.recommendations();
+    assert!(said[0].starts_with("Nothing can be recommended: 4 runs are right to 10 % over this motion"), "{said:?}");
+}
