@@ -80,16 +80,29 @@ fn a_second_run_says_what_it_replaces() {
     assert_eq!(run(&sandbox, &["--quiet"]).stderr, "");
 }
 
-/// A run that was complete left nothing to go on from: with a longer duration it begins again, and says so.
+/// A run that was complete goes on with a longer duration, from its last checkpoint that lies on the longer run: its own last step was cut short.
 #[test]
-fn resuming_what_is_complete_starts_again() {
+fn resuming_what_is_complete_goes_on() {
     let sandbox = sandbox();
     run(&sandbox, &["--checkpoint", "50"]);
-    for more in [&["--duration", "2", "--resume"][..], &["--duration", "3", "--resume", "--checkpoint", "50"]] {
-        run(&sandbox, more).complains(&["completed at t = ", "left nothing to go on from: this run starts again"]);
+    for (more, step) in [
+        (&["--duration", "2", "--resume", "--checkpoint", "50"][..], 300),
+        (&["--duration", "3", "--resume", "--checkpoint", "50"], 650),
+    ] {
+        let said = format!("this run goes on from its checkpoint at step {step}");
+        run(&sandbox, more).complains(&["completed at t = ", &said]);
         assert_eq!(sandbox.json("o/summary.json")["time"].as_f64().unwrap().to_string(), more[1]);
     }
     assert_eq!(sandbox.csv("o/energy.csv").len(), 1001);
+}
+
+/// Without checkpoints there is nothing to go on from, and the run says that it starts again.
+#[test]
+fn resuming_what_kept_nothing_starts_again() {
+    let sandbox = sandbox();
+    run(&sandbox, &[]);
+    run(&sandbox, &["--duration", "2", "--resume", "--checkpoint", "50"]).complains(&["this run starts again"]);
+    assert_eq!(sandbox.json("o/summary.json")["time"].as_f64().unwrap(), 2.0);
 }
 
 /// The scene has a step, and the command has the last word.
