@@ -9,6 +9,8 @@ const MARGIN: f64 = 0.035;
 const LABELS: f64 = 6.0;
 /// By this share of their span the values of an axis are extended for a guide beside them, no further: the data have the room.
 const REACH: f64 = 0.3;
+/// Values that differ by this share of themselves are drawn as one: a picture of them would be one of rounding.
+const ALIKE: f64 = 1e-5;
 /// A logarithmic axis is at least so many decades long.
 const SHORTEST: f64 = 0.4;
 
@@ -46,7 +48,11 @@ impl Ruler {
         let (low, high) = (low.min(least), high.max(greatest));
         let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
         match scale {
-            Scale::Linear => Self::linear(low, high),
+            Scale::Linear => {
+                // Labels of six digits would not tell these values apart: they are one.
+                let centre = 0.5 * low + 0.5 * high;
+                if high - low > ALIKE * centre.abs() { Self::linear(low, high) } else { Self::linear(centre, centre) }
+            }
             Scale::Logarithmic => Self::logarithmic(low, high, MARGIN),
         }
     }
@@ -244,6 +250,16 @@ mod tests {
         assert_eq!(labels(&ruler), ["10⁻¹¹", "10⁻⁹", "10⁻⁷", "10⁻⁵", "10⁻³"]);
         let ruler = Ruler::over(Scale::Linear, [-0.11, 0.32].into_iter(), none());
         assert_eq!(labels(&ruler), ["−0.2", "−0.1", "0.0", "0.1", "0.2", "0.3", "0.4"]);
+    }
+
+    /// No two labels are the same, however little the values differ.
+    #[test]
+    fn labels_tell_values_apart() {
+        for difference in [0.0, 1e-13, 1e-9, 2e-6, 2e-5, 1e-3] {
+            let ruler = Ruler::over(Scale::Linear, [1.0 - difference, 1.0].into_iter(), none());
+            let labels = labels(&ruler);
+            assert!(labels.len() > 2 && labels.windows(2).all(|pair| pair[0] != pair[1]), "{difference}: {labels:?}");
+        }
     }
 
     #[test]
