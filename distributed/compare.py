@@ -158,9 +158,9 @@ def one_dimensional():
 
 def repository_scenes():
     """Scenes with moving constraints and of a mesh, as they stand in the repository."""
-    folder = Path(__file__).resolve().parent.parent / "verification" / "scenes"
-    for name in ("moving_anchor", "planar_truss", "bunny"):
-        yield name, folder / f"{name}.toml"
+    root = Path(__file__).resolve().parent.parent
+    for path in ("src/verify/scenes/moving_anchor", "src/verify/scenes/planar_truss", "verification/scenes/bunny"):
+        yield Path(path).name, root / f"{path}.toml"
 
 
 def mesh_scene():
