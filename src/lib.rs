@@ -47,6 +47,7 @@
 //! | [`assembly`] | explicit sparse matrices from 3×3 blocks: the pattern once, the values many times |
 //! | [`multigrid`] | smoothed-aggregation multigrid on the assembled matrix, for `linear` to precondition with |
 //! | [`linear`] | conjugate gradients, sparse Cholesky and LDLᵀ behind one trait |
+//! | [`eigen`] | extreme eigenpairs of matrices and pencils, with error bounds and counts |
 //! | [`integrate`] | time stepping methods, the run loop, and the matrices of one step |
 //! | [`inspect`] | definiteness: inertia, spectrum, critical steps, and the springs behind negative curvature |
 //! | [`accuracy`] | the cheapest way to a given accuracy, and what a scene does not need |
@@ -76,6 +77,7 @@ pub mod accuracy;
 pub mod assembly;
 #[cfg(feature = "report")]
 pub mod chart;
+pub mod eigen;
 pub mod error;
 pub mod figure;
 pub mod force;

@@ -93,6 +93,14 @@ impl SymmetricMatrix {
         }
     }
 
+    /// Adds `factor` times a diagonal as long as the order of A.
+    pub(crate) fn add_diagonal(&mut self, factor: f64, diagonal: &[f64]) {
+        let firsts = self.pattern.symbolic().col_ptr();
+        for (&first, value) in firsts.iter().zip(diagonal) {
+            self.values[first as usize] += factor * value;
+        }
+    }
+
     /// Adds `value` to the diagonal entries of a particle's free axes.
     #[inline]
     pub fn add_to_diagonal(&mut self, particle: usize, value: f64) {

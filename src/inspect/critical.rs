@@ -1,6 +1,6 @@
 //! The largest step that keeps A positive definite, and the largest that keeps the method stable.
 //!
-//! Both are questions about one family of symmetric matrices in `s = 1/dt`,
+//! Both are questions about one pencil of symmetric matrices in `s = 1/dt`,
 //!
 //! ```text
 //! P(s) = μ s² M − γ s G + C,          M > 0,  −G ≥ 0,
@@ -27,19 +27,20 @@
 //!
 //! **The search.** A factorization `P = L D Lᵀ` with D > 0 is Cholesky's and proves P definite, to rounding: the oracle. Where it
 //! refuses, or where a vector u with `uᵀP(s)u ≤ 0` is known, P is not definite. Along any u the scalar quadratic `uᵀP(s)u` has a
-//! root that is a lower bound for s*, and an excellent one if u is nearly the null vector of P(s*). Such a u comes from a Krylov
-//! space of `−M^{-1/2} C M^{-1/2}`, by products alone, and then, with an accepted factorization of some P(s₀), from a space (`space`)
-//! that grows by `P(s₀)⁻¹r` for the residuals r at its own root (the nonlinear Arnoldi method, Voss 2004): that root goes to s*, damped
-//! or not, and how fast depends on how near s₀ is. A refused factorization gives `u = L⁻ᵀe_j`, for which `uᵀPu = d_j < 0`. Bisection
-//! takes over where this does not at least halve the interval between the bound and what was accepted. The interval ends at the oracle's own rounding:
-//! a relative width of `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`. So two factorizations are enough where all goes well: one near s*, one that proves the end.
+//! root that is a lower bound for s*, short of it by the square of the error of u. The first u is the lowest Ritz vector of `M⁻¹C`, by products. From an
+//! accepted s₀ on the next is the lowest eigenvector of the pencil (P(s₀), M), by Lanczos with the factor that accepted it: without damping that is the null
+//! vector of P(s*) for every s₀, with damping it goes there as s₀ does, which is Newton's iteration for the lowest eigenvalue of a hyperbolic quadratic
+//! pencil. A refused factorization gives `u = L⁻ᵀe_j`, for which `uᵀPu = d_j < 0`. The next trial lies above the bound by what u is thought to be
+//! short of s*, and no farther than halfway to what was accepted. The interval ends at the oracle's own rounding: a relative width of
+//! `4u + 4u‖P‖/(s d(uᵀPu)/ds)` for `‖u‖ = 1`.
 
-use super::family::{Family, Property};
 use super::inertia::InertiaCounter;
+use super::matrix_pencil::{MatrixPencil, Property};
 use crate::assembly::{SpringPattern, SystemMatrix};
+use crate::eigen::{BlockLanczos, End, Search, Tolerance};
 use crate::error::Result;
 use crate::force::Extensions;
-use crate::linear::{Ldlt, dot};
+use crate::linear::{Ldlt, SOLVE_COLUMNS, dot};
 use crate::spring::{SpringBlock, Stiffness};
 use crate::system::{State, System};
 use crate::work::Work;
@@ -95,7 +96,7 @@ impl LargestStep {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct CriticalSteps<'s> {
-    family: Family<'s>,
+    pencil: MatrixPencil<'s>,
     matrix: SystemMatrix,
     factorization: Ldlt,
     inertia: InertiaCounter,
@@ -125,14 +126,15 @@ const CLOSER: f64 = 1e-3;
 /// Rounding error of what a length contributes to the block of a spring, relative to the block: of a spring at rest that is all there is.
 const LENGTH: f64 = 16.0 * f64::EPSILON;
 
-/// How far from s* a direction may be, relatively, that is not to be made better by products.
+/// How far from s* a known direction may be, relatively, for which no better one is looked for by products.
 const NEAR: f64 = 1e-2;
-
-/// How far above the bound an s may be, relatively, where P is factored to find a better one.
-const FAR: f64 = 30.0;
 
 /// By how much s falls from one trial to the next while nothing has been refused.
 const LEAP: f64 = 16.0;
+
+/// The relative residual at which a direction is good enough, and blocks of vectors that it may take.
+const RESIDUAL: Tolerance = Tolerance { of_value: 0.0, of_norm: 1e-10 };
+const BLOCKS: usize = 12;
 
 impl<'s> CriticalSteps<'s> {
     /// At a state.
@@ -157,9 +159,9 @@ impl<'s> CriticalSteps<'s> {
         factorization: Ldlt,
         work: Work,
     ) -> Result<Self> {
-        let (family, matrix) = (Family::new(system, extensions), SystemMatrix::zeros(pattern));
+        let (pencil, matrix) = (MatrixPencil::new(system, extensions), SystemMatrix::zeros(pattern));
         let inertia = InertiaCounter::sharing(&factorization)?;
-        Ok(Self { family, matrix, factorization, inertia, known: Known::default(), work })
+        Ok(Self { pencil, matrix, factorization, inertia, known: Known::default(), work })
     }
 
     /// The limit of definiteness under `Full`, from what is known of A.
@@ -184,50 +186,43 @@ impl<'s> CriticalSteps<'s> {
     }
 
     fn search(&mut self, requirement: Property, option: Stiffness) -> LargestStep {
-        self.family.set(requirement, option, 0.0);
+        self.pencil.set(requirement, option, 0.0);
         // Blocks that are all positive semidefinite decide it without a factorization: as far as the lengths of springs tell.
         let is_none = |block: &SpringBlock| block.lowest() >= -LENGTH * block.transverse.abs().max(block.axial.abs());
-        if self.family.blocks().iter().all(is_none) {
+        if self.pencil.blocks().iter().all(is_none) {
             return LargestStep::Every;
         }
         let known = std::mem::take(&mut self.known);
         // Above this P(s) is definite for certain.
-        let mut accepted = self.family.surely_definite(requirement).min(known.definite_from.unwrap_or(f64::INFINITY));
-        let mut u = known.direction.unwrap_or_default();
+        let mut accepted = self.pencil.surely_definite(requirement).min(known.definite_from.unwrap_or(f64::INFINITY));
         let mut bound = Bound::nothing();
-        if u.is_empty()
-            || !self.raise(requirement, option, &mut bound, &u)
-            || !self.is_near(requirement, option, bound, &u)
-        {
-            self.family.set(requirement, option, 0.0);
-            u = self.family.softest_direction(&u);
-            self.raise(requirement, option, &mut bound, &u);
-        }
-        if bound.s == 0.0 {
-            if !self.has_negative_curvature(option, requirement, known.curves_downwards == Some(true), &mut u) {
-                return LargestStep::Every;
+        let mut u = known.direction.unwrap_or_default();
+        let is_near = !u.is_empty()
+            && self.raise(requirement, option, &mut bound, &u)
+            && self.shortfall(requirement, option, bound, &u) <= NEAR;
+        if !is_near {
+            self.pencil.set(requirement, option, 0.0);
+            let lowest = self.pencil.lowest_direction().unwrap_or_else(|| vec![0.0; self.pencil.masses().len()]);
+            if self.raise(requirement, option, &mut bound, &lowest) || u.is_empty() {
+                u = lowest;
             }
-            self.raise(requirement, option, &mut bound, &u);
         }
-        bound.s = bound.s.min(accepted);
-        if bound.s == 0.0 {
-            let Some(refused) = self.leap_down(requirement, option, &mut accepted) else { return LargestStep::Every };
-            bound.s = refused;
+        if bound.s == 0.0 && known.curves_downwards != Some(true) && !self.curves_downwards(requirement, option) {
+            return LargestStep::Every;
         }
-        // How far P(s) is from singular along u, which is what the bound may be short of s*; nothing is known of a bound that is a trial.
-        self.family.set(requirement, option, bound.s);
-        let mut margin = self.family.residual(&u);
-        // A direction that says so little is made a better one where P is definite for certain, unless that is so far that the masses dominate there.
-        let width = accepted / bound.s - 1.0;
-        if margin > NEAR && width > NEAR && width < FAR && self.is_definite(requirement, option, accepted) {
-            margin = self.soften(requirement, option, &mut bound, &mut u, accepted);
-        }
+        let mut margin = self.shortfall(requirement, option, bound, &u);
         for _ in 0..LONGEST_SEARCH {
+            // Rounding may lift a root above what a factorization has accepted; the bracket must stay one.
+            bound.s = bound.s.min(accepted);
             if accepted / bound.s - 1.0 <= bound.rounding {
                 break;
             }
-            // Above the bound by what it is thought to be short of s*, if this at least halves the interval.
-            let trial = (bound.s * (1.0 + margin.max(bound.rounding / 2.0))).min((bound.s * accepted).sqrt());
+            let halfway = if bound.s > 0.0 { (bound.s * accepted).sqrt() } else { accepted / LEAP };
+            let trial = (bound.s * (1.0 + margin.max(bound.rounding / 2.0))).min(halfway);
+            let trial = if bound.s > 0.0 { trial } else { halfway };
+            if trial == 0.0 {
+                return LargestStep::Every;
+            }
             if trial <= bound.s || trial >= accepted {
                 break;
             }
@@ -236,7 +231,10 @@ impl<'s> CriticalSteps<'s> {
                 if accepted / bound.s - 1.0 <= bound.rounding {
                     break;
                 }
-                margin = self.soften(requirement, option, &mut bound, &mut u, accepted);
+                u = self.improved(&u);
+                self.raise(requirement, option, &mut bound, &u);
+                let width = (accepted / bound.s - 1.0).max(0.0);
+                margin = self.shortfall(requirement, option, bound, &u).min(CLOSER * width);
             } else {
                 bound.s = trial;
                 let mut worst = vec![0.0; u.len()];
@@ -244,85 +242,63 @@ impl<'s> CriticalSteps<'s> {
                     && self.raise(requirement, option, &mut bound, &worst)
                 {
                     u = worst;
-                    bound.s = bound.s.min(accepted);
+                    margin = self.shortfall(requirement, option, bound, &u);
+                } else {
+                    margin = BOLDER * margin.max(bound.rounding / 2.0);
                 }
-                margin *= BOLDER;
             }
         }
         LargestStep::UpTo { dt: 1.0 / accepted, refused: 1.0 / bound.s }
     }
 
-    /// Goes down from an accepted s until P(s) is refused, which is returned; `None` where it never is.
-    fn leap_down(&mut self, requirement: Property, option: Stiffness, accepted: &mut f64) -> Option<f64> {
-        loop {
-            let trial = *accepted / LEAP;
-            if trial == 0.0 {
-                return None;
+    /// The lowest eigenvector of the pencil (P(s), M), nearly, with the P(s) that is factored and from a direction near it.
+    fn improved(&mut self, u: &[f64]) -> Vec<f64> {
+        let Self { pencil, factorization, work, .. } = self;
+        let (n, masses) = (u.len(), pencil.masses());
+        let mut solve = |x: &[f64], y: &mut [f64]| {
+            work.solves += (x.len() / n) as u64;
+            for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
+                y.iter_mut().zip(x).zip(masses).for_each(|((y, x), mass)| *y = mass * x);
             }
-            if !self.is_definite(requirement, option, trial) {
-                return Some(trial);
-            }
-            *accepted = trial;
-        }
+            factorization.substitute_columns(n, y);
+        };
+        let mut space = BlockLanczos::new(n, Some(masses), Search::new(End::Highest, 1, SOLVE_COLUMNS), 1);
+        space.start([u], &mut solve);
+        space.refresh(&mut solve);
+        let found = space.iterate(RESIDUAL, BLOCKS, &mut solve, None);
+        found.into_iter().next().map_or_else(|| u.to_vec(), |pair| pair.image)
     }
 
-    /// Raises the bound by solves with the P(s) that was accepted and is factored. How far the bound may still be from s*, relatively.
-    fn soften(
-        &mut self,
-        requirement: Property,
-        option: Stiffness,
-        bound: &mut Bound,
-        u: &mut [f64],
-        accepted: f64,
-    ) -> f64 {
-        let enough = bound.rounding / 4.0;
-        let margin = self.family.soften(requirement, option, &mut self.factorization, u, enough, &mut self.work);
-        self.raise(requirement, option, bound, u);
-        // Rounding may lift the root above what a factorization has accepted; the bracket must stay one.
-        bound.s = bound.s.min(accepted);
-        margin.min(CLOSER * (accepted / bound.s - 1.0))
-    }
-
-    /// Whether the bound is so near to s* that nothing better need be looked for by products.
-    fn is_near(&mut self, requirement: Property, option: Stiffness, bound: Bound, u: &[f64]) -> bool {
-        self.family.set(requirement, option, bound.s);
-        self.family.residual(u) <= NEAR
+    /// Nearly how far the bound along u may be from s*, relatively.
+    fn shortfall(&mut self, requirement: Property, option: Stiffness, bound: Bound, u: &[f64]) -> f64 {
+        self.pencil.set(requirement, option, bound.s);
+        self.pencil.residual(u)
     }
 
     /// The oracle: whether P(s) has a Cholesky factorization.
     fn is_definite(&mut self, requirement: Property, option: Stiffness, s: f64) -> bool {
-        self.family.set(requirement, option, s);
-        self.matrix.refill(self.family.operator());
+        self.pencil.set(requirement, option, s);
+        self.matrix.refill(self.pencil.operator());
         self.work.assemblies += 1;
         self.work.factorizations += 1;
         self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive()
     }
 
-    /// Whether C has negative eigenvalues, where no direction is known; if so, sets u to one along which it curves downwards.
-    fn has_negative_curvature(
-        &mut self,
-        option: Stiffness,
-        requirement: Property,
-        is_known: bool,
-        u: &mut [f64],
-    ) -> bool {
-        self.family.set(requirement, option, 0.0);
-        self.matrix.refill(self.family.operator());
+    /// Whether C has negative eigenvalues, where no direction is known.
+    fn curves_downwards(&mut self, requirement: Property, option: Stiffness) -> bool {
+        self.pencil.set(requirement, option, 0.0);
+        self.matrix.refill(self.pencil.operator());
         self.work.assemblies += 1;
-        if !is_known && self.inertia.count(self.matrix.matrix(), &mut self.work).negative == 0 {
-            return false;
-        }
-        self.work.factorizations += 1;
-        self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.negative_direction(u)
+        self.inertia.count(self.matrix.matrix(), &mut self.work).negative > 0
     }
 
     /// Raises the bound to the root along u where that is higher; says whether it is.
     fn raise(&mut self, requirement: Property, option: Stiffness, bound: &mut Bound, u: &[f64]) -> bool {
-        let curvature = self.family.curvature(requirement, option, u);
+        let curvature = self.pencil.curvature(requirement, option, u);
         match curvature.root().filter(|&root| root.is_finite() && root > bound.s) {
             Some(root) => {
                 let slope = (2.0 * curvature.mass * root + curvature.damping) * root;
-                let norm = self.family.norm_bound(root, requirement) * dot(u, u);
+                let norm = self.pencil.norm_bound(root, requirement) * dot(u, u);
                 *bound = Bound { s: root, rounding: 2.0 * f64::EPSILON * (2.0 + norm / slope) };
                 true
             }

@@ -12,7 +12,7 @@
 //! spring's transverse term changes the curvature along u from λ to `λ − k(1/l0 − 1/l)‖Pw‖²`, a bound from above for the new
 //! lowest eigenvalue: what is still negative then needs more than this spring.
 
-use super::eigenpair::Eigenpair;
+use crate::eigen::Eigenpair;
 use crate::force::Extensions;
 use crate::linear::dot;
 use crate::operator::{Combination, LinearOperator, SystemOperator};

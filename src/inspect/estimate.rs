@@ -1,4 +1,4 @@
-//! What can be told of A without factoring it: by products, multigrid, and what springs and masses prove.
+//! An inspection of a matrix that is not factored: by products, multigrid, and what springs and masses prove.
 //!
 //! A factor of a large matrix may not fit the memory, or take too long. What is left is told apart into proofs and estimates:
 //!
@@ -11,106 +11,183 @@
 //! | λ_max from below | a Rayleigh quotient | λ_max itself |
 //! | λ_max from above | `maxᵢ (mᵢ/dt² + Σ 2c)` over the springs at i, c the largest eigenvalue of each's block | |
 //!
-//! The last is `wᵀBw ≤ c‖uᵢ − uⱼ‖² ≤ 2c (‖uᵢ‖² + ‖uⱼ‖²)`, summed. u is the first of a few vectors of `lobpcg`, preconditioned with multigrid for A without
-//! the transverse terms of compressed springs, which is always positive definite: where nothing is compressed that is A itself.
+//! The last is `wᵀBw ≤ c‖uᵢ − uⱼ‖² ≤ 2c (‖uᵢ‖² + ‖uⱼ‖²)`, summed. u comes from the solver of `eigen`, preconditioned with multigrid for A without the
+//! transverse terms of compressed springs, which is always positive definite: where nothing is compressed that is A itself.
 
-use super::eigenpair::{Eigenpair, eigenpair};
-use super::inertia::lightest;
-use super::lanczos::{self, lowest_vector};
-use super::lobpcg::{Pairs, lowest};
-use super::random::gaussian;
+use super::critical::LargestStep;
+use super::culprits::direction;
+use super::inertia::{Inertia, lightest};
+use super::inspection::{Inspection, place};
+use super::matrix_pencil::{MatrixPencil, Property};
+use super::quick_check::FirstAnswer;
+use super::skipped::{Part, SkipReason, Skipped};
 use super::spectrum::Spectrum;
+use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance};
+use crate::error::Result;
 use crate::force::Extensions;
+use crate::memory;
 use crate::multigrid::Multigrid;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::{SpringBlock, Stiffness};
 use crate::system::{State, System};
 use crate::work::Work;
-use rand::SeedableRng;
-use rand::rngs::Xoshiro256PlusPlus;
 
-/// Vectors that are improved together.
+/// Bytes for every row: two bases of 26 vectors, multigrid beside them, and what else is as long.
+const ROW: u64 = 800;
+
+/// Vectors that are improved together, and vectors in the basis.
 const BLOCK: usize = 3;
+const CAPACITY: usize = 16;
 
-/// Steps of the search for λ_min at most, and products of the recurrences that begin it and that find λ_max.
+/// Blocks of the search for λ_min at most, and of that for λ_max, which has blocks of one.
 const STEPS: usize = 40;
-const START: usize = 40;
 const LARGEST: usize = 160;
 
-/// An eigenvalue is good enough when A has one within this part of it, or within this part of a bound from below.
+/// An eigenvalue is good enough when A has one within this part of it.
 const ENOUGH: f64 = 1e-3;
 
 /// Curvature below which a sign is one, as a part of ‖A‖: products of rows of some hundred entries have errors of 1e-15 of it.
 const SIGN: f64 = 1e-13;
 
-/// Estimates of A at one state, for one step length, under any option.
-pub(super) struct Estimator<'s> {
-    system: &'s System,
-    extensions: Extensions,
-    dt: f64,
-    multigrid: Option<Multigrid>,
+impl Inspection {
+    /// By products and multigrid alone; what they cannot tell is skipped, for a reason.
+    pub(super) fn estimated(
+        system: &System,
+        state: &State,
+        dt: f64,
+        option: Stiffness,
+        why: SkipReason,
+        onlooker: &mut dyn FnMut(f64, &Self),
+    ) -> Result<Self> {
+        memory::ensure(ROW * system.dofs().len() as u64, "an estimate of eigenvalues")?;
+        let extensions = Extensions::at(system, state)?;
+        let mut found = Self::unknown(system, &extensions, dt, option);
+        found.skipped = Part::all().map(|part| Skipped { part, why }).collect();
+        let operator = |option| SystemOperator::new(system, &extensions, option, Combination::step(dt));
+        let mut multigrid = multigrid(system, state, &operator(Stiffness::Tension));
+        let mut options = Stiffness::ALL;
+        options.sort_by_key(|&each| each != option);
+        let mut near: Option<Eigenpair> = None;
+        for (k, each) in options.into_iter().enumerate() {
+            let a = operator(each);
+            found.work.assemblies += 1;
+            let spectrum = spectrum(&a, multigrid.as_mut(), near.as_ref(), &mut found.work);
+            let lowest = spectrum.lowest.first().cloned();
+            let is_definite = proves_definite(&a);
+            let told = &mut found.options[place(each)];
+            told.take(&spectrum);
+            if is_definite {
+                told.inertia = Inertia::definite(a.order());
+                told.critical = LargestStep::Every;
+                found.known(Part::Signs(each));
+                found.known(Part::Definite(each));
+            } else if each != Stiffness::Full {
+                told.critical = LargestStep::Every;
+                found.known(Part::Definite(each));
+            }
+            found.told_by_estimate(Part::Spectrum(each));
+            if each == option {
+                if let Some(pair) = &lowest {
+                    found.answer(system, &extensions, &a, pair);
+                }
+                found.examine(system, &extensions, spectrum);
+            }
+            near = lowest.or(near);
+            onlooker(0.1 + 0.3 * (k + 1) as f64, &found);
+        }
+        found.settled_by_springs(system, &extensions);
+        Ok(found)
+    }
+
+    /// Takes over an answer to the first question.
+    fn answer(&mut self, system: &System, extensions: &Extensions, a: &SystemOperator<'_>, pair: &Eigenpair) {
+        let is_indefinite = pair.value < -SIGN * proven_ceiling(a);
+        let is_proven = is_indefinite || proves_definite(a);
+        let direction = direction(system, extensions, self.option, pair);
+        self.first = Some(FirstAnswer { definite: !is_indefinite, is_proven, direction, residual: pair.residual });
+        match is_proven {
+            true => self.known(Part::FirstAnswer),
+            false => self.told_by_estimate(Part::FirstAnswer),
+        }
+    }
+
+    /// What no spring's block leaves open: without negative ones nothing grows and every step is definite.
+    fn settled_by_springs(&mut self, system: &System, extensions: &Extensions) {
+        let k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
+        if SystemOperator::new(system, extensions, Stiffness::Full, k).has_no_negative_block() {
+            self.growing_modes = 0;
+            let full = &mut self.options[place(Stiffness::Full)];
+            (full.critical, full.stable) = (LargestStep::Every, LargestStep::Every);
+            for part in [Part::GrowingModes, Part::SmallestSet, Part::Stable(Stiffness::Full)] {
+                self.known(part);
+            }
+        }
+        let mut pencil = MatrixPencil::new(system, extensions.clone());
+        for option in [Stiffness::Tension, Stiffness::Axial] {
+            pencil.set(Property::Stable, option, 0.0);
+            if pencil.operator().has_no_negative_block() {
+                self.options[place(option)].stable = LargestStep::Every;
+                self.known(Part::Stable(option));
+            }
+        }
+    }
+
+    fn known(&mut self, part: Part) {
+        self.skipped.retain(|skipped| skipped.part != part);
+    }
+
+    fn told_by_estimate(&mut self, part: Part) {
+        self.known(part);
+        if !self.estimated.contains(&part) {
+            self.estimated.push(part);
+        }
+    }
 }
 
-impl<'s> Estimator<'s> {
-    /// With multigrid, where there is the memory for it.
-    pub fn new(system: &'s System, state: &State, extensions: Extensions, dt: f64) -> Self {
-        let positive = SystemOperator::new(system, &extensions, Stiffness::Tension, Combination::step(dt));
-        let multigrid = Multigrid::new(system).ok().and_then(|mut multigrid| {
-            multigrid.place(&state.positions);
-            multigrid.refill(&positive).ok()?;
-            multigrid.rebuild(&positive).ok()?;
-            Some(multigrid)
-        });
-        Self { system, extensions, dt, multigrid }
-    }
+/// Multigrid for a positive definite A, where there is the memory for it.
+fn multigrid(system: &System, state: &State, positive: &SystemOperator<'_>) -> Option<Multigrid> {
+    let mut multigrid = Multigrid::new(system).ok()?;
+    multigrid.place(&state.positions);
+    multigrid.refill(positive).ok()?;
+    multigrid.rebuild(positive).ok()?;
+    Some(multigrid)
+}
 
-    /// A under an option.
-    pub fn operator(&self, option: Stiffness) -> SystemOperator<'s> {
-        SystemOperator::new(self.system, &self.extensions, option, Combination::step(self.dt))
-    }
-
-    /// A vector along which A curves downwards, or little upwards, from products alone.
-    pub fn first(&self, a: &SystemOperator<'_>) -> Option<Eigenpair> {
-        let u = lowest_vector(a.order(), START, &mut |x: &[f64], y: &mut [f64]| a.apply(x, y))?;
-        Some(eigenpair(a, u))
-    }
-
-    /// Both ends of the spectrum, the low one from a vector near it, `condition` infinite where A may be singular.
-    pub fn spectrum(&mut self, a: &SystemOperator<'_>, start: Option<&Eigenpair>, work: &mut Work) -> Spectrum {
-        let n = a.order();
-        let mut rng = Xoshiro256PlusPlus::seed_from_u64(4);
-        let mut vectors: Vec<Vec<f64>> = start.map(|pair| pair.vector.clone()).into_iter().collect();
-        while vectors.len() < BLOCK.min(n) {
-            let mut vector = vec![0.0; n];
-            gaussian(&mut rng, &mut vector);
-            vectors.push(vector);
+/// Both ends of the spectrum, the low one from a vector near it; `condition` is NaN where A may be singular.
+fn spectrum(
+    a: &SystemOperator<'_>,
+    mut multigrid: Option<&mut Multigrid>,
+    start: Option<&Eigenpair>,
+    work: &mut Work,
+) -> Spectrum {
+    let n = a.order();
+    let mut apply = |x: &[f64], y: &mut [f64]| x.chunks(n).zip(y.chunks_mut(n)).for_each(|(x, y)| a.apply(x, y));
+    let search = |end, block| Search { end, wanted: 1, block, capacity: CAPACITY };
+    let tolerance = Tolerance { of_value: ENOUGH, of_norm: 0.0 };
+    let mut high = BlockLanczos::new(n, None, search(End::Highest, 1), 3);
+    high.refresh(&mut apply);
+    let high = high.iterate(tolerance, LARGEST, &mut apply, None);
+    let mut low = BlockLanczos::new(n, None, search(End::Lowest, BLOCK), 4);
+    low.start(start.iter().map(|pair| &pair.vector[..]), &mut apply);
+    low.refresh(&mut apply);
+    let mut precondition = |r: &[f64], z: &mut [f64]| match &mut multigrid {
+        Some(multigrid) => {
+            work.multigrid_iterations += 1;
+            multigrid.apply(r, z);
         }
-        let floor = proven_floor(a);
-        let high = lanczos::upper_end(n, LARGEST, &mut |x: &[f64], y: &mut [f64]| a.apply(x, y));
-        let ceiling = proven_ceiling(a);
-        let mut iterations = 0;
-        let mut enough = |pairs: &Pairs| {
-            iterations += 1;
-            let (Some(value), Some(residual)) = (pairs.values.first(), pairs.residuals.first()) else { return true };
-            *residual <= ENOUGH * value.abs() && *value != 0.0 || floor > 0.0 && *value <= (1.0 + ENOUGH) * floor
-        };
-        let multigrid = &mut self.multigrid;
-        let mut precondition = |r: &[f64], z: &mut [f64]| match multigrid {
-            Some(multigrid) => multigrid.apply(r, z),
-            None => z.copy_from_slice(r),
-        };
-        let found = lowest(vectors, &mut |x, y| a.apply(x, y), &mut precondition, STEPS, &mut enough);
-        work.multigrid_iterations += (iterations * BLOCK) as u64;
-        let pairs = found.values.iter().zip(found.vectors).zip(found.residuals);
-        let lowest: Vec<Eigenpair> =
-            pairs.map(|((&value, vector), residual)| Eigenpair { value, vector, residual }).collect();
-        let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
-        let (largest, rounding) = (high.value, SIGN * ceiling);
-        // Of an indefinite A another eigenvalue may be nearer to zero than λ_min, and nothing is known of it.
-        let condition = if smallest > 0.0 { largest.abs().max(smallest) / smallest } else { f64::NAN };
-        let (smallest_within, largest_within) = ([floor, smallest + rounding], [largest - rounding, ceiling]);
-        Spectrum { lowest, largest, condition, smallest_within, largest_within }
-    }
+        None => z.copy_from_slice(r),
+    };
+    let low = low.iterate(tolerance, STEPS, &mut apply, Some(&mut precondition));
+    let pair = |pair: crate::eigen::Ritz| Eigenpair { value: pair.value, vector: pair.vector, residual: pair.residual };
+    let lowest: Vec<Eigenpair> = low.into_iter().map(pair).collect();
+    let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
+    let largest = high.first().map_or(f64::NAN, |pair| pair.value);
+    let ceiling = proven_ceiling(a);
+    let rounding = SIGN * ceiling;
+    // Of an indefinite A another eigenvalue may be nearer to zero than λ_min, and nothing is known of it.
+    let condition = if smallest > 0.0 { largest.abs().max(smallest) / smallest } else { f64::NAN };
+    let (smallest_within, largest_within) = ([proven_floor(a), smallest + rounding], [largest - rounding, ceiling]);
+    Spectrum { lowest, largest, condition, smallest_within, largest_within }
 }
 
 /// `min mᵢ/dt²`, below every eigenvalue where no block has a negative one.
@@ -128,18 +205,12 @@ fn proven_ceiling(a: &SystemOperator<'_>) -> f64 {
         sums[i] += 2.0 * highest(block);
         sums[j] += 2.0 * highest(block);
     }
-    let dofs = system.dofs();
-    let free = sums.iter().enumerate().filter(|(p, _)| !dofs.rows(*p).is_empty());
+    let free = sums.iter().enumerate().filter(|(p, _)| !system.dofs().rows(*p).is_empty());
     free.map(|(_, sum)| *sum).fold(0.0, f64::max)
 }
 
-/// Whether an eigenpair proves that A is indefinite.
-pub(super) fn proves_indefinite(a: &SystemOperator<'_>, pair: &Eigenpair) -> bool {
-    pair.value < -SIGN * proven_ceiling(a)
-}
-
 /// Whether the blocks prove that A is positive definite.
-pub(super) fn proves_definite(a: &SystemOperator<'_>) -> bool {
+fn proves_definite(a: &SystemOperator<'_>) -> bool {
     let floor = proven_floor(a);
     floor > SIGN * proven_ceiling(a) && floor.is_finite()
 }

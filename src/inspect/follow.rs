@@ -5,19 +5,16 @@
 //! [stable](Property::Stable), that it does not [turn](Turn) springs too far, and that energy only comes from
 //! work, by the [ledger](Monitor). The first three are properties of a state, known before the step that goes wrong; the last is what a wrong step leaves.
 
-use super::along::{DefinitenessWatch, Loss};
-use super::family::{Family, Property};
-use super::turning::Turn;
-use crate::assembly::{SpringPattern, SystemMatrix};
+use super::definiteness_watch::{DefinitenessWatch, Loss};
+use super::matrix_pencil::Property;
+use super::rotation_limit::Turn;
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Energy, Extensions};
 use crate::integrate::{ErrorIndicators, Monitor, MonitorOptions};
-use crate::linear::Ldlt;
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use faer::Par;
 use nalgebra::Vector3;
-use std::sync::Arc;
 
 /// A point of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,7 +78,7 @@ pub struct Follower<'s> {
     option: Stiffness,
     dt: f64,
     definiteness: DefinitenessWatch<'s>,
-    stability: Option<StabilityWatch<'s>>,
+    stability: Option<DefinitenessWatch<'s>>,
     /// The state looked at last, and where its springs were.
     before: Vec<Vector3<f64>>,
     extensions: Extensions,
@@ -101,7 +98,7 @@ impl<'s> Follower<'s> {
             dt,
             definiteness: DefinitenessWatch::new(system, start, option, dt, par)?,
             stability: match option {
-                Stiffness::Axial => Some(StabilityWatch::new(system, start, option, dt, par)?),
+                Stiffness::Axial => Some(DefinitenessWatch::of(Property::Stable, system, start, option, dt, par)?),
                 Stiffness::Full | Stiffness::Tension => None,
             },
             before: start.positions.clone(),
@@ -149,7 +146,7 @@ impl<'s> Follower<'s> {
             self.first.definite = self.definiteness.look(step, state)?;
         }
         if let (None, Some(watch)) = (self.first.stable, &mut self.stability) {
-            let stable = watch.is_stable(state)?;
+            let stable = watch.holds(state)?;
             self.first.stable = (!stable).then_some(Passed { step, time: state.time });
         }
         Ok(())
@@ -158,31 +155,6 @@ impl<'s> Follower<'s> {
     /// What has been lost until now.
     pub fn first_losses(&self) -> &FirstLosses {
         &self.first
-    }
-}
-
-/// Looks whether a step is stable, state after state: whether `S = 4M/dt² − 2G/dt − 2K_opt + K` has a Cholesky factorization.
-struct StabilityWatch<'s> {
-    option: Stiffness,
-    dt: f64,
-    family: Family<'s>,
-    matrix: SystemMatrix,
-    factorization: Ldlt,
-}
-
-impl<'s> StabilityWatch<'s> {
-    fn new(system: &'s System, state: &State, option: Stiffness, dt: f64, par: Par) -> Result<Self> {
-        let family = Family::new(system, Extensions::at(system, state)?);
-        let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
-        let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
-        Ok(Self { option, dt, family, matrix, factorization })
-    }
-
-    fn is_stable(&mut self, state: &State) -> Result<bool, DegenerateSpring> {
-        self.family.update(state)?;
-        self.family.set(Property::Stable, self.option, 1.0 / self.dt);
-        self.matrix.refill(self.family.operator());
-        Ok(self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive())
     }
 }
 

@@ -19,10 +19,9 @@
 //!
 //! The result holds for every eigenvalue of C outside ±[`band`](Inertia::band). For a well-behaved matrix the band is
 //! `48 √n u‖C‖` with u = 2⁻⁵³: about 10⁻¹³ for a hundred degrees of freedom, 10⁻¹¹ for a hundred thousand.
-//!
-//! Where only the negative eigenvalues are asked for, `C + τ` alone is factored: a pivot counted there is an eigenvalue below `−τ + ‖E‖ < 0`.
 
 use crate::assembly::{BlockPattern, SymmetricMatrix};
+use crate::eigen::gaussian;
 use crate::error::Result;
 use crate::linear::{FactorKind, Factorization, PivotSigns, PivotedLdlt, Pivoting, norm};
 use crate::operator::{LinearOperator, SystemOperator};
@@ -31,8 +30,6 @@ use crate::work::Work;
 use faer::{Mat, Par, Side};
 use rand::SeedableRng;
 use rand::rngs::Xoshiro256PlusPlus;
-
-use super::random::gaussian;
 
 /// Numbers of eigenvalues by sign, and how far they can be trusted.
 ///
@@ -100,6 +97,12 @@ impl Inertia {
         Self { negative: 0, zero: n, positive: 0, band, factorization_error, method }
     }
 
+    /// Of n eigenvalues that are all positive, by masses and springs.
+    pub(super) fn definite(n: usize) -> Self {
+        let (factorization_error, method) = (0.0, InertiaMethod::Springs);
+        Self { negative: 0, zero: 0, positive: n, band: 0.0, factorization_error, method }
+    }
+
     /// Whether every eigenvalue is positive beyond doubt.
     pub fn is_definite(&self) -> bool {
         self.negative == 0 && self.zero == 0
@@ -128,8 +131,6 @@ pub struct InertiaCounter {
     factorization: PivotedLdlt,
     /// The method that was good enough.
     method: InertiaMethod,
-    /// The band that was wide enough, for counts of which none is reported.
-    shift: f64,
 }
 
 struct Count {
@@ -156,7 +157,7 @@ impl InertiaCounter {
     }
 
     fn on(factorization: PivotedLdlt) -> Self {
-        Self { factorization, method: InertiaMethod::Sparse, shift: 0.0 }
+        Self { factorization, method: InertiaMethod::Sparse }
     }
 
     /// Counts the eigenvalues of a matrix on the analysed pattern.
@@ -185,7 +186,7 @@ impl InertiaCounter {
                 negative = above.signs.negative;
             }
             if error <= shift / 2.0 {
-                (self.method, self.shift) = (method, shift);
+                self.method = method;
                 let positive = below.signs.positive;
                 let zero = n.saturating_sub(positive + negative);
                 return Inertia { negative, zero, positive, band: 1.5 * shift, factorization_error: error, method };
@@ -193,29 +194,6 @@ impl InertiaCounter {
             shift = wider(shift, error);
         }
         undecided(1.5 * shift)
-    }
-
-    /// How many eigenvalues are negative beyond doubt: as many as [`count`](Self::count) finds below its band, for half of its work; or below
-    /// the wider band that the last matrix needed. Zero where no factorization can be trusted.
-    pub fn count_negative(&mut self, a: &SymmetricMatrix, work: &mut Work) -> usize {
-        let n = a.order();
-        let c = equilibrated(a);
-        let scale = c.norm_inf(&mut vec![0.0; n]);
-        if n == 0 || !scale.is_finite() {
-            return 0;
-        }
-        let mut shift = self.shift.max(FIRST_SHIFT * unit(n));
-        let mut method = self.method;
-        for _ in 0..=WIDENINGS {
-            let count = self.factor(&c, shift * scale, scale, shift, method, work);
-            method = count.method;
-            if count.error <= shift / 2.0 {
-                (self.method, self.shift) = (method, shift);
-                return count.signs.negative;
-            }
-            shift = wider(shift, count.error);
-        }
-        0
     }
 
     /// Factors `C + shift` with a method, and with better ones as long as the error is too large for a band of `tolerance`.
@@ -297,8 +275,7 @@ pub(super) fn definite_by_blocks(operator: &SystemOperator<'_>, a: &SymmetricMat
     let floor = mass * lightest(system);
     let is_visible = floor > VISIBLE * a.norm_inf(&mut vec![0.0; n]);
     let is_definite = n > 0 && is_visible && operator.has_no_negative_block();
-    let (factorization_error, method) = (0.0, InertiaMethod::Springs);
-    is_definite.then_some(Inertia { negative: 0, zero: 0, positive: n, band: 0.0, factorization_error, method })
+    is_definite.then(|| Inertia::definite(n))
 }
 
 /// The smallest mass of a particle that can move.

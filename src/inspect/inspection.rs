@@ -1,18 +1,21 @@
 //! Everything about the definiteness of A at one state.
 
-use super::analysed::Analysed;
 use super::critical::LargestStep;
-use super::culprits::{Cluster, Direction};
-use super::first::FirstAnswer;
+use super::culprits::{Cluster, Direction, clusters, direction};
 use super::inertia::Inertia;
-use super::left_out::{LeftOut, Part, Why};
+use super::quick_check::FirstAnswer;
+use super::rotation_limit::Turn;
+use super::skipped::{Part, SkipReason, Skipped};
 use super::smallest_set::DropSet;
 use super::spectrum::Spectrum;
-use super::turning::Turn;
+use crate::assembly::SpringPattern;
 use crate::force::Extensions;
+use crate::linear::Ldlt;
 use crate::spring::Stiffness;
 use crate::system::System;
 use crate::work::Work;
+use std::fmt::{Debug, Formatter};
+use std::sync::Arc;
 
 /// What A is like under one option.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +38,33 @@ pub struct OptionInspection {
     pub stable: LargestStep,
     /// The largest step that turns no spring so far that this brakes or stretches it, see [`Turn`]: no linearisation sees this.
     pub turning: LargestStep,
+}
+
+impl OptionInspection {
+    /// Takes over what a spectrum tells.
+    pub(super) fn take(&mut self, spectrum: &Spectrum) {
+        (self.smallest, self.largest, self.condition) = (spectrum.smallest(), spectrum.largest, spectrum.condition);
+        self.within = [spectrum.smallest_within, spectrum.largest_within];
+    }
+}
+
+/// The pattern of A, ordered and analysed, without memory for a factor. A system has one: it is no part of what was found.
+#[derive(Clone)]
+pub(super) struct Analysed {
+    pub pattern: Arc<SpringPattern>,
+    pub factorization: Arc<Ldlt>,
+}
+
+impl PartialEq for Analysed {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Debug for Analysed {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Analysed")
+    }
 }
 
 /// The definiteness of `A = M/dt² − G/dt − K` at one state, and what it depends on.
@@ -81,9 +111,9 @@ pub struct Inspection {
     pub turn: Option<Turn>,
     /// Where A under `Full` is not positive definite: which transverse terms must go.
     pub smallest_set: Option<DropSet>,
-    /// What was left out, with λ_min over the time step, which [`Pictures`](super::Pictures) look at.
-    pub left_out: Vec<LeftOut>,
-    /// Of what was not left out, what is estimated by products and multigrid, not proven by factorizations; `within` says of each figure what is
+    /// What was skipped, with λ_min over the time step, which [`Pictures`](super::Pictures) look at.
+    pub skipped: Vec<Skipped>,
+    /// Of what was not skipped, what is estimated by products and multigrid, not proven by factorizations; `within` says of each figure what is
     /// proven of it all the same.
     pub estimated: Vec<Part>,
     /// What the inspection cost.
@@ -96,6 +126,9 @@ pub struct Inspection {
 /// when a particle moves by a thousandth of a spring, these turn into any mixture of each other. A small imperfection, as ready
 /// columns have it, leaves two-fold eigenvalues that far apart.
 const SAME: f64 = 1e-3;
+
+/// Directions of negative curvature that are taken apart at most.
+pub(super) const DIRECTIONS: usize = 24;
 
 impl Inspection {
     /// Of which nothing is known yet.
@@ -124,29 +157,39 @@ impl Inspection {
             clusters: Vec::new(),
             turn: None,
             smallest_set: None,
-            left_out: Vec::new(),
+            skipped: Vec::new(),
             estimated: Vec::new(),
             work: Work::default(),
             analysed: None,
         }
     }
 
-    /// What was left out for a reason.
-    pub fn left_out_for(&self, why: Why) -> impl Iterator<Item = Part> + '_ {
-        self.left_out.iter().filter(move |left_out| left_out.why == why).map(|left_out| left_out.part)
+    /// Takes over the spectrum under the option that is examined, and takes its negative directions apart, the lowest in any case.
+    pub(super) fn examine(&mut self, system: &System, extensions: &Extensions, spectrum: Spectrum) {
+        let count = spectrum.negative().len().clamp(1, DIRECTIONS);
+        let apart = |pair| direction(system, extensions, self.option, pair);
+        self.directions = spectrum.lowest.iter().take(count).map(apart).collect();
+        let bad: Vec<Direction> = self.directions.iter().filter(|d| d.eigenvalue < 0.0).cloned().collect();
+        self.clusters = clusters(&bad);
+        self.spectrum = spectrum;
+    }
+
+    /// What was skipped for a reason.
+    pub fn skipped_for(&self, why: SkipReason) -> impl Iterator<Item = Part> + '_ {
+        self.skipped.iter().filter(move |skipped| skipped.why == why).map(|skipped| skipped.part)
     }
 
     /// Without the picture of λ_min, which nobody waited for.
     pub fn without_curve(mut self) -> Self {
         if !self.lacks(Part::Curve) {
-            self.left_out.push(LeftOut { part: Part::Curve, why: Why::Interrupted });
+            self.skipped.push(Skipped { part: Part::Curve, why: SkipReason::Interrupted });
         }
         self
     }
 
-    /// Whether a part was left out.
+    /// Whether a part was skipped.
     pub fn lacks(&self, part: Part) -> bool {
-        self.left_out.iter().any(|left_out| left_out.part == part)
+        self.skipped.iter().any(|skipped| skipped.part == part)
     }
 
     /// How many of the eigenvalues that were found equal the lowest, to a thousandth of it: where there are several, any mixture of
@@ -197,7 +240,7 @@ pub(super) fn place(option: Stiffness) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inspect::Eigenpair;
+    use crate::eigen::Eigenpair;
     use crate::inspect::tests::chain;
     use faer::Par;
 
@@ -227,15 +270,15 @@ mod tests {
         assert_eq!(fold(&[-1.0, -0.9995, -0.9], [3, 0, 9]).as_deref(), Some("2-fold"));
     }
 
-    /// The curve is left out once, as what was interrupted; an inspection is equal to its copy, whatever analysis it keeps.
+    /// The curve is skipped once, as what was interrupted; an inspection is equal to its copy, whatever analysis it keeps.
     #[test]
-    fn the_curve_can_be_left_out() {
+    fn the_curve_can_be_skipped() {
         let (system, state) = chain(2, 1.25);
         let inspected = || Inspection::at(&system, &state, 0.3, Stiffness::Full, Par::Seq).unwrap();
         let whole = inspected();
-        assert!(whole.left_out.is_empty() && whole == inspected());
+        assert!(whole.skipped.is_empty() && whole == inspected());
         let without = whole.clone().without_curve();
-        assert_eq!(without.left_out, [LeftOut { part: Part::Curve, why: Why::Interrupted }]);
+        assert_eq!(without.skipped, [Skipped { part: Part::Curve, why: SkipReason::Interrupted }]);
         assert!(without != whole && without.clone().without_curve() == without);
     }
 }

@@ -1,19 +1,16 @@
 //! How an inspection goes about its parts, and what it knows on the way.
 
-use super::analysed::Analysed;
 use super::critical::{CriticalSteps, Known as KnownOfLimit};
-use super::culprits::{Direction, clusters, direction};
-use super::family::Property;
-use super::first::first_answer;
 use super::inertia::{InertiaCounter, InertiaMethod, definite_by_blocks, lightest};
-use super::inspection::{Inspection, place};
-use super::lanczos::End;
-use super::left_out::{Cost, ESTIMATE, LARGEST_FACTORED, Ledger, Part, Why};
-use super::search::{Digits, Known, LARGE, upper_end};
+use super::inspection::{Analysed, DIRECTIONS, Inspection, place};
+use super::matrix_pencil::Property;
+use super::quick_check::quick_check;
+use super::rotation_limit::RotationLimit;
+use super::skipped::{Budget, Cost, ESTIMATE, LARGEST_FACTORED, Part, SkipReason};
 use super::smallest_set::{Trial, smallest_set_with};
-use super::spectrum::{LARGEST_DENSE, spectrum_with};
-use super::turning::Turning;
+use super::spectrum::{Known, spectrum_with};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
+use crate::eigen::Accuracy;
 use crate::error::{Error, Result};
 use crate::force::Extensions;
 use crate::linear::Ldlt;
@@ -24,13 +21,10 @@ use crate::work::Work;
 use faer::Par;
 use std::sync::Arc;
 
-/// Eigenpairs that an inspection looks for, in a matrix too large to be diagonalised whole, and directions of negative
-/// curvature that it takes apart at most.
+/// Eigenpairs that an inspection looks for in a matrix too large to be diagonalised whole, and in one from [`LARGE`] rows on: every pair takes time.
 const EIGENPAIRS: usize = 12;
-const DIRECTIONS: usize = 24;
-
-/// Of a [`LARGE`] matrix both are fewer: every pair takes time.
 const FEWER: usize = 6;
+const LARGE: usize = 10_000;
 
 /// How many of the lowest eigenpairs are looked for under the option that is examined, of so many negative ones.
 fn examined_pairs(rows: usize, negative: usize) -> usize {
@@ -47,7 +41,7 @@ impl Inspection {
         Self::within(system, state, dt, option, par, f64::INFINITY, &mut |_, _| ())
     }
 
-    /// As [`at`](Self::at), leaving out what would make it cost more than `most` operations. A matrix whose factor does not fit the memory, or
+    /// As [`at`](Self::at), skipping what would make it cost more than `most` operations. A matrix whose factor does not fit the memory, or
     /// would cost more than that by itself, is looked at by products and multigrid: some figures then are estimates. After every part `onlooker` sees how much
     /// of the work is done, from 0 to 1, and what is known until then.
     ///
@@ -63,19 +57,19 @@ impl Inspection {
         onlooker: &mut dyn FnMut(f64, &Self),
     ) -> Result<Self> {
         if most.is_finite() && system.dofs().len() >= LARGEST_FACTORED {
-            return Self::estimated(system, state, dt, option, Why::TooMuchWork, onlooker);
+            return Self::estimated(system, state, dt, option, SkipReason::TooMuchWork, onlooker);
         }
         let mut inspector = match Inspector::new(system, state, dt, option, par, most) {
             Ok(inspector) => inspector,
             Err(Error::TooLarge { .. }) => {
-                return Self::estimated(system, state, dt, option, Why::TooMuchMemory, onlooker);
+                return Self::estimated(system, state, dt, option, SkipReason::TooMuchMemory, onlooker);
             }
             Err(error) => return Err(error),
         };
-        let mut first = Stiffness::ALL;
-        first.sort_by_key(|&each| each != option);
+        let mut order = Stiffness::ALL;
+        order.sort_by_key(|&each| each != option);
         // What the search for a spectrum has factored is of use for turning.
-        let of_others: Vec<Part> = first
+        let of_others: Vec<Part> = order
             .iter()
             .flat_map(|&each| {
                 let spectrum = (each != option).then_some(Part::Spectrum(each));
@@ -85,24 +79,24 @@ impl Inspection {
             .collect();
         let parts: Vec<Part> = [
             &[Part::FirstAnswer][..],
-            &first.map(Part::Signs),
+            &order.map(Part::Signs),
             &[Part::GrowingModes, Part::Spectrum(option), Part::Definite(option), Part::Stable(option)],
             &[Part::SmallestSet],
             &of_others,
-            &first.map(Part::Definite)[1..],
-            &first.map(Part::Stable)[1..],
+            &order.map(Part::Definite)[1..],
+            &order.map(Part::Stable)[1..],
             // Drawn by [`Pictures`](super::Pictures), if it is affordable.
             &[Part::Curve],
         ]
         .concat();
         for part in parts {
             if inspector.look(part)? {
-                onlooker(inspector.ledger.share(), &inspector.found);
+                onlooker(inspector.budget.share(), &inspector.found);
             }
             // The first question is answered one way or another.
             let is_cheap = ESTIMATE * system.dofs().len() as f64 <= most;
             if part == Part::FirstAnswer && is_cheap && inspector.found.lacks(part) {
-                return Self::estimated(system, state, dt, option, Why::TooMuchWork, onlooker);
+                return Self::estimated(system, state, dt, option, SkipReason::TooMuchWork, onlooker);
             }
         }
         Ok(inspector.found)
@@ -115,15 +109,12 @@ struct Inspector<'s> {
     extensions: Extensions,
     pattern: Arc<SpringPattern>,
     critical: CriticalSteps<'s>,
-    turning: Turning<'s>,
+    rotation: RotationLimit<'s>,
     counter: InertiaCounter,
     factorization: Ldlt,
     /// The option whose A is factored, and positive.
     factored: Option<Stiffness>,
-    /// An upper end of the spectra under all options, proven, and that of A under `Tension` by products.
-    ceiling: f64,
-    tension_end: Option<End>,
-    ledger: Ledger,
+    budget: Budget,
     /// Work that is not counted by the searches for steps.
     work: Work,
     found: Inspection,
@@ -140,13 +131,11 @@ impl<'s> Inspector<'s> {
         Ok(Self {
             system,
             critical: CriticalSteps::analysed(system, extensions.clone(), pattern.clone(), shared()?, nothing)?,
-            turning: Turning::analysed(system, state, extensions.clone(), pattern.clone(), shared()?, nothing),
+            rotation: RotationLimit::analysed(system, state, extensions.clone(), pattern.clone(), shared()?, nothing),
             counter: InertiaCounter::sharing(&factorization)?,
-            ledger: Ledger::new(Cost::of(&factorization.size(), system.dofs().len()), most, Part::all()),
+            budget: Budget::new(Cost::of(&factorization.size(), system.dofs().len()), most, Part::all()),
             factorization,
             factored: None,
-            ceiling: f64::INFINITY,
-            tension_end: None,
             pattern,
             work: Work { symbolic_factorizations: 1, ..Work::default() },
             found: Inspection { analysed: Some(analysed), ..Inspection::unknown(system, &extensions, dt, option) },
@@ -183,8 +172,8 @@ impl<'s> Inspector<'s> {
             Part::Definite(Stiffness::Tension | Stiffness::Axial) => true,
             _ => false,
         };
-        if !known && !self.ledger.affords(part) {
-            self.found.left_out.clone_from(&self.ledger.out);
+        if !known && !self.budget.affords(part) {
+            self.found.skipped.clone_from(&self.budget.skipped);
             return Ok(false);
         }
         match part {
@@ -192,7 +181,7 @@ impl<'s> Inspector<'s> {
                 let option = self.found.option;
                 let (operator, a) = self.matrix_of_step(option);
                 let Self { system, extensions, factorization, work, found, .. } = self;
-                found.first = first_answer(system, extensions, option, &a, &operator, factorization, work);
+                found.first = quick_check(system, extensions, option, &a, &operator, factorization, work);
                 // What is definite is so by a factorization.
                 self.factored = self.found.first.as_ref().filter(|first| first.definite).map(|_| option);
             }
@@ -212,7 +201,7 @@ impl<'s> Inspector<'s> {
                     false => {
                         let minus_k = SystemMatrix::assemble(self.pattern.clone(), &operator).into_matrix();
                         self.work.assemblies += 1;
-                        self.counter.count_negative(&minus_k, &mut self.work)
+                        self.counter.count(&minus_k, &mut self.work).negative
                     }
                 };
             }
@@ -228,8 +217,8 @@ impl<'s> Inspector<'s> {
                 }
             }
             Part::Stable(Stiffness::Full) => {
-                if self.ledger.follows(part, Part::Definite(Stiffness::Full)) {
-                    self.found.left_out.clone_from(&self.ledger.out);
+                if self.budget.follows(part, Part::Definite(Stiffness::Full)) {
+                    self.found.skipped.clone_from(&self.budget.skipped);
                     return Ok(false);
                 }
             }
@@ -248,21 +237,21 @@ impl<'s> Inspector<'s> {
             }
             Part::Curve => {}
         }
-        self.ledger.done(part);
-        self.found.left_out.clone_from(&self.ledger.out);
+        self.budget.done(part);
+        self.found.skipped.clone_from(&self.budget.skipped);
         self.found.work = self.work;
         self.found.work.add(&self.critical.work);
-        self.found.work.add(&self.turning.work);
+        self.found.work.add(&self.rotation.work);
         Ok(true)
     }
 
-    /// A step of `Full` is estimated with `Tension`, see [`Turning::worst`].
+    /// A step of `Full` is estimated with `Tension`, see [`RotationLimit::worst`].
     fn turning(&mut self, option: Stiffness) {
         if self.factored == Some(option) {
-            self.turning.take_over(option, self.found.dt, &mut self.factorization);
+            self.rotation.take_over(option, self.found.dt, &mut self.factorization);
             self.factored = None;
         }
-        let (limit, worst) = self.turning.limit_and_worst(option, self.found.dt);
+        let (limit, worst) = self.rotation.limit_and_worst(option, self.found.dt);
         for each in &mut self.found.options {
             if (each.option == Stiffness::Axial) == (option == Stiffness::Axial) {
                 each.turning = limit;
@@ -286,45 +275,20 @@ impl<'s> Inspector<'s> {
         let (operator, a) = self.matrix_of_step(option);
         let inertia = self.found.options[place(option)].inertia;
         let is_examined = option == self.found.option;
-        let (wanted, digits) = match is_examined {
-            true => (examined_pairs(a.dofs().len(), inertia.negative), Digits::All),
-            false => (1, Digits::Certified),
-        };
-        // Dropping terms that are negative only adds: A under `Tension` is the largest of the three.
-        let is_largest =
-            option == Stiffness::Tension || option == Stiffness::Full && self.found.compressed_springs == 0;
-        let above = (is_examined && !is_largest && a.dofs().len() > LARGEST_DENSE).then(|| {
-            let (operator, a) = self.matrix_of_step(Stiffness::Tension);
-            (a, *self.tension_end.insert(upper_end(&operator)))
-        });
+        let accuracy = if is_examined && a.dofs().len() < LARGE { Accuracy::FULL } else { Accuracy::CERTIFIED };
+        let wanted = if is_examined { examined_pairs(a.dofs().len(), inertia.negative) } else { 1 };
         // Without negative blocks what the masses add is left at least, see `definite_by_blocks`.
         let floor = match inertia.method {
             InertiaMethod::Springs => operator.mass_factor() * lightest(self.system),
             _ => f64::NEG_INFINITY,
         };
-        let mut known = Known {
-            products: &operator,
-            is_factored: self.factored == Some(option),
-            within: [floor, self.ceiling],
-            above: above.as_ref().map(|(a, end)| (a, end.value)),
-            above_within: f64::INFINITY,
-            upper_end: self.tension_end.filter(|_| option == Stiffness::Tension),
-            digits,
-        };
+        let is_factored = self.factored == Some(option);
+        let mut known = Known { products: &operator, is_factored, floor, accuracy };
         let spectrum = spectrum_with(&mut self.factorization, &a, &inertia, wanted, &mut known, &mut self.work);
         self.factored = known.is_factored.then_some(option);
-        let of_all = if is_largest { spectrum.largest_within[1] } else { known.above_within };
-        self.ceiling = self.ceiling.min(of_all);
-        let found = &mut self.found.options[place(option)];
-        (found.smallest, found.largest, found.condition) = (spectrum.smallest(), spectrum.largest, spectrum.condition);
-        found.within = [spectrum.smallest_within, spectrum.largest_within];
-        if option == self.found.option {
-            let negative = spectrum.negative().len().clamp(1, DIRECTIONS);
-            let taken_apart = |pair| direction(self.system, &self.extensions, option, pair);
-            self.found.directions = spectrum.lowest.iter().take(negative).map(taken_apart).collect();
-            let bad: Vec<Direction> = self.found.directions.iter().filter(|d| d.eigenvalue < 0.0).cloned().collect();
-            self.found.clusters = clusters(&bad);
-            self.found.spectrum = spectrum;
+        self.found.options[place(option)].take(&spectrum);
+        if is_examined {
+            self.found.examine(self.system, &self.extensions, spectrum);
         }
     }
 }

@@ -1,12 +1,11 @@
 //! What an inspection shows, as pictures.
 
-use super::analysed::Analysed;
 use super::inertia::Inertia;
-use super::inspection::Inspection;
-use super::left_out::{Part, Why};
-use super::smallest::smallest_eigenvalue_with;
-use super::spectrum::LARGEST_DENSE;
+use super::inspection::{Analysed, Inspection};
+use super::skipped::{Part, SkipReason};
+use super::spectrum::{LARGEST_DENSE, smallest_eigenvalue_with};
 use crate::assembly::{SpringPattern, SystemMatrix};
+use crate::eigen::Accuracy;
 use crate::error::Result;
 use crate::figure::{Axis, Drawing, Guide, Look, Plot, Series, Spy};
 use crate::force::Extensions;
@@ -51,7 +50,8 @@ impl Pictures {
     pub fn of(system: &System, state: &State, inspection: &Inspection) -> Result<Self> {
         let extensions = Extensions::at(system, state)?;
         let is_drawn = !(system.dofs().is_empty() || inspection.lacks(Part::Curve));
-        let is_whole = inspection.left_out_for(Why::Interrupted).next().is_none() && inspection.estimated.is_empty();
+        let is_whole =
+            inspection.skipped_for(SkipReason::Interrupted).next().is_none() && inspection.estimated.is_empty();
         // The inspection has analysed the pattern, unless it is one of estimates.
         let analysed = inspection.analysed.as_ref().filter(|_| is_drawn || is_whole);
         let curve = match analysed.filter(|_| is_drawn) {
@@ -180,7 +180,8 @@ fn curve_of(
         for dt in steps.clone() {
             let operator = SystemOperator::new(system, extensions, option, Combination::step(dt));
             let a = SystemMatrix::assemble(pattern.clone(), &operator).into_matrix();
-            let scaled = smallest_eigenvalue_with(factorization, &a, &mut work) * dt * dt / lightest;
+            let scaled =
+                smallest_eigenvalue_with(factorization, &a, Accuracy::CERTIFIED, &mut work) * dt * dt / lightest;
             if scaled > HIGHEST_SHOWN {
                 break;
             }

@@ -19,7 +19,7 @@
 //! **The search** is one in that small matrix (`choice`). Dropping more never hurts, so what remains is *irredundant*: none of its springs can be
 //! spared. It need not be of least size, to find which is as hard as covering a set; where one spring is to blame, it is that spring.
 
-use super::choice::{Minimality, choose};
+use super::greedy_selection::{Minimality, choose};
 use super::inertia::InertiaCounter;
 use super::necessary::{Column, NECESSARY, Necessity, fewest};
 use crate::assembly::{SpringPattern, SystemMatrix};
@@ -105,7 +105,7 @@ pub(super) fn smallest_set_with(
         if trial.is_definite(&necessary, work) {
             return set(&necessary, Minimality::Irredundant, necessary.len());
         }
-        let left = counter.count_negative(trial.matrix.matrix(), work).max(1);
+        let left = counter.count(trial.matrix.matrix(), work).negative.max(1);
         let others = terms.iter().filter(|term| term.need < NECESSARY).map(|term| term.rank);
         at_least = at_least.max(necessary.len() + fewest(left, others));
     }

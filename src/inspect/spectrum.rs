@@ -1,28 +1,14 @@
 //! Both ends of the spectrum of A, and the condition number.
 //!
-//! Small matrices are diagonalised whole. Large ones are searched from three sides by block Krylov methods:
-//!
-//! - the largest by products with A in a Lanczos recurrence;
-//! - the lowest, and the largest where products do not find it, by solves with `A − σ`, σ beyond the end in question. Products with A, in a
-//!   short recurrence, tell where the spectrum ends; that σ lies beyond is proven by a factorization all of whose pivots have
-//!   one sign. Where A is positive definite σ = 0 will do for the low end, and even a λ_min far below ‖A‖ is found to many
-//!   digits;
-//! - the one nearest to zero, which decides about the condition number of an indefinite A, by solves with A itself (`nearest`).
-//!
-//! Both ends are certified: a Rayleigh quotient never lies outside the spectrum, and a factorization with pivots of one sign proves
-//! that the spectrum does not reach half a millionth of ‖A‖ further (nor, where A is definite, a thousandth of λ_min); the upper end of a
-//! matrix so large that products do not come that near may reach as much further as they leave open. For every
-//! other pair (λ, x) the residual bounds the error: A has an eigenvalue within `‖Ax − λx‖` of λ.
-//!
-//! What is [known](Known) beforehand spares factorizations: a factor of A, a bound for λ_min, a matrix `T ≥ A`, none of whose eigenvalues
-//! lies below that of A, so that one factorization proves where both end.
+//! Small matrices are diagonalised whole. In large ones the ends are found by shift-invert Lanczos (`eigen`) and proven by counts of
+//! negative pivots; so is the eigenvalue nearest to zero, which decides about the condition number of an indefinite A.
 
-use super::eigenpair::{Eigenpair, eigenpair};
 use super::inertia::Inertia;
-use super::search::{Digits, Known, Search, size};
 use crate::assembly::SymmetricMatrix;
+use crate::eigen::{Accuracy, Eigenpair, End, Pencil, ShiftInvert, eigenpair};
 use crate::error::Result;
 use crate::linear::Ldlt;
+use crate::operator::LinearOperator;
 use crate::work::Work;
 use faer::Par;
 use nalgebra::{DMatrix, Dyn, SymmetricEigen};
@@ -74,6 +60,24 @@ pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par,
     Ok(spectrum_with(&mut Ldlt::analyse(a.pattern(), par)?, a, inertia, wanted, &mut Known::nothing(a), work))
 }
 
+/// What is known of A before its spectrum.
+pub(super) struct Known<'a> {
+    /// A, by its fastest products.
+    pub products: &'a dyn LinearOperator,
+    /// Whether the factorization is that of A, and positive; afterwards, whether it still is.
+    pub is_factored: bool,
+    /// A proven bound for λ_min from below.
+    pub floor: f64,
+    pub accuracy: Accuracy,
+}
+
+impl<'a> Known<'a> {
+    /// Nothing but the matrix.
+    pub fn nothing(a: &'a SymmetricMatrix) -> Self {
+        Self { products: a, is_factored: false, floor: f64::NEG_INFINITY, accuracy: Accuracy::FULL }
+    }
+}
+
 /// As [`spectrum`], with a factorization that has been analysed before.
 pub(super) fn spectrum_with(
     factorization: &mut Ldlt,
@@ -83,58 +87,103 @@ pub(super) fn spectrum_with(
     known: &mut Known<'_>,
     work: &mut Work,
 ) -> Spectrum {
-    let n = a.dofs().len();
-    let mut sums = vec![0.0; n];
-    let norm = a.norm_inf(&mut sums);
+    let n = a.order();
+    let norm = a.norm_inf(&mut vec![0.0; n]);
     if n == 0 || !norm.is_finite() {
         return Spectrum::unknown();
     }
     if n <= LARGEST_DENSE
         && let Some(spectrum) = dense(a, inertia, norm)
     {
-        // Nothing was factored.
         return spectrum;
     }
-    let mut search = Search {
-        within: known.within,
-        is_factored: known.is_factored,
-        ..Search::new(a, known.products, factorization, work)
-    };
-    let ends = search.ends();
-    let (wanted, digits) = (wanted.clamp(1, n), known.digits);
-    let low = |search: &mut Search<'_>| search.lowest(inertia.negative, wanted, digits, &ends);
-    // What is factored may be of use, and what is not yet may be so afterwards.
-    let (lowest, largest) = match known.is_factored || digits == Digits::All {
-        true => {
-            let lowest = low(&mut search);
-            (lowest, search.largest(&ends, known))
-        }
+    let mut search = ShiftInvert::new(Pencil { products: known.products, ..Pencil::of(a) }, factorization, work);
+    search.is_factored = known.is_factored;
+    search.within[0] = if inertia.is_definite() { known.floor.max(0.0) } else { known.floor };
+    let lowest = |search: &mut ShiftInvert<'_>| search.extreme(End::Lowest, wanted.clamp(1, n), known.accuracy);
+    let highest = |search: &mut ShiftInvert<'_>| search.extreme(End::Highest, 1, Accuracy::CERTIFIED);
+    // A factor of A is used first, or left at the end.
+    let (lowest, highest) = match known.is_factored {
+        true => (lowest(&mut search), highest(&mut search)),
         false => {
-            let largest = search.largest(&ends, known);
-            (low(&mut search), largest)
+            let highest = highest(&mut search);
+            (lowest(&mut search), highest)
         }
     };
-    let smallest = lowest.first().map_or(f64::NAN, |pair| pair.value);
+    let value = |pairs: &[Eigenpair]| pairs.first().map_or(f64::NAN, |pair| pair.value);
+    let (smallest, largest) = (value(&lowest), value(&highest));
     // A quotient has a rounding error of the products.
     let rounding = QUOTIENT * norm;
     let (smallest_within, largest_within) =
         ([search.within[0], smallest + rounding], [largest - rounding, search.within[1]]);
+    known.is_factored = search.is_factored;
     let nearest = match () {
         () if inertia.zero > 0 => 0.0,
         () if inertia.negative == 0 => smallest,
-        () => search.nearest_to_zero(size(&ends)),
+        () => search.nearest_to_zero(),
     };
     let condition = largest.abs().max(smallest.abs()) / nearest;
     known.is_factored = search.is_factored;
     Spectrum { condition, lowest, largest, smallest_within, largest_within }
 }
 
+/// λ_min alone, in N/m; NaN where A is empty or has entries that are not finite.
+///
+/// # Errors
+/// A matrix that is too large to factor.
+///
+/// # Examples
+/// ```
+/// use faer::Par;
+/// use sprung::Stiffness;
+/// use sprung::inspect::smallest_eigenvalue;
+/// use sprung::integrate::StepMatrices;
+/// use sprung::work::Work;
+///
+/// # use sprung::{Spring, SystemBuilder};
+/// # let mut builder = SystemBuilder::new();
+/// # builder.particle([0.0, 0.0, 0.0], 1.0);
+/// # builder.particle([1.0, 0.0, 0.0], 1.0);
+/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
+/// # builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let step = StepMatrices::assemble(&system, &state, Stiffness::Full, 1.0)?;
+/// // M/dt² = 1 N/m, and the spring under compression has k (1/l0 − 1/l) = −10 N/m across.
+/// let smallest = smallest_eigenvalue(&step.a, Par::Seq, &mut Work::default())?;
+/// assert!((smallest + 9.0).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn smallest_eigenvalue(a: &SymmetricMatrix, par: Par, work: &mut Work) -> Result<f64> {
+    work.symbolic_factorizations += 1;
+    Ok(smallest_eigenvalue_with(&mut Ldlt::analyse(a.pattern(), par)?, a, Accuracy::FULL, work))
+}
+
+/// As [`smallest_eigenvalue`], with a factorization that has been analysed before.
+pub(super) fn smallest_eigenvalue_with(
+    factorization: &mut Ldlt,
+    a: &SymmetricMatrix,
+    accuracy: Accuracy,
+    work: &mut Work,
+) -> f64 {
+    let n = a.order();
+    if n == 0 || !a.norm_inf(&mut vec![0.0; n]).is_finite() {
+        return f64::NAN;
+    }
+    if n <= LARGEST_DENSE
+        && let Some(eigen) = diagonalise(a)
+    {
+        return eigen.eigenvalues.min();
+    }
+    let pairs = ShiftInvert::new(Pencil::of(a), factorization, work).extreme(End::Lowest, 1, accuracy);
+    pairs.first().map_or(f64::NAN, |pair| pair.value)
+}
+
 /// Rounding error of a Rayleigh quotient of a vector of length one, relative to the largest sum of a row: far above that of rows of some
 /// hundred entries.
 const QUOTIENT: f64 = 1e-13;
 
-pub(super) fn diagonalise(a: &SymmetricMatrix) -> Option<SymmetricEigen<f64, Dyn>> {
-    let n = a.dofs().len();
+fn diagonalise(a: &SymmetricMatrix) -> Option<SymmetricEigen<f64, Dyn>> {
+    let n = a.order();
     let mut matrix = DMatrix::zeros(n, n);
     for (row, column, value) in a.iter() {
         matrix[(row, column)] = value;
@@ -145,11 +194,11 @@ pub(super) fn diagonalise(a: &SymmetricMatrix) -> Option<SymmetricEigen<f64, Dyn
 
 /// All eigenpairs of a small matrix.
 fn dense(a: &SymmetricMatrix, inertia: &Inertia, norm: f64) -> Option<Spectrum> {
-    let n = a.dofs().len();
+    let n = a.order();
     let eigen = diagonalise(a)?;
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
-    let pair = |&k: &usize| eigenpair(a, eigen.eigenvectors.column(k).as_slice().to_vec());
+    let pair = |&k: &usize| eigenpair(&Pencil::of(a), eigen.eigenvectors.column(k).as_slice().to_vec());
     let lowest: Vec<Eigenpair> = order.iter().map(pair).collect();
     let sizes = || lowest.iter().map(|pair| pair.value.abs());
     let nearest = if inertia.zero > 0 { 0.0 } else { sizes().fold(f64::INFINITY, f64::min) };
@@ -213,22 +262,21 @@ mod tests {
     #[test]
     fn what_is_factored_is_used_and_left() {
         let a = diagonal(300, |k| if k == 0 { 2.0 } else { 4.0 });
-        let found = |is_factored: bool, digits: Digits, floor: f64| {
+        let found = |is_factored: bool, floor: f64| {
             let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
             if is_factored {
                 factorization.factor(&a).unwrap();
             }
             let mut work = Work::default();
-            let mut known = Known { is_factored, digits, within: [floor, f64::INFINITY], ..Known::nothing(&a) };
+            let mut known = Known { is_factored, floor, accuracy: Accuracy::CERTIFIED, ..Known::nothing(&a) };
             let spectrum = spectrum_with(&mut factorization, &a, &signs(0, 0, 300), 1, &mut known, &mut work);
             assert!((spectrum.smallest() - 2.0).abs() < 1e-6 && (spectrum.largest - 4.0).abs() < 1e-6);
             (work.factorizations, known.is_factored)
         };
-        // At zero, below the low end, above the high end; what is known spares one or the other.
-        assert_eq!(found(false, Digits::Certified, 0.0), (3, false));
-        assert_eq!(found(true, Digits::Certified, 0.0), (2, false));
-        assert_eq!(found(false, Digits::Certified, 1.999999), (2, true));
-        assert_eq!(found(true, Digits::Certified, 1.999999), (1, false));
-        assert_eq!(found(true, Digits::All, 0.0), (2, false));
+        // Above the high end twice, at zero, below the low end; what is known spares one or the other.
+        assert_eq!(found(false, 0.0), (4, false));
+        assert_eq!(found(true, 0.0), (3, false));
+        assert_eq!(found(false, 1.999999), (3, true));
+        assert_eq!(found(true, 1.999999), (2, false));
     }
 }

@@ -3,9 +3,8 @@
 //! With N free particles of mass m and springs of stiffness k, rest length l0 and length l, −K has along the chain the eigenvalues
 //! `(k/l0) μⱼ` and across it `k (1/l0 − 1/l) μⱼ`, with `μⱼ = 4 sin²(jπ/(2(N + 1)))`, j = 1 … N; A has `m/dt²` more.
 
-use super::krylov::Krylov;
 use super::{
-    CriticalSteps, Inertia, InertiaMethod, Inspection, LargestStep, Minimality, Part, Property, Why, spectrum,
+    CriticalSteps, Inertia, InertiaMethod, Inspection, LargestStep, Minimality, Part, Property, SkipReason, spectrum,
 };
 use crate::force::Extensions;
 use crate::inspect::smallest_set;
@@ -173,7 +172,7 @@ fn inspections_say_what_is_known() {
     let found = Inspection::at(&system, &state, dt, Stiffness::Full, Par::Seq).unwrap();
     let values = eigenvalues(free, 1.25, dt);
     let negative = values.iter().filter(|&&value| value < 0.0).count();
-    assert!(negative > 1 && found.left_out.is_empty());
+    assert!(negative > 1 && found.skipped.is_empty());
     assert_eq!((found.growing_modes, found.compressed_springs, found.dt), (free, free + 1, dt));
     let full = found.examined();
     assert_eq!((full.option, full.inertia.negative), (Stiffness::Full, negative));
@@ -213,39 +212,6 @@ fn inspections_say_what_is_known() {
     assert!(safe.first.as_ref().is_none_or(|first| first.definite));
 }
 
-/// Of a diagonal matrix: the largest entries, as often as they occur, with residuals that are what they say.
-#[test]
-fn krylov_spaces_find_the_largest_eigenvalues() {
-    let n = 300;
-    let mut diagonal: Vec<f64> = (0..n).map(|k| (k as f64 * 0.37).sin() * 5.0 - 1.0).collect();
-    diagonal[17] = 9.0;
-    diagonal[200] = 9.0;
-    diagonal[3] = 7.0;
-    let mut columns = 0;
-    let mut apply = |x: &[f64], y: &mut [f64]| {
-        columns += x.len() / n;
-        for (x, y) in x.chunks(n).zip(y.chunks_mut(n)) {
-            x.iter().zip(y).zip(&diagonal).for_each(|((x, y), d)| *y = d * x);
-        }
-    };
-    let mut space = Krylov::new(n, 3, &mut apply);
-    let pairs = space.iterate(1e-9, 200, &mut apply);
-    assert_eq!(pairs.len(), 3);
-    for (pair, expected) in pairs.iter().zip([9.0, 9.0, 7.0]) {
-        assert!((pair.value - expected).abs() < 1e-10, "{}", pair.value);
-        let residual: f64 = pair.vector.iter().zip(&diagonal).map(|(x, d)| ((d - pair.value) * x).powi(2)).sum();
-        assert!(residual.sqrt() < 1e-6 && (norm(&pair.vector) - 1.0).abs() < 1e-12);
-    }
-    let overlap: f64 = pairs[0].vector.iter().zip(&pairs[1].vector).map(|(x, y)| x * y).sum();
-    assert!(overlap.abs() < 1e-8, "{overlap}");
-    // An eigenvector to begin with needs no search.
-    let before = pairs[0].vector.clone();
-    let mut space = Krylov::from_vectors(n, 1, &[before], &mut apply);
-    let again = space.iterate(1e-6, 0, &mut apply);
-    assert!((again[0].value - 9.0).abs() < 1e-10);
-    assert!(columns < 2 * n, "{columns} products");
-}
-
 /// What is told of a matrix that is not factored, against its eigenvalues: proofs that hold, estimates that are near, and no more parts than
 /// that. A pressed chain is indefinite for a long step, definite for a short one, and then only as far as is seen; a stretched one is definite.
 #[test]
@@ -261,7 +227,8 @@ fn estimates_are_near_and_proofs_hold() {
         let mut seen = Vec::new();
         let mut onlooker = |_: f64, found: &Inspection| seen.push(found.first.as_ref().map(|first| first.definite));
         let found =
-            Inspection::estimated(&system, &state, dt, Stiffness::Full, Why::TooMuchMemory, &mut onlooker).unwrap();
+            Inspection::estimated(&system, &state, dt, Stiffness::Full, SkipReason::TooMuchMemory, &mut onlooker)
+                .unwrap();
         let first = found.first.as_ref().unwrap();
         assert_eq!((first.definite, first.is_proven), (definite, is_proven), "{rest_length} {inertia}");
         assert_eq!((found.is_definite(), found.is_proven()), (definite, is_proven));

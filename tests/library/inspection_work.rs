@@ -5,7 +5,8 @@ use faer::Par;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sprung::inspect::{
-    CriticalSteps, FirstAnswer, Inertia, InertiaMethod, Inspection, LargestStep, Part, Property, Turning, Why, spectrum,
+    CriticalSteps, FirstAnswer, Inertia, InertiaMethod, Inspection, LargestStep, Part, Property, RotationLimit,
+    SkipReason, spectrum,
 };
 use sprung::integrate::StepMatrices;
 use sprung::linear::Ldlt;
@@ -33,7 +34,7 @@ fn an_inspection_costs_few_factorizations() {
             println!("{what}, {} dofs: {work:?}", system.dofs().len());
             assert_eq!(work.symbolic_factorizations, 1, "{work:?}");
             assert!(work.factorizations <= most, "{what}: {work:?}");
-            let mut turning = Turning::new(&system, &state, Par::Seq).expect("a small system");
+            let mut turning = RotationLimit::new(&system, &state, Par::Seq).expect("a small system");
             for option in [Stiffness::Tension, Stiffness::Axial] {
                 turning.largest_step(option, dt);
             }
@@ -87,14 +88,14 @@ fn inspections_leave_out_what_takes_too_much_work() {
             let within = Inspection::within(&system, &state, 0.1, Stiffness::Full, Par::Seq, most, &mut |_, _| ());
             let inspection = within.expect("a small system");
             let work = inspection.work;
-            println!("{most:e}: {work:?}, left out {:?}", inspection.left_out);
+            println!("{most:e}: {work:?}, left out {:?}", inspection.skipped);
             assert!(work.factorizations as f64 * flops <= most, "{most:e}: {work:?}");
-            assert!(inspection.left_out_for(Why::Interrupted).next().is_none());
-            assert!(!inspection.left_out.is_empty(), "{most:e} is enough for all");
+            assert!(inspection.skipped_for(SkipReason::Interrupted).next().is_none());
+            assert!(!inspection.skipped.is_empty(), "{most:e} is enough for all");
             let signs = inspection.examined().inertia;
             let is_counted = !inspection.lacks(Part::Signs(Stiffness::Full));
             assert!(most < 1e10 || is_counted && signs.method != InertiaMethod::None);
-            let found = 18 - inspection.left_out.len();
+            let found = 18 - inspection.skipped.len();
             assert!(found >= before, "{most:e}: less for more work");
             before = found;
         }
@@ -123,10 +124,10 @@ fn what_is_left_out_is_said() {
     assert!(!told.contains("NaN") && !told.contains("singular"), "{told}");
     assert_eq!(told.matches("every step").count(), 2, "{told}");
     let json = serde_json::to_value(InspectionRecord::new("k", 0, 0.0, &inspection)).expect("JSON");
-    assert_eq!(json["left_out"].as_array().map(Vec::len), Some(inspection.left_out.len()));
+    assert_eq!(json["left_out"].as_array().map(Vec::len), Some(inspection.skipped.len()));
     assert!(json["left_out"].as_array().is_some_and(|all| all.iter().all(|part| part["why"] == "too much work")));
     let whole = Inspection::at(&system, &state, 0.1, Stiffness::Full, Par::Seq).expect("a small system");
-    assert!(whole.left_out.is_empty() && whole.options.iter().all(|option| option.critical != LargestStep::Unknown));
+    assert!(whole.skipped.is_empty() && whole.options.iter().all(|option| option.critical != LargestStep::Unknown));
 }
 
 /// The first answer is there before any other part: after one analysis and at most one factorization. What it says is what is found out
@@ -141,7 +142,7 @@ fn the_first_answer_comes_first_and_is_true() {
         let mut seen: Vec<(FirstAnswer, Work, usize)> = Vec::new();
         let mut onlooker = |_: f64, found: &Inspection| {
             let first = found.first.clone().expect("an answer before all else");
-            seen.push((first, found.work, found.left_out.len()));
+            seen.push((first, found.work, found.skipped.len()));
         };
         let most = f64::INFINITY;
         let within = Inspection::within(&system, &state, dt, Stiffness::Full, Par::Seq, most, &mut onlooker);

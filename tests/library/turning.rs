@@ -6,7 +6,7 @@ use faer::Par;
 use nalgebra::Vector3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sprung::inspect::{Follower, LargestStep, MOST_BRAKED, MOST_STRETCHED, Turning};
+use sprung::inspect::{Follower, LargestStep, MOST_BRAKED, MOST_STRETCHED, RotationLimit};
 use sprung::integrate::{ImplicitOptions, Method};
 use sprung::scene::{Kind, builtin};
 use sprung::system::Axes;
@@ -36,7 +36,7 @@ fn closed_form(dt: f64) -> (f64, f64) {
 }
 
 fn turning(system: &System, state: &State, option: Stiffness, dt: f64) -> LargestStep {
-    Turning::new(system, state, Par::Seq).expect("a small system").largest_step(option, dt)
+    RotationLimit::new(system, state, Par::Seq).expect("a small system").largest_step(option, dt)
 }
 
 #[test]
@@ -44,7 +44,7 @@ fn a_lone_spring_is_judged_by_the_closed_form() {
     let (system, state) = swinger();
     for option in Stiffness::ALL {
         for dt in [0.003, 0.05, 1.0] {
-            let turn = Turning::new(&system, &state, Par::Seq).unwrap().worst(option, dt).expect("it turns");
+            let turn = RotationLimit::new(&system, &state, Par::Seq).unwrap().worst(option, dt).expect("it turns");
             let (theta, rho) = closed_form(dt);
             assert_relative_eq!(turn.angle, theta.atan(), max_relative = 1e-9);
             assert_relative_eq!(turn.stretch, (1.0 + theta * theta).sqrt() - 1.0, max_relative = 1e-9);
@@ -117,7 +117,8 @@ fn what_only_shakes_is_not_called_turned() {
     for velocity in &mut state.velocities {
         (velocity.x, velocity.y) = (random.random_range(-3.0..3.0), random.random_range(-3.0..3.0));
     }
-    let turn = Turning::new(&system, &state, Par::Seq).unwrap().worst(Stiffness::Full, 0.2).expect("it turns a little");
+    let turn =
+        RotationLimit::new(&system, &state, Par::Seq).unwrap().worst(Stiffness::Full, 0.2).expect("it turns a little");
     // (ω dt)² = 800 along a spring: a lone one that turned so far would be braked beyond the limit.
     assert!(0.5 * 800.0 * turn.angle > 2.0 * MOST_BRAKED, "{turn:?}");
     assert!(turn.excess() < 1.0, "{turn:?}");

@@ -2,8 +2,8 @@
 
 use super::losses::part;
 use crate::inspect::{
-    Cluster, Culprit, Direction, DropSet, FirstLosses, Inertia, Inspection, LeftOut, Loss, Minimality,
-    OptionInspection, Turn, Why,
+    Cluster, Culprit, Direction, DropSet, FirstLosses, Inertia, Inspection, Loss, Minimality, OptionInspection,
+    SkipReason, Skipped, Turn,
 };
 use serde::Serialize;
 
@@ -64,7 +64,7 @@ impl<'a> InspectionRecord<'a> {
                 axial: OptionRecord::of(axial),
             },
             turning: inspection.turn.as_ref().map(TurnRecord::of),
-            left_out: inspection.left_out.iter().map(LeftOutRecord::of).collect(),
+            left_out: inspection.skipped.iter().map(LeftOutRecord::of).collect(),
             estimated: inspection.estimated.iter().copied().map(part).collect(),
             first_loss: None,
             first_lost: None,
@@ -86,11 +86,11 @@ struct LeftOutRecord {
 }
 
 impl LeftOutRecord {
-    fn of(left_out: &LeftOut) -> Self {
+    fn of(left_out: &Skipped) -> Self {
         let why = match left_out.why {
-            Why::Interrupted => "interrupted",
-            Why::TooMuchWork => "too much work",
-            Why::TooMuchMemory => "too much memory",
+            SkipReason::Interrupted => "interrupted",
+            SkipReason::TooMuchWork => "too much work",
+            SkipReason::TooMuchMemory => "too much memory",
         };
         Self { part: part(left_out.part), why }
     }

@@ -1,6 +1,8 @@
 //! What turns and what was lost, in words that the terminal and the page share.
 
-use crate::inspect::{DropSet, FirstLosses, Gain, Inspection, LargestStep, Loss, Minimality, Part, Passed, Turn, Why};
+use crate::inspect::{
+    DropSet, FirstLosses, Gain, Inspection, LargestStep, Loss, Minimality, Part, Passed, SkipReason, Turn,
+};
 use crate::integrate::Method;
 use crate::report::number::count;
 use crate::spring::Stiffness;
@@ -14,12 +16,12 @@ pub(super) const UNKNOWN: &str = "not looked at";
 /// What was left out, by why; empty where nothing was.
 pub(super) fn left_out(inspection: &Inspection) -> Vec<String> {
     let told = [
-        (Why::TooMuchWork, "for the work that it takes (--all looks at everything)"),
-        (Why::TooMuchMemory, "for the memory that a factor of A takes"),
-        (Why::Interrupted, "as the inspection was interrupted"),
+        (SkipReason::TooMuchWork, "for the work that it takes (--all looks at everything)"),
+        (SkipReason::TooMuchMemory, "for the memory that a factor of A takes"),
+        (SkipReason::Interrupted, "as the inspection was interrupted"),
     ];
-    let sentence = |(why, because): (Why, &str)| {
-        let parts: Vec<String> = inspection.left_out_for(why).map(part).collect();
+    let sentence = |(why, because): (SkipReason, &str)| {
+        let parts: Vec<String> = inspection.skipped_for(why).map(part).collect();
         (!parts.is_empty()).then(|| format!("{}: {because}", parts.join(", ")))
     };
     told.into_iter().filter_map(sentence).collect()

@@ -1,6 +1,6 @@
-//! The first answer: whether A is positive definite, and which spring spoils it most, before anything else is known.
+//! A quick check before all else: whether A is positive definite, and which spring spoils it most.
 //!
-//! `uᵀAu < 0` proves that A is indefinite, whatever u is. The Ritz vector of the low end of a short Lanczos recurrence is such a u
+//! `uᵀAu < 0` proves that A is indefinite, whatever u is. The lowest Ritz vector of a short Lanczos run is such a u
 //! wherever λ_min lies visibly below zero, and costs products alone. Where it is none, A is factored: `A = L D Lᵀ` with D > 0 proves that
 //! A is positive definite, to rounding; a pivot `d_j < 0` gives `u = L⁻ᵀ e_j/d_j` with `uᵀAu = 1/d_j`. Solves with that factor, a few steps
 //! of inverse iteration, bring out the eigenvector nearest to zero, which is the one just lost, or the softest.
@@ -8,9 +8,8 @@
 //! The springs to blame are those of u. It comes near the eigenvector of λ_min, but is not it: what is found later is more exact.
 
 use super::culprits::{Culprit, Direction, direction};
-use super::eigenpair::{Eigenpair, eigenpair, unit};
-use super::lanczos::lowest_vector;
 use crate::assembly::SymmetricMatrix;
+use crate::eigen::{Eigenpair, Pencil, eigenpair, probe, unit};
 use crate::force::Extensions;
 use crate::linear::Ldlt;
 use crate::operator::LinearOperator;
@@ -39,8 +38,8 @@ impl FirstAnswer {
     }
 }
 
-/// Products of the Lanczos recurrence, done twice: a tenth of a factorization or less.
-const PRODUCTS: usize = 80;
+/// Products of the Lanczos run: a tenth of a factorization or less.
+const PRODUCTS: usize = 60;
 
 /// Steps of inverse iteration.
 const INVERSE_STEPS: usize = 3;
@@ -50,7 +49,7 @@ const SIGN: f64 = 1e-13;
 
 /// Answers for A of a system under an option, known by its fastest products too, with a factorization that knows its pattern; `None` where A is empty, has entries that are
 /// not finite, or is singular to working precision.
-pub(super) fn first_answer(
+pub(super) fn quick_check(
     system: &System,
     extensions: &Extensions,
     option: Stiffness,
@@ -69,8 +68,9 @@ pub(super) fn first_answer(
         FirstAnswer { definite, is_proven: true, direction, residual: pair.residual }
     };
     let is_negative = |pair: &Eigenpair| pair.value < -SIGN * size;
-    let lowest =
-        lowest_vector(n, PRODUCTS, &mut |x: &[f64], y: &mut [f64]| products.apply(x, y)).map(|u| eigenpair(a, u));
+    let eigenpair = |u| eigenpair(&Pencil::of(a), u);
+    let ends = probe(n, None, PRODUCTS, &mut |x: &[f64], y: &mut [f64]| products.apply(x, y));
+    let lowest = ends.map(|[low, _]| eigenpair(low.vector));
     if let Some(pair) = lowest.as_ref().filter(|pair| is_negative(pair)) {
         return Some(answer(false, pair.clone()));
     }
@@ -84,12 +84,12 @@ pub(super) fn first_answer(
     if !definite && !factorization.negative_direction(&mut u) {
         return None;
     }
-    let mut best = eigenpair(a, unit(u)?);
+    let mut best = eigenpair(unit(u)?);
     for _ in 0..INVERSE_STEPS {
         let mut u = best.vector.clone();
         factorization.substitute(&mut u);
         work.solves += 1;
-        let next = unit(u).map(|u| eigenpair(a, u));
+        let next = unit(u).map(eigenpair);
         // Of an indefinite A inverse iteration may go on to an eigenvalue above zero.
         let Some(next) = next.filter(|next| definite && next.value < best.value || !definite && is_negative(next))
         else {
@@ -127,7 +127,7 @@ mod tests {
     }
 
     /// A chain pressed to four fifths of its length, in a plane, at a step for which A is visibly indefinite, one for which only a factorization
-    /// tells (λ_min is −10⁻⁹ of ‖A‖), and a safe one: at most one factorization, three solves and twice eighty products.
+    /// tells (λ_min is −10⁻⁹ of ‖A‖), and a safe one: at most one factorization, three solves and sixty products.
     #[test]
     fn it_costs_one_factorization_at_most() {
         let free = 400;
@@ -152,9 +152,9 @@ mod tests {
             let counted = Counted { a: &a, products: Cell::new(0) };
             let mut work = Work::default();
             let full = Stiffness::Full;
-            let first = first_answer(&system, &extensions, full, &a, &counted, &mut factorization, &mut work).unwrap();
+            let first = quick_check(&system, &extensions, full, &a, &counted, &mut factorization, &mut work).unwrap();
             assert_eq!((first.definite, work.factorizations), (definite, factorizations), "{inertia}");
-            assert!(work.solves <= INVERSE_STEPS as u64 && counted.products.get() <= 2 * PRODUCTS, "{work:?}");
+            assert!(work.solves <= INVERSE_STEPS as u64 && counted.products.get() <= PRODUCTS, "{work:?}");
             // What a factorization refuses is bettered by all of them.
             assert!(definite || work.solves == 3 * factorizations, "{work:?}");
             let proven = if definite { factorizations == 1 } else { first.direction.eigenvalue < 0.0 };
@@ -174,7 +174,7 @@ mod tests {
         let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
         let mut work = Work::default();
         let full = Stiffness::Full;
-        let first = first_answer(&system, &extensions, full, &a, &a, &mut factorization, &mut work);
+        let first = quick_check(&system, &extensions, full, &a, &a, &mut factorization, &mut work);
         (first, [work.factorizations, work.solves])
     }
 
@@ -210,7 +210,7 @@ mod tests {
         let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
         let mut work = Work::default();
         let full = Stiffness::Full;
-        assert_eq!(first_answer(&system, &extensions, full, &a, &a, &mut factorization, &mut work), None);
+        assert_eq!(quick_check(&system, &extensions, full, &a, &a, &mut factorization, &mut work), None);
         assert_eq!(work, Work::default());
     }
 

@@ -28,13 +28,13 @@
 //! that turns as a whole is judged as the lone spring is, one that only shakes is not. So ρ is an estimate, exact for a spring
 //! by itself.
 
+use super::bracket_search::{Trial, search};
 use super::critical::LargestStep;
-use super::leaps::{Found, Trial, search};
-use super::nearby::Nearby;
+use super::shifted_solves::solve;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
 use crate::force::{Extensions, add_elastic_force, add_external_forces, add_weight};
-use crate::linear::{BlockJacobi, DiagonalPart, Ldlt};
+use crate::linear::Ldlt;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -152,7 +152,7 @@ impl Turn {
 /// ```
 /// use faer::Par;
 /// use sprung::Stiffness;
-/// use sprung::inspect::Turning;
+/// use sprung::inspect::RotationLimit;
 /// # use nalgebra::Vector3;
 ///
 /// # use sprung::{Spring, SystemBuilder};
@@ -164,22 +164,21 @@ impl Turn {
 /// # builder.velocities[1] = Vector3::new(0.0, 1.0, 0.0);
 /// let (system, state) = builder.build()?;
 /// // A particle that goes round at 1 m/s, 1 m from its centre: a step of 0.5 s turns its spring far.
-/// let worst = Turning::new(&system, &state, Par::Seq)?.worst(Stiffness::Axial, 0.5);
+/// let worst = RotationLimit::new(&system, &state, Par::Seq)?.worst(Stiffness::Axial, 0.5);
 /// assert!(worst.is_some());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub struct Turning<'s> {
+pub struct RotationLimit<'s> {
     system: &'s System,
     state: &'s State,
     extensions: Extensions,
     operator: SystemOperator<'s>,
     matrix: SystemMatrix,
     factorization: Ldlt,
-    /// The option and dt of the matrix that is factored, and the space of its steps.
-    at_hand: Option<(Stiffness, f64, Nearby<'s>)>,
-    /// The blocks of particles of a step that the masses dominate, and the option and the space of such steps.
-    blocks: BlockJacobi,
-    light: Option<(Stiffness, Nearby<'s>)>,
+    /// The option and dt of the matrix that is factored.
+    at_hand: Option<(Stiffness, f64)>,
+    /// m of every degree of freedom.
+    masses: Vec<f64>,
     /// `g + f_el`, full-length.
     force: Vec<Vector3<f64>>,
     displacement: Vec<Vector3<f64>>,
@@ -191,23 +190,7 @@ pub struct Turning<'s> {
 /// How much longer or shorter than the step whose matrix is factored one may be that is solved with it.
 const FARTHEST: f64 = 8.0;
 
-/// How much larger than the masses' share what springs add to the block of a particle may be where the blocks alone solve for a step: twice that
-/// bounds the condition number with them, of which some thirty vectors are enough.
-const LIGHT: f64 = 16.0;
-
-/// Whether the masses' share of a matrix is no smaller than a [`LIGHT`]th of what springs add at any particle.
-fn is_dominated_by_masses(operator: &SystemOperator<'_>) -> bool {
-    let system = operator.system();
-    let mut added = vec![0.0; system.particles()];
-    for ((_, pair, _), block) in system.active().zip(operator.blocks()) {
-        pair.into_iter().for_each(|p| added[p] += block.transverse.abs().max(block.axial.abs()));
-    }
-    let free = |p: usize| !system.dofs().rows(p).is_empty();
-    let mut each = added.iter().zip(system.masses()).enumerate();
-    each.all(|(p, (added, mass))| !free(p) || *added <= LIGHT * operator.mass_factor() * mass)
-}
-
-impl<'s> Turning<'s> {
+impl<'s> RotationLimit<'s> {
     /// At a state.
     ///
     /// # Errors
@@ -237,7 +220,10 @@ impl<'s> Turning<'s> {
         let displacement = vec![Vector3::zeros(); system.particles()];
         let reduced = vec![0.0; system.dofs().len()];
         let work = Work { force_evaluations: work.force_evaluations + 1, ..work };
-        let blocks = BlockJacobi::new(DiagonalPart::Blocks, system.dofs());
+        let mut masses = vec![0.0; system.dofs().len()];
+        for (particle, mass) in system.masses().iter().enumerate() {
+            masses[system.dofs().rows(particle)].fill(*mass);
+        }
         Self {
             system,
             state,
@@ -246,8 +232,7 @@ impl<'s> Turning<'s> {
             matrix,
             factorization,
             at_hand: None,
-            blocks,
-            light: None,
+            masses,
             force,
             displacement,
             reduced,
@@ -277,41 +262,25 @@ impl<'s> Turning<'s> {
         Turn::worst(self.system, &self.extensions, &self.displacement, dt, option)
     }
 
-    /// Solves for the step by what costs least: where the masses dominate by the blocks of particles, near a step whose matrix is factored by that,
-    /// elsewhere by its own.
+    /// Solves for the step: near one whose matrix is factored by that, elsewhere by its own.
     fn solves(&mut self, solved: Stiffness, dt: f64) -> bool {
-        let (right, s) = (self.reduced.clone(), dt.recip());
-        let Self { operator, factorization, work, .. } = self;
-        // The first step is solved for to the last digit: it is what `worst` tells of.
-        let is_first = self.at_hand.as_ref().is_none_or(|(option, at, _)| *option != solved || *at == dt);
-        if !is_first && is_dominated_by_masses(operator) && self.blocks.update(operator).is_ok() {
-            if self.light.as_ref().is_none_or(|(option, _)| *option != solved) {
-                self.light = Some((solved, Nearby::new(self.system, &self.extensions, solved)));
-            }
-            let blocks = &self.blocks;
-            let mut residual = Vec::with_capacity(right.len());
-            let mut precondition = |r: &mut [f64]| {
-                residual.clear();
-                residual.extend_from_slice(r);
-                blocks.apply(&residual, r);
-            };
-            if let Some((_, light)) = &mut self.light
-                && light.solve(s, operator, &mut precondition, &mut self.reduced)
-            {
-                return true;
-            }
-            self.reduced.copy_from_slice(&right);
-        }
-        let mut solve = |r: &mut [f64]| {
+        let right = self.reduced.clone();
+        let Self { operator, factorization, masses, work, .. } = self;
+        let mut substitute = |r: &mut [f64]| {
             work.solves += 1;
             factorization.substitute(r);
         };
-        if let Some((option, at, nearby)) = &mut self.at_hand
-            && *option == solved
-            && (FARTHEST.recip()..=FARTHEST).contains(&(dt / *at))
-            && nearby.solve(s, operator, &mut solve, &mut self.reduced)
-        {
-            return true;
+        match self.at_hand {
+            Some((option, at)) if option == solved && at == dt => {
+                substitute(&mut self.reduced);
+                return true;
+            }
+            Some((option, at)) if option == solved && (FARTHEST.recip()..=FARTHEST).contains(&(dt / at)) => {
+                if solve(operator, dt.recip(), masses, &mut substitute, &mut self.reduced) {
+                    return true;
+                }
+            }
+            _ => {}
         }
         self.at_hand = None;
         self.matrix.refill(&self.operator);
@@ -320,25 +289,17 @@ impl<'s> Turning<'s> {
         if self.factorization.factor(self.matrix.matrix()).is_err() || !self.factorization.is_positive() {
             return false;
         }
-        let mut nearby = Nearby::new(self.system, &self.extensions, solved);
         self.reduced.copy_from_slice(&right);
-        let Self { operator, factorization, work, .. } = self;
-        let mut solve = |r: &mut [f64]| {
-            work.solves += 1;
-            factorization.substitute(r);
-        };
-        if !nearby.solve(s, operator, &mut solve, &mut self.reduced) {
-            self.reduced.copy_from_slice(&right);
-            solve(&mut self.reduced);
-        }
-        self.at_hand = Some((solved, dt, nearby));
+        self.work.solves += 1;
+        self.factorization.substitute(&mut self.reduced);
+        self.at_hand = Some((solved, dt));
         true
     }
 
     /// Takes over the factorization of A of a step of this length under an option, for its own.
     pub(super) fn take_over(&mut self, option: Stiffness, dt: f64, factorization: &mut Ldlt) {
         std::mem::swap(&mut self.factorization, factorization);
-        self.at_hand = Some((option, dt, Nearby::new(self.system, &self.extensions, option)));
+        self.at_hand = Some((option, dt));
     }
 
     /// The longest step, in s, that turns no spring too far, sought up and down from dt. [`Every`](LargestStep::Every) where
@@ -354,9 +315,9 @@ impl<'s> Turning<'s> {
         let limit =
             search(first, |at| self.worst(option, dt * at.exp()).map_or(f64::NEG_INFINITY, |turn| turn.excess().ln()));
         let limit = match limit {
-            Found::Nowhere if first.excess > 0.0 => LargestStep::UpTo { dt: 0.0, refused: dt },
-            Found::Nowhere => LargestStep::Every,
-            Found::Between([low, high]) => LargestStep::UpTo { dt: dt * low.exp(), refused: dt * high.exp() },
+            None if first.excess > 0.0 => LargestStep::UpTo { dt: 0.0, refused: dt },
+            None => LargestStep::Every,
+            Some([low, high]) => LargestStep::UpTo { dt: dt * low.exp(), refused: dt * high.exp() },
         };
         (limit, worst)
     }

@@ -1,8 +1,8 @@
-//! What an inspection consists of, what it may cost, and what of it was left out.
+//! What an inspection consists of, what it may cost, and what of it was skipped.
 //!
 //! The parts are looked at in the order of what they tell. Before each its cost is estimated from the work of one factorization, one
-//! solve and one step of a search for eigenvalues, and a part that would take the whole beyond what it may cost is left out. These are
-//! counts, not times: on every machine the same parts are left out.
+//! solve and one step of a search for eigenvalues, and a part that would take the whole beyond what it may cost is skipped. These are
+//! counts, not times: on every machine the same parts are skipped.
 
 use crate::linear::FactorSize;
 use crate::spring::Stiffness;
@@ -41,9 +41,9 @@ impl Part {
     }
 }
 
-/// Why a part was left out.
+/// Why a part was skipped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Why {
+pub enum SkipReason {
     /// It was not looked at yet.
     Interrupted,
     /// It would have cost more than the inspection may.
@@ -52,13 +52,13 @@ pub enum Why {
     TooMuchMemory,
 }
 
-/// A part that was left out.
+/// A part that was skipped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LeftOut {
+pub struct Skipped {
     /// What.
     pub part: Part,
     /// Why.
-    pub why: Why,
+    pub why: SkipReason,
 }
 
 /// Operations that an inspection may take unless it is asked for everything: about a minute.
@@ -126,26 +126,27 @@ impl Cost {
     }
 }
 
-/// What has been spent, and what is left out as things stand.
+/// What has been spent, and what is skipped as things stand.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Ledger {
+pub(super) struct Budget {
     cost: Cost,
     left: f64,
     spent: f64,
     /// What everything would cost.
     whole: f64,
-    pub out: Vec<LeftOut>,
+    pub skipped: Vec<Skipped>,
 }
 
-impl Ledger {
+impl Budget {
     /// Nothing done yet of these parts; `most` operations to spend.
     pub fn new(cost: Cost, most: f64, parts: impl IntoIterator<Item = Part>) -> Self {
-        let out: Vec<LeftOut> = parts.into_iter().map(|part| LeftOut { part, why: Why::Interrupted }).collect();
-        let whole = out.iter().map(|left_out| cost.part(left_out.part)).sum::<f64>().min(most);
-        Self { cost, left: most, spent: 0.0, whole, out }
+        let skipped: Vec<Skipped> =
+            parts.into_iter().map(|part| Skipped { part, why: SkipReason::Interrupted }).collect();
+        let whole = skipped.iter().map(|skipped| cost.part(skipped.part)).sum::<f64>().min(most);
+        Self { cost, left: most, spent: 0.0, whole, skipped }
     }
 
-    /// Whether a part may be looked at. If so its cost is spent; if not it is left out for good.
+    /// Whether a part may be looked at. If so its cost is spent; if not it is skipped for good.
     pub fn affords(&mut self, part: Part) -> bool {
         let cost = self.cost.part(part);
         if cost <= self.left {
@@ -153,8 +154,8 @@ impl Ledger {
             self.spent += cost;
             return true;
         }
-        for left_out in self.out.iter_mut().filter(|left_out| left_out.part == part) {
-            left_out.why = Why::TooMuchWork;
+        for skipped in self.skipped.iter_mut().filter(|skipped| skipped.part == part) {
+            skipped.why = SkipReason::TooMuchWork;
         }
         false
     }
@@ -166,16 +167,16 @@ impl Ledger {
 
     /// Leaves a part out as another one was that tells it; whether that was.
     pub fn follows(&mut self, part: Part, other: Part) -> bool {
-        let Some(why) = self.out.iter().find(|left_out| left_out.part == other).map(|left_out| left_out.why) else {
+        let Some(why) = self.skipped.iter().find(|skipped| skipped.part == other).map(|skipped| skipped.why) else {
             return false;
         };
-        self.out.iter_mut().filter(|left_out| left_out.part == part).for_each(|left_out| left_out.why = why);
+        self.skipped.iter_mut().filter(|skipped| skipped.part == part).for_each(|skipped| skipped.why = why);
         true
     }
 
     /// A part has been looked at, or there was nothing to look at.
     pub fn done(&mut self, part: Part) {
-        self.out.retain(|left_out| left_out.part != part);
+        self.skipped.retain(|skipped| skipped.part != part);
     }
 }
 
@@ -185,17 +186,17 @@ mod tests {
     use crate::linear::OrderingMethod;
 
     #[test]
-    fn parts_are_left_out_when_they_cost_more_than_is_left() {
+    fn parts_are_skipped_when_they_cost_more_than_is_left() {
         let size = FactorSize { entries: 0, flops: 1.0, ordering: OrderingMethod::Natural };
         let cost = Cost::of(&size, 0);
         let [first, second] = [Part::SmallestSet, Part::Definite(Stiffness::Axial)];
-        let mut ledger = Ledger::new(cost, 2.0 * LIMIT - 1.0, [first, second, Part::GrowingModes]);
-        assert!(ledger.affords(first) && !ledger.affords(second) && ledger.affords(Part::GrowingModes));
-        assert!(!ledger.follows(Part::GrowingModes, Part::Curve));
-        ledger.done(first);
-        let expected = [(second, Why::TooMuchWork), (Part::GrowingModes, Why::Interrupted)];
-        assert_eq!(ledger.out, expected.map(|(part, why)| LeftOut { part, why }));
-        assert!(ledger.follows(Part::GrowingModes, second) && ledger.out[1].why == Why::TooMuchWork);
-        assert!(Ledger::new(cost, f64::INFINITY, []).affords(Part::Curve));
+        let mut budget = Budget::new(cost, 2.0 * LIMIT - 1.0, [first, second, Part::GrowingModes]);
+        assert!(budget.affords(first) && !budget.affords(second) && budget.affords(Part::GrowingModes));
+        assert!(!budget.follows(Part::GrowingModes, Part::Curve));
+        budget.done(first);
+        let expected = [(second, SkipReason::TooMuchWork), (Part::GrowingModes, SkipReason::Interrupted)];
+        assert_eq!(budget.skipped, expected.map(|(part, why)| Skipped { part, why }));
+        assert!(budget.follows(Part::GrowingModes, second) && budget.skipped[1].why == SkipReason::TooMuchWork);
+        assert!(Budget::new(cost, f64::INFINITY, []).affords(Part::Curve));
     }
 }

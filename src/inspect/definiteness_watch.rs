@@ -1,12 +1,12 @@
 //! Watching definiteness along a run: when it is first lost, and where.
 
 use super::culprits::{Culprit, direction};
-use super::eigenpair::{eigenpair, unit};
+use super::matrix_pencil::{MatrixPencil, Property};
 use crate::assembly::{SpringPattern, SystemMatrix};
+use crate::eigen::{Pencil, eigenpair, unit};
 use crate::error::Result;
 use crate::force::{DegenerateSpring, Extensions};
 use crate::linear::Ldlt;
-use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
 use faer::Par;
@@ -51,10 +51,10 @@ pub struct Loss {
 /// ```
 pub struct DefinitenessWatch<'s> {
     system: &'s System,
+    property: Property,
     option: Stiffness,
-    combination: Combination,
-    extensions: Extensions,
-    operator: SystemOperator<'s>,
+    dt: f64,
+    pencil: MatrixPencil<'s>,
     matrix: SystemMatrix,
     factorization: Ldlt,
     direction: Vec<f64>,
@@ -66,13 +66,37 @@ impl<'s> DefinitenessWatch<'s> {
     /// # Errors
     /// Coincident ends of a spring; a matrix that is too large.
     pub fn new(system: &'s System, state: &State, option: Stiffness, dt: f64, par: Par) -> Result<Self> {
-        let combination = Combination::step(dt);
-        let extensions = Extensions::at(system, state)?;
-        let operator = SystemOperator::new(system, &extensions, option, combination);
+        Self::of(Property::Definite, system, state, option, dt, par)
+    }
+
+    /// As [`new`](Self::new), for the matrix whose definiteness is that property.
+    pub(super) fn of(
+        property: Property,
+        system: &'s System,
+        state: &State,
+        option: Stiffness,
+        dt: f64,
+        par: Par,
+    ) -> Result<Self> {
+        let pencil = MatrixPencil::new(system, Extensions::at(system, state)?);
         let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
         let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
         let direction = vec![0.0; system.dofs().len()];
-        Ok(Self { system, option, combination, extensions, operator, matrix, factorization, direction })
+        Ok(Self { system, property, option, dt, pencil, matrix, factorization, direction })
+    }
+
+    /// Whether the matrix can be factored at a state, and is positive definite.
+    fn factor(&mut self, state: &State) -> Result<[bool; 2], DegenerateSpring> {
+        self.pencil.update(state)?;
+        self.pencil.set(self.property, self.option, self.dt.recip());
+        self.matrix.refill(self.pencil.operator());
+        let is_factored = self.factorization.factor(self.matrix.matrix()).is_ok();
+        Ok([is_factored, is_factored && self.factorization.is_positive()])
+    }
+
+    /// Whether the property holds at a state.
+    pub(super) fn holds(&mut self, state: &State) -> Result<bool, DegenerateSpring> {
+        self.factor(state).map(|[_, is_positive]| is_positive)
     }
 
     /// What is lost at a state; `None` where A is positive definite.
@@ -80,25 +104,22 @@ impl<'s> DefinitenessWatch<'s> {
     /// # Errors
     /// Coincident ends of a spring.
     pub fn look(&mut self, step: u64, state: &State) -> Result<Option<Loss>, DegenerateSpring> {
-        self.extensions.update(self.system, state)?;
-        self.operator.update(&self.extensions, self.option, self.combination);
-        self.matrix.refill(&self.operator);
-        let factored = self.factorization.factor(self.matrix.matrix()).is_ok();
-        if factored && self.factorization.is_positive() {
+        let [factored, is_positive] = self.factor(state)?;
+        if is_positive {
             return Ok(None);
         }
         let negative = self.factorization.pivots().filter(|&(_, d)| d < 0.0).count();
         let option = self.option;
         let mut loss = Loss { step, time: state.time, option, negative, curvature: f64::NAN, culprits: Vec::new() };
         if factored && self.factorization.negative_direction(&mut self.direction) {
-            let a = self.matrix.matrix();
-            let lost = unit(self.direction.clone()).map(|u| eigenpair(a, u));
+            let pencil = Pencil::of(self.matrix.matrix());
+            let lost = unit(self.direction.clone()).map(|u| eigenpair(&pencil, u));
             // One inverse iteration brings out the eigenvector nearest to zero, the one that has just been lost, or one above zero.
             self.factorization.substitute(&mut self.direction);
-            let nearest = unit(self.direction.clone()).map(|u| eigenpair(a, u)).filter(|pair| pair.value < 0.0);
+            let nearest = unit(self.direction.clone()).map(|u| eigenpair(&pencil, u)).filter(|pair| pair.value < 0.0);
             if let Some(pair) = nearest.or(lost) {
                 loss.curvature = pair.value;
-                loss.culprits = direction(self.system, &self.extensions, self.option, &pair).culprits;
+                loss.culprits = direction(self.system, self.pencil.extensions(), self.option, &pair).culprits;
             }
         }
         Ok(Some(loss))

@@ -9,7 +9,8 @@ use nalgebra::Vector3;
 #[test]
 fn a_motion_so_fast_that_every_step_is_too_long_has_no_limit() {
     let (system, mut state) = chain(1, 1.0);
-    let limit = |state: &State| Turning::new(&system, state, Par::Seq).unwrap().largest_step(Stiffness::Axial, 1.0);
+    let limit =
+        |state: &State| RotationLimit::new(&system, state, Par::Seq).unwrap().largest_step(Stiffness::Axial, 1.0);
     assert_eq!(limit(&state), LargestStep::Every);
     state.velocities[1].y = 1e9;
     assert_eq!(limit(&state), LargestStep::UpTo { dt: 0.0, refused: 1.0 });
@@ -20,7 +21,7 @@ fn a_motion_so_fast_that_every_step_is_too_long_has_no_limit() {
 #[test]
 fn forces_are_evaluated_once() {
     let (system, state) = chain(1, 1.0);
-    let turning = Turning::new(&system, &state, Par::Seq).unwrap();
+    let turning = RotationLimit::new(&system, &state, Par::Seq).unwrap();
     assert_eq!((turning.work.force_evaluations, turning.work.symbolic_factorizations), (1, 1));
 }
 
@@ -37,7 +38,8 @@ fn external_forces_turn_springs_too() {
     }
 
     let (system, state) = chain(1, 1.0);
-    let limit = |system: &System| Turning::new(system, &state, Par::Seq).unwrap().largest_step(Stiffness::Axial, 1.0);
+    let limit =
+        |system: &System| RotationLimit::new(system, &state, Par::Seq).unwrap().largest_step(Stiffness::Axial, 1.0);
     let calm = limit(&system);
     let blown = limit(&system.clone().with_external_force(Wind));
     assert!(calm == LargestStep::Every && matches!(blown, LargestStep::UpTo { .. }), "{calm:?} {blown:?}");

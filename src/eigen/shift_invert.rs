@@ -1,0 +1,373 @@
+//! Eigenpairs of a pencil nearest to a shift, by solves with its factorization, and a count that proves that none is missing.
+//!
+//! With σ beyond the wanted end of the spectrum the eigenvalues of
+//!
+//! ```text
+//! (A − σM)⁻¹ M φ = θ φ,      λ = σ + 1/θ,
+//! ```
+//!
+//! that are largest in size belong to that end and are far apart, so [`BlockLanczos`] finds them in a few blocks, with one solve a vector (Ericsson and Ruhe,
+//! Math. Comput. 35, 1980). `A − σM = L D Lᵀ` has as many negative pivots as there are eigenvalues below σ (Sylvester), which tells
+//!
+//! - that σ lies beyond an end: none or all of them are negative;
+//! - that the k eigenvalues found are the outermost ones: as many lie beyond a shift τ just outside the last of them as were found there.
+//!   Where there are more, the search goes on from what it has and from random vectors, with σ moved nearer (Grimes, Lewis and Simon 1994).
+//!
+//! Eigenvalues that agree to the distance of τ are not told apart: one of a multiple eigenvalue at the edge stands for the others.
+
+use super::{BlockLanczos, Eigenpair, End, Ritz, Search, Tolerance, probe};
+use crate::assembly::SymmetricMatrix;
+use crate::error::{Invalid, Result, check_length};
+use crate::linear::{Ldlt, SOLVE_COLUMNS, dot};
+use crate::operator::LinearOperator;
+use crate::work::Work;
+use faer::Par;
+
+/// Products that guess where a spectrum ends.
+const PROBES: usize = 40;
+
+/// Blocks of a search at most, to which each wanted pair adds one.
+const LONGEST: usize = 40;
+
+/// How often the shift is moved nearer, and by how much.
+const MOVES: usize = 12;
+const NEARER: f64 = 0.0625;
+
+/// The least distance of τ from a pair, as a part of ‖A‖: what a factorization tells apart.
+const ROUNDING: f64 = 1e-12;
+
+/// The least distance of a shift from an end, as a part of ‖A‖: where that is zero, the largest θ would drown the others in rounding.
+const NEAR_ZERO: f64 = 1e-6;
+
+/// Doublings of the distance to a shift: a millionth of ‖A‖ has then become far more than ‖A‖.
+const LONGEST_RETREAT: usize = 60;
+
+/// A and the diagonal of M (`None` for the identity).
+#[derive(Clone, Copy)]
+pub(crate) struct Pencil<'a> {
+    pub a: &'a SymmetricMatrix,
+    /// A by its fastest products.
+    pub products: &'a dyn LinearOperator,
+    pub masses: Option<&'a [f64]>,
+}
+
+impl<'a> Pencil<'a> {
+    /// `A φ = λ φ`.
+    pub fn of(a: &'a SymmetricMatrix) -> Self {
+        Self { a, products: a, masses: None }
+    }
+
+    /// The largest sum of the sizes in a row of `M⁻¹A`, no smaller than any |λ|.
+    fn norm(&self) -> f64 {
+        let mut sums = vec![0.0; self.a.order()];
+        let norm = self.a.norm_inf(&mut sums);
+        let Some(masses) = self.masses else { return norm };
+        sums.iter()
+            .zip(masses)
+            .fold(0.0, |largest, (sum, mass)| if sum / mass <= largest { largest } else { sum / mass })
+    }
+}
+
+/// How exactly an end of the spectrum is wanted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Accuracy {
+    /// The residual of θ at which a pair has converged.
+    pub tolerance: Tolerance,
+    /// The distance of τ from the last pair at most, as a part of ‖A‖ and of its |λ|.
+    pub edge: [f64; 2],
+}
+
+impl Accuracy {
+    /// As many digits as there are, vectors too.
+    pub const FULL: Self = Self { tolerance: Tolerance { of_value: 1e-9, of_norm: 1e-13 }, edge: [1e-9, 1e-6] };
+    /// A value that is certified to half a millionth of ‖A‖ and to a thousandth of itself. The error of a Rayleigh quotient is of the order of the
+    /// square of the tolerance.
+    pub const CERTIFIED: Self = Self { tolerance: RESOLVED, edge: [5e-7, 1e-3] };
+}
+
+/// The lowest eigenpairs of a pencil, see [`lowest`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lowest {
+    /// As many as were asked for, ascending.
+    pub pairs: Vec<Eigenpair>,
+    /// Whether a count of the eigenvalues below `counted_below` proves that none is missing.
+    pub complete: bool,
+    /// Just below the last one.
+    pub counted_below: f64,
+}
+
+/// The `count` lowest eigenpairs of `A φ = λ M φ`, M given by its diagonal (the identity where it is `None`), each multiple eigenvalue as often as it
+/// occurs.
+///
+/// # Errors
+/// Masses that are not as many as A has rows or not positive; a matrix that is too large to factor.
+///
+/// # Examples
+/// ```
+/// use faer::Par;
+/// use sprung::eigen::lowest;
+/// use sprung::{Spring, Stiffness, SystemBuilder, integrate::StepMatrices, work::Work};
+///
+/// // A mass of 2 kg on a spring of 200 N/m, and steps of 1 s: the eigenvalues are 1/dt² + ω², with ω² = 100/s² along the spring.
+/// let mut builder = SystemBuilder::new();
+/// builder.particle([0.0, 0.0, 0.0], 1.0);
+/// builder.particle([1.0, 0.0, 0.0], 2.0);
+/// builder.spring(0, 1, Spring { stiffness: 200.0, rest_length: 1.0, damping: 0.0 });
+/// builder.hold(0);
+/// let (system, state) = builder.build()?;
+/// let a = StepMatrices::assemble(&system, &state, Stiffness::Full, 1.0)?.a;
+/// let found = lowest(&a, Some(&[2.0; 3]), 3, Par::Seq, &mut Work::default())?;
+/// assert!(found.complete && (found.pairs[1].value - 1.0).abs() < 1e-9 && (found.pairs[2].value - 101.0).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn lowest(a: &SymmetricMatrix, masses: Option<&[f64]>, count: usize, par: Par, work: &mut Work) -> Result<Lowest> {
+    if let Some(masses) = masses {
+        check_length("masses", masses.len(), a.order())?;
+        if let Some((row, mass)) = masses.iter().enumerate().find(|(_, mass)| !(**mass > 0.0 && mass.is_finite())) {
+            return Err(Invalid::new("masses", mass, "must be finite and positive").at(row).into());
+        }
+    }
+    work.symbolic_factorizations += 1;
+    let mut factorization = Ldlt::analyse(a.pattern(), par)?;
+    let mut search = ShiftInvert::new(Pencil { masses, ..Pencil::of(a) }, &mut factorization, work);
+    let pairs = search.extreme(End::Lowest, count, Accuracy::FULL);
+    let counted_below = search.edge.unwrap_or(f64::NEG_INFINITY);
+    Ok(Lowest { complete: search.edge.is_some() && pairs.len() == count.min(a.order()), pairs, counted_below })
+}
+
+/// Searches for eigenvalues of a pencil with factorizations on one analysis.
+pub(crate) struct ShiftInvert<'a> {
+    pencil: Pencil<'a>,
+    factorization: &'a mut Ldlt,
+    work: &'a mut Work,
+    norm: f64,
+    /// What the spectrum lies between, proven.
+    pub within: [f64; 2],
+    /// Whether the factorization is that of A itself, and positive.
+    pub is_factored: bool,
+    /// The τ by which the pairs found last are proven to be complete.
+    pub edge: Option<f64>,
+    ends: Option<[Ritz; 2]>,
+}
+
+impl<'a> ShiftInvert<'a> {
+    pub fn new(pencil: Pencil<'a>, factorization: &'a mut Ldlt, work: &'a mut Work) -> Self {
+        let within = [f64::NEG_INFINITY, f64::INFINITY];
+        // A matrix of zeros has no scale of its own.
+        let norm = Some(pencil.norm()).filter(|norm| *norm != 0.0).unwrap_or(1.0);
+        Self { pencil, factorization, work, norm, within, is_factored: false, edge: None, ends: None }
+    }
+
+    fn order(&self) -> usize {
+        self.pencil.a.order()
+    }
+
+    /// The outermost `wanted` pairs at one end, that first. Empty where nothing can be factored.
+    pub fn extreme(&mut self, end: End, wanted: usize, accuracy: Accuracy) -> Vec<Eigenpair> {
+        self.edge = None;
+        let outwards = if end == End::Lowest { -1.0 } else { 1.0 };
+        let Some(mut shift) = self.first_shift(end, outwards) else { return Vec::new() };
+        let (mut pairs, mut due) = (Vec::new(), None);
+        for attempt in 0..MOVES {
+            pairs = self.search(end, shift, wanted, accuracy.tolerance, &pairs, due);
+            let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else { return pairs };
+            let [of_norm, of_value] = [accuracy.edge[0] * self.norm, accuracy.edge[1] * last.value.abs()];
+            // A pivot that vanishes at one edge does not at another.
+            let reach = of_norm.min(of_value).max(ROUNDING * self.norm) * (1.0 + 0.37 * attempt as f64);
+            let edge = last.value + outwards * reach;
+            let found = pairs.iter().filter(|pair| end.is_before(pair.value, edge)).count();
+            let proven = self.within[usize::from(outwards > 0.0)];
+            let first = first.value;
+            if found == 0 && !end.is_before(proven, edge) {
+                self.edge = Some(edge);
+                return pairs;
+            }
+            let count = self.below(edge).map(|below| if outwards < 0.0 { below } else { self.order() - below });
+            if count == Some(found) {
+                self.edge = Some(edge);
+                // By Kahan's theorem as many eigenvalues lie within the norm of all residuals of those found.
+                let residual = pairs.iter().take(found).map(|pair| pair.residual.powi(2)).sum::<f64>().sqrt();
+                self.prove(if found == 0 { edge } else { first + outwards * residual }, outwards);
+                return pairs;
+            }
+            due = count.map(|count| (edge, count.min(wanted)));
+            let mut distance = (NEARER * (first - shift).abs()).max(2.0 * reach).max(NEAR_ZERO * self.norm);
+            loop {
+                shift = first + outwards * distance;
+                if self.lies_outside(shift, outwards) {
+                    break;
+                }
+                distance *= 2.0;
+                if distance > 8.0 * self.norm || distance.is_nan() {
+                    return pairs;
+                }
+            }
+        }
+        pairs
+    }
+
+    /// The eigenvalue nearest to zero; zero where nothing can be factored.
+    ///
+    /// A pivot of an indefinite A may almost vanish though no eigenvalue does, and solves are worth nothing then: the residual of the pair tells. The pivots
+    /// of `A − σ`, a little beside A, do not vanish in the same place.
+    pub fn nearest_to_zero(&mut self) -> f64 {
+        /// The root of the rounding error, so that a pivot of that size costs half of the digits.
+        const BESIDE: f64 = 1e-8;
+        let mut best: Option<Eigenpair> = None;
+        for shift in [0.0, BESIDE * self.norm, -BESIDE * self.norm] {
+            if self.below(shift).is_none() {
+                continue;
+            }
+            let pairs = self.search(End::Farthest, shift, 1, RESOLVED, &[], None);
+            let nearest = pairs.into_iter().min_by(|a, b| a.value.abs().total_cmp(&b.value.abs()));
+            let Some(nearest) = nearest.filter(|pair| pair.value.is_finite()) else { continue };
+            let is_good = nearest.residual <= NEAREST * nearest.value.abs();
+            if best.as_ref().is_none_or(|best| nearest.residual < best.residual) {
+                best = Some(nearest);
+            }
+            if is_good {
+                break;
+            }
+        }
+        best.map_or(0.0, |pair| pair.value.abs())
+    }
+
+    /// Factors `A − σM` and counts the eigenvalues below σ; `None` where a pivot vanishes.
+    fn below(&mut self, shift: f64) -> Option<usize> {
+        let mut shifted = self.pencil.a.clone();
+        match self.pencil.masses {
+            Some(masses) => shifted.add_diagonal(-shift, masses),
+            None => shifted.shift(-shift),
+        }
+        self.work.factorizations += 1;
+        self.is_factored = false;
+        self.factorization.factor(&shifted).ok()?;
+        let below = self.factorization.pivots().filter(|(_, d)| *d < 0.0).count();
+        self.is_factored = below == 0 && shift == 0.0;
+        Some(below)
+    }
+
+    /// As [`below`](Self::below): whether σ lies beyond that end.
+    fn lies_outside(&mut self, shift: f64, outwards: f64) -> bool {
+        let all = if outwards < 0.0 { 0 } else { self.order() };
+        let is_outside = self.below(shift) == Some(all);
+        if is_outside {
+            self.prove(shift, outwards);
+        }
+        is_outside
+    }
+
+    fn prove(&mut self, bound: f64, outwards: f64) {
+        let [low, high] = &mut self.within;
+        match outwards < 0.0 {
+            true => *low = low.max(bound),
+            false => *high = high.min(bound),
+        }
+    }
+
+    /// A shift beyond an end, factored: zero where A is positive definite, or a little outside of what products tell.
+    fn first_shift(&mut self, end: End, outwards: f64) -> Option<f64> {
+        let Pencil { products, masses, .. } = self.pencil;
+        let n = self.order();
+        let is_positive = self.is_factored || self.within[0] >= 0.0;
+        if self.ends.is_none() && !(end == End::Lowest && is_positive) {
+            self.ends = probe(n, masses, PROBES, &mut |x, y| {
+                products.apply(x, y);
+                divide(y, masses);
+            });
+        }
+        let guess = self.ends.as_ref().map(|ends| &ends[usize::from(outwards > 0.0)]);
+        let guess = guess.map(|guess| (guess.value, guess.residual));
+        let may_be_positive = is_positive || guess.is_some_and(|(value, _)| value > NEAR_ZERO * self.norm);
+        if end == End::Lowest && (self.is_factored || may_be_positive && self.lies_outside(0.0, outwards)) {
+            self.prove(0.0, outwards);
+            return Some(0.0);
+        }
+        let (value, residual) = guess?;
+        let mut distance = residual.max(0.02 * value.abs()).max(NEAR_ZERO * self.norm);
+        for _ in 0..LONGEST_RETREAT {
+            let shift = value + outwards * distance;
+            if self.lies_outside(shift, outwards) {
+                return Some(shift);
+            }
+            distance *= 2.0;
+        }
+        None
+    }
+
+    /// The pairs nearest to σ on its inner side, for which `A − σM` is factored, from those found before, outermost first. As long as
+    /// there are fewer, or fewer lie beyond an edge than are due, random vectors join.
+    fn search(
+        &mut self,
+        end: End,
+        shift: f64,
+        wanted: usize,
+        tolerance: Tolerance,
+        before: &[Eigenpair],
+        due: Option<(f64, usize)>,
+    ) -> Vec<Eigenpair> {
+        let Self { pencil, factorization, work, .. } = self;
+        let (n, masses) = (pencil.a.order(), pencil.masses);
+        let mut solve = |x: &[f64], y: &mut [f64]| {
+            work.solves += (x.len() / n) as u64;
+            y.copy_from_slice(x);
+            if let Some(masses) = masses {
+                y.chunks_mut(n).flat_map(|y| y.iter_mut().zip(masses)).for_each(|(y, mass)| *y *= mass);
+            }
+            factorization.substitute_columns(n, y);
+        };
+        // Inside the spectrum is where θ is positive above σ and negative below it.
+        let of_inverse = match end {
+            End::Lowest => End::Highest,
+            End::Highest => End::Lowest,
+            End::Farthest => End::Farthest,
+        };
+        let mut space = BlockLanczos::new(n, masses, Search::new(of_inverse, wanted, SOLVE_COLUMNS), 1);
+        space.start(before.iter().map(|pair| &pair.vector[..]), &mut solve);
+        space.refresh(&mut solve);
+        let longest = LONGEST + wanted;
+        let mut found = space.iterate(tolerance, longest, &mut solve, None);
+        let beyond = |pairs: &[Ritz], edge: f64| {
+            pairs.iter().filter(|pair| end.is_before(shift + pair.value.recip(), edge)).count()
+        };
+        for _ in 0..wanted {
+            let is_due = due.is_none_or(|(edge, count)| beyond(&found, edge) >= count);
+            if is_due && found.len() >= wanted.min(n) {
+                break;
+            }
+            space.refresh(&mut solve);
+            found = space.iterate(tolerance, longest, &mut solve, None);
+        }
+        let mut pairs: Vec<Eigenpair> =
+            found.into_iter().take(wanted).map(|pair| eigenpair(pencil, pair.image)).collect();
+        pairs.sort_by(|a, b| end.rank(a.value).total_cmp(&end.rank(b.value)));
+        pairs
+    }
+}
+
+/// The tolerance for a value without its vector, and the residual relative to |λ| at which the pair nearest to zero is one.
+const RESOLVED: Tolerance = Tolerance { of_value: 0.0, of_norm: 1e-4 };
+const NEAREST: f64 = 1e-3;
+
+fn divide(y: &mut [f64], masses: Option<&[f64]>) {
+    if let Some(masses) = masses {
+        y.iter_mut().zip(masses).for_each(|(y, mass)| *y /= mass);
+    }
+}
+
+/// The Rayleigh quotient of a vector with its residual; the vector is scaled to `xᵀMx = 1`.
+pub(crate) fn eigenpair(pencil: &Pencil<'_>, mut vector: Vec<f64>) -> Eigenpair {
+    let weighted = |x: &[f64]| match pencil.masses {
+        Some(masses) => x.iter().zip(masses).map(|(x, mass)| x * mass).collect(),
+        None => x.to_vec(),
+    };
+    let length = dot(&vector, &weighted(&vector)).sqrt();
+    vector.iter_mut().for_each(|x| *x /= length);
+    let mut rest = vec![0.0; vector.len()];
+    pencil.a.apply(&vector, &mut rest);
+    let value = dot(&vector, &rest);
+    rest.iter_mut().zip(weighted(&vector)).for_each(|(r, x)| *r -= value * x);
+    let mut scaled = rest.clone();
+    divide(&mut scaled, pencil.masses);
+    Eigenpair { value, residual: dot(&rest, &scaled).sqrt(), vector }
+}
