@@ -5,7 +5,7 @@ mod scenes;
 use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
 use sprung::assembly::{SpringPattern, SystemMatrix};
-use sprung::force::Extensions;
+use sprung::force::SpringGeometry;
 use sprung::linear::{CgSolver, Cholesky, PreconditionerKind, Prepare};
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::work::Work;
@@ -23,7 +23,7 @@ fn system((kind, size): (&str, usize)) -> (System, State) {
 }
 
 fn operator<'s>(system: &'s System, state: &State) -> SystemOperator<'s> {
-    let extensions = Extensions::at(system, &state.positions).expect("no coincident ends");
+    let extensions = SpringGeometry::at(system, &state.positions).expect("no coincident ends");
     SystemOperator::new(system, &extensions, Stiffness::Tension, Combination::step(0.01))
 }
 
@@ -55,7 +55,7 @@ fn product(bencher: Bencher, scene: (&str, usize)) {
 #[divan::bench(args = SCENES)]
 fn blocks(bencher: Bencher, scene: (&str, usize)) {
     let (system, state) = system(scene);
-    let mut extensions = Extensions::at(&system, &state.positions).expect("no coincident ends");
+    let mut extensions = SpringGeometry::at(&system, &state.positions).expect("no coincident ends");
     let mut operator = operator(&system, &state);
     bencher.counter(ItemsCount::new(system.active_springs().len())).bench_local(|| {
         extensions.update(&system, &state.positions).expect("no coincident ends");

@@ -18,9 +18,11 @@ mod scenes;
 
 use bytemuck::cast_slice;
 use cpu_time::ThreadTime;
-use sprung::force::Extensions;
+use sprung::force::SpringGeometry;
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, StepMatrices, TimeStepper};
-use sprung::linear::{CgSolver, Precondition, PreconditionerKind, Prepare, SolveFailure, SolverChoice, SolverOptions};
+use sprung::linear::{
+    CgSolver, CustomPreconditioner, PreconditionerKind, Prepare, SolveFailure, SolverChoice, SolverOptions,
+};
 use sprung::multigrid::{Multigrid, Part};
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::scene::builtin;
@@ -138,7 +140,7 @@ struct Timed {
     times: Arc<Mutex<Times>>,
 }
 
-impl Precondition for Timed {
+impl CustomPreconditioner for Timed {
     fn name(&self) -> &'static str {
         "timed multigrid"
     }
@@ -186,7 +188,7 @@ fn solve((kind, size): (&str, &str), stiffer: f64, option: &str) {
     // The preconditioner keeps the matrix for its products.
     let system: &'static System = Box::leak(Box::new(system));
     let option = Stiffness::ALL.into_iter().find(|o| o.name() == option).unwrap();
-    let extensions = Extensions::at(system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(system, &state.positions).unwrap();
     let a = SystemOperator::new(system, &extensions, option, Combination::step(0.01));
     let b: Vec<f64> = (0..system.dofs().len()).map(|i| (i as f64 * 0.754_877_666).sin()).collect();
 

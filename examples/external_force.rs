@@ -3,7 +3,7 @@
 use sprung::integrate::{ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, Status, run_monitored};
 use sprung::nalgebra::Vector3;
 use sprung::scene::builtin;
-use sprung::system::{ExternalForce, Moment};
+use sprung::system::{ExternalForce, StateView};
 use std::ops::ControlFlow;
 
 #[derive(Debug)]
@@ -15,7 +15,7 @@ struct Wind {
 }
 
 impl ExternalForce for Wind {
-    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
         let air = Vector3::z() * (self.speed * (1.0 + (5.0 * at.time).sin()));
         for (f, v) in force.iter_mut().zip(at.velocities) {
             *f += (air - v) * self.drag;

@@ -4,7 +4,7 @@
 
 use sprung::assembly::{SpringPattern, SystemMatrix};
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
-use sprung::linear::{CgSolver, Precondition, PreconditionerKind, SolveFailure, SolverOptions};
+use sprung::linear::{CgSolver, CustomPreconditioner, PreconditionerKind, SolveFailure, SolverOptions};
 use sprung::operator::SystemOperator;
 use sprung::scene::{Kind, builtin};
 use sprung::work::Work;
@@ -22,7 +22,7 @@ impl GaussSeidel {
     }
 }
 
-impl Precondition for GaussSeidel {
+impl CustomPreconditioner for GaussSeidel {
     fn name(&self) -> &'static str {
         "gauss-seidel"
     }

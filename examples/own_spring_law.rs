@@ -3,7 +3,7 @@
 //! A law says which tension a length has, how fast it rises, and what it stores; every method, solver and stiffness option then works
 //! with it. Whether the matrix is the derivative of the force is checked first, as one should.
 
-use sprung::force::{Energy, Extensions, add_elastic_force};
+use sprung::force::{Energy, SpringGeometry, add_elastic_force};
 use sprung::integrate::{ImplicitOptions, Method, StepMatrices};
 use sprung::nalgebra::Vector3;
 use sprung::spring::{SpringLaw, Tension};
@@ -47,7 +47,7 @@ pub(crate) fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut positions = start.positions.clone();
         dofs.scatter(x, &mut positions);
         let mut full = vec![Vector3::zeros(); system.particles()];
-        match Extensions::at(&system, &positions) {
+        match SpringGeometry::at(&system, &positions) {
             Ok(extensions) => add_elastic_force(&system, &extensions, &mut full),
             Err(_) => full.fill(Vector3::repeat(f64::NAN)),
         }

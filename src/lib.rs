@@ -31,7 +31,7 @@
 //! # Ok::<(), sprung::Error>(())
 //! ```
 //!
-//! A [linear solver](linear::LinearSolver), a [preconditioner](linear::Precondition), a [spring law](spring::SpringLaw) and a
+//! A [linear solver](linear::LinearSolver), a [preconditioner](linear::CustomPreconditioner), a [spring law](spring::SpringLaw) and a
 //! [force from outside](system::ExternalForce) may be your own.
 //!
 //! The modules, in the order of the data's way; each uses only those above it in this list:

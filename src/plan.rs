@@ -7,7 +7,7 @@
 use crate::accuracy::{AccuracyOptions, Configuration, SpectralRadius, default_method};
 use crate::error::{Error, Result};
 use crate::integrate::{
-    AdaptiveStepper, Adaptivity, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, Sampling, Schedule,
+    AdaptiveOptions, AdaptiveStepper, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, OutputTimes, Schedule,
     StiffnessPolicy, TimeStepper, run_adaptive_monitored, run_monitored, threshold,
 };
 use crate::interrupt::Interrupt;
@@ -128,7 +128,7 @@ impl RunOptions {
     fn tolerance(&self) -> Tolerance {
         match (self.tolerance, self.solver) {
             (Some(tolerance), _) => Tolerance::Fixed(tolerance),
-            (None, None | Some(SolverChoice::Auto)) => Tolerance::OfMotion,
+            (None, None | Some(SolverChoice::Auto)) => Tolerance::Adaptive,
             (None, Some(_)) => Tolerance::default(),
         }
     }
@@ -270,7 +270,8 @@ impl Stepper<'_> {
                 // A later part of a run begins with a step that the forces suggest.
                 let first_step = (first == 0).then_some(dt);
                 let part_of = Some(schedule.duration_of_whole());
-                let how = Adaptivity { duration, rtol: *rtol, first_step, sampling: Sampling::Every(dt), part_of };
+                let how =
+                    AdaptiveOptions { duration, rtol: *rtol, first_step, sampling: OutputTimes::Every(dt), part_of };
                 let observe = |count, state: &State, monitor: &Monitor| observe(first + count, state, monitor);
                 run_adaptive_monitored(&mut **stepper, system, state, &how, monitor, observe)
             }

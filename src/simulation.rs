@@ -183,7 +183,7 @@ impl<'s> Simulation<'s> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::force::Extensions;
+    use crate::force::SpringGeometry;
     use crate::integrate::{ImplicitOptions, Matrices, StepFailure};
     use crate::linear::NotFactored;
     use crate::spring::Stiffness;
@@ -274,7 +274,7 @@ mod tests {
         // Pressed together the springs make A indefinite for a long step.
         let mut pressed = start.clone();
         pressed.positions.iter_mut().for_each(|x| *x *= 0.5);
-        if Extensions::at(&system, &pressed).is_ok() {
+        if SpringGeometry::at(&system, &pressed).is_ok() {
             matrices.update(&pressed, Stiffness::Full).unwrap();
             let a = matrices.a(1e3).unwrap();
             assert!(matches!(a.cholesky(), Err(NotFactored::Pivot(_))) && a.ldlt().is_ok());

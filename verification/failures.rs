@@ -4,7 +4,7 @@ use crate::collect::Collector;
 use faer::Par;
 use libtest_mimic::Trial;
 use nalgebra::Vector3;
-use sprung::force::Extensions;
+use sprung::force::SpringGeometry;
 use sprung::integrate::{
     BackwardEuler, ImplicitOptions, LinearBackwardEuler, NewtonOptions, NotSolved, Schedule, Status, StepFailure,
     StepMatrices, TimeStepper, run,
@@ -14,7 +14,7 @@ use sprung::linear::{
     SolverOptions,
 };
 use sprung::operator::{Combination, SystemOperator};
-use sprung::verify::{Check, Claim, Subject, U, built_in, worst};
+use sprung::verify::{Check, Claim, TestCase, U, built_in, worst};
 use sprung::work::Work;
 use sprung::{Spring, State, Stiffness, System, SystemBuilder};
 use std::ops::ControlFlow;
@@ -117,7 +117,7 @@ fn vanishing_pivots() -> Outcome {
             }
         }
         let (system, state) = builder.build()?;
-        let extensions = Extensions::at(&system, &state.positions)?;
+        let extensions = SpringGeometry::at(&system, &state.positions)?;
         let mut work = Work::default();
         let mut solver = LdltSolver::new(&system, Par::Seq, &mut work)?;
         let (mut accepted, mut refused) = (Vec::new(), 0);
@@ -204,7 +204,7 @@ fn straight_chain() -> Outcome {
         }
     }
     let (system, state) = builder.build()?;
-    let extensions = Extensions::at(&system, &state.positions)?;
+    let extensions = SpringGeometry::at(&system, &state.positions)?;
     let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0));
     let mut b = vec![0.0; system.dofs().len()];
     b.iter_mut().step_by(3).enumerate().for_each(|(p, b)| *b = 1.0 + p as f64);
@@ -247,7 +247,7 @@ fn straight_chain() -> Outcome {
 
 /// A Newton iteration that is not allowed to iterate says so.
 fn newton_limit() -> Outcome {
-    let tumbling = |subject: &Subject| subject.name == "tetrahedron";
+    let tumbling = |subject: &TestCase| subject.name == "tetrahedron";
     let subject = built_in()?.into_iter().find(tumbling).ok_or("no scene called tetrahedron")?;
     let newton = NewtonOptions { iteration_limit: 0, ..NewtonOptions::default() };
     let mut stepper = BackwardEuler::new(&subject.system, &subject.state, &ImplicitOptions::default(), newton)?;
@@ -265,7 +265,7 @@ fn newton_limit() -> Outcome {
 /// A run under `full` past the critical step stops as indefinite, with the step, and keeps the last good state; under
 /// the other options it goes on.
 fn run_stops() -> Outcome {
-    let pressed = |subject: &Subject| subject.name == "compressed chain";
+    let pressed = |subject: &TestCase| subject.name == "compressed chain";
     let subject = built_in()?.into_iter().find(pressed).ok_or("no scene called compressed chain")?;
     let mut checks = Vec::new();
     for (option, expected) in [

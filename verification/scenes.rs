@@ -4,13 +4,13 @@ use crate::collect::{Collector, slug};
 use libtest_mimic::Trial;
 use sprung::Scene;
 use sprung::scene::builtin::cloth;
-use sprung::verify::{FAMILIES, Subject, built_in};
+use sprung::verify::{FAMILIES, TestCase, built_in};
 use std::path::Path;
 use std::sync::Arc;
 
 /// One test for every family and every scene that it applies to.
 pub fn trials(collector: &mut Collector) -> Vec<Trial> {
-    let subjects: Vec<Arc<Subject>> = subjects().into_iter().map(Arc::new).collect();
+    let subjects: Vec<Arc<TestCase>> = subjects().into_iter().map(Arc::new).collect();
     let mut trials = Vec::new();
     for family in FAMILIES {
         for subject in subjects.iter().filter(|subject| (family.applies)(subject)) {
@@ -29,15 +29,15 @@ pub fn trials(collector: &mut Collector) -> Vec<Trial> {
 }
 
 /// A cloth of 4096 particles and 24 000 springs: large enough for work to be shared out among threads.
-fn large() -> Subject {
-    let cloth = cloth(64).and_then(|scene| Subject::of_scene(&scene)).expect("a usable scene");
-    Subject { name: "large cloth".into(), ..cloth }
+fn large() -> TestCase {
+    let cloth = cloth(64).and_then(|scene| TestCase::of_scene(&scene)).expect("a usable scene");
+    TestCase { name: "large cloth".into(), ..cloth }
 }
 
 /// The scenes that the program carries, and one too large to be carried.
-fn subjects() -> Vec<Subject> {
+fn subjects() -> Vec<TestCase> {
     let bunny = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/bunny.toml");
-    let bunny = Scene::load(bunny).and_then(|scene| Subject::of_scene(&scene));
+    let bunny = Scene::load(bunny).and_then(|scene| TestCase::of_scene(&scene));
     let mut subjects = built_in().expect("usable scenes");
     subjects.push(bunny.expect("a usable scene"));
     subjects

@@ -12,7 +12,7 @@ use bytemuck::cast_slice;
 use cpu_time::ThreadTime;
 use serde_json::json;
 use sprung::assembly::{SpringPattern, SystemMatrix};
-use sprung::force::{Extensions, add_elastic_force, add_weight};
+use sprung::force::{SpringGeometry, add_elastic_force, add_weight};
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
 use sprung::linear::{
     CgOutcome, Cholesky, CholeskyPlan, CholeskySolver, ConjugateGradient, Preconditioner, PreconditionerKind,
@@ -70,7 +70,7 @@ fn measure(kind: &str, size: &str, only: &str) {
 /// `dofs.bin` particle and axis of every row; `springs.bin` ends of every spring, `parameters.bin` its k, l0 and b.
 fn export(kind: &str, size: &str, folder: &Path) -> std::io::Result<()> {
     let (system, state) = scene(kind, size).build().expect("a valid scene");
-    let extensions = Extensions::at(&system, &state.positions).expect("no coincident ends");
+    let extensions = SpringGeometry::at(&system, &state.positions).expect("no coincident ends");
     let operator = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(DT));
     let pattern = Arc::new(SpringPattern::of_stiffness(&system).expect("a matrix that fits"));
     let a = SystemMatrix::assemble(pattern, &operator);
@@ -172,7 +172,7 @@ struct Measurement<'s> {
 impl Measurement<'_> {
     fn all(&self) {
         let Self { system, state, .. } = self;
-        let extensions = Extensions::at(system, &state.positions).expect("no coincident ends");
+        let extensions = SpringGeometry::at(system, &state.positions).expect("no coincident ends");
         let step = Combination::step(DT);
         let mut operator = SystemOperator::new(system, &extensions, Stiffness::Tension, step);
         let n = system.dofs().len();

@@ -9,7 +9,7 @@ use crate::results::{by_number, by_part};
 use crate::{Stop, or_end, ranks};
 use serde::{Deserialize, Serialize};
 use sprung::State;
-use sprung::integrate::{Account, Statistics};
+use sprung::integrate::{MonitorCheckpoint, Statistics};
 use sprung::output::LogPosition;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
@@ -32,7 +32,7 @@ pub struct Checkpoint {
     pub time: f64,
     pub statistics: Statistics,
     pub wall_seconds: f64,
-    pub account: Account,
+    pub account: MonitorCheckpoint,
     pub energies: LogPosition,
     pub frames: Vec<(f64, u64)>,
     /// Of the state's bytes: the sum of the bits of its numbers, each times its place.

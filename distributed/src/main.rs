@@ -17,7 +17,7 @@
 //! | `method` | the words for methods and solvers |
 //! | `run`, `matrix`, `split`, `count` | the commands |
 //!
-//! Steps, forces, energies and indicators are those of the library, on systems that are parts (see `sprung::system::Peers`).
+//! Steps, forces, energies and indicators are those of the library, on systems that are parts (see `sprung::system::Communicator`).
 
 mod agreed;
 mod checkpoint;

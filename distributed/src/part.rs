@@ -8,7 +8,7 @@ use crate::petsc::{self, Petsc};
 use crate::ranks;
 use crate::slab::{self, Header, LEAD, PARTICLE, SPRING, Slab};
 use sprung::nalgebra::Vector3;
-use sprung::system::Peers;
+use sprung::system::Communicator;
 use sprung::{Constraint, Motion, Spring, State, System, SystemBuilder};
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -41,7 +41,7 @@ pub struct Halo {
     receives: Vec<(usize, Vec<u32>)>,
 }
 
-impl Peers for Halo {
+impl Communicator for Halo {
     fn sum(&self, numbers: &mut [f64]) {
         ranks::sum(numbers);
     }

@@ -5,10 +5,10 @@
 mod system;
 
 use sprung::Scene;
-use sprung::force::Extensions;
+use sprung::force::SpringGeometry;
 use sprung::inspect::Inspection;
 use sprung::integrate::{
-    Adaptivity, ImplicitOptions, Monitor, MonitorOptions, Sampling, Schedule, StepMatrices, TimeStepper,
+    AdaptiveOptions, ImplicitOptions, Monitor, MonitorOptions, OutputTimes, Schedule, StepMatrices, TimeStepper,
     run_adaptive_monitored, run_monitored,
 };
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
@@ -149,11 +149,11 @@ pub fn runs(data: &[u8]) {
             };
             let outcome = match rtol.zip(method.adaptive_stepper(&system, &state, &options).ok()?) {
                 Some((rtol, mut stepper)) => {
-                    let how = Adaptivity {
+                    let how = AdaptiveOptions {
                         duration: 6.0 * dt,
                         rtol,
                         first_step: None,
-                        sampling: Sampling::Steps,
+                        sampling: OutputTimes::Steps,
                         part_of: None,
                     };
                     run_adaptive_monitored(&mut *stepper, &system, &mut state, &how, &mut monitor, watch)
@@ -185,7 +185,7 @@ fn bits(state: &State) -> Vec<u64> {
 fn symmetric(system: &System, state: &State, dt: f64) {
     let Ok(matrices) = StepMatrices::assemble(system, state, Stiffness::Full, dt) else { return };
     let n = system.dofs().len();
-    let Ok(extensions) = Extensions::at(system, &state.positions) else { return };
+    let Ok(extensions) = SpringGeometry::at(system, &state.positions) else { return };
     let operator = SystemOperator::new(system, &extensions, Stiffness::Full, Combination::step(dt));
     let [u, w] = [0.7, 1.9].map(|seed: f64| (0..n).map(|i| ((i + 1) as f64 * seed).sin()).collect::<Vec<f64>>());
     let [mut au, mut aw, mut assembled] = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];

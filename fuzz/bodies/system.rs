@@ -104,7 +104,7 @@ impl<'a> Bytes<'a> {
         let solver = self.pick(&[Auto, Llt, Ldlt, Cg, CgAssembled]);
         let preconditioner = self.pick(&kinds);
         let fixed = [1e-10, 1e-4, 1e-13].map(Tolerance::Fixed);
-        let tolerance = self.pick(&[fixed[0], fixed[1], fixed[2], Tolerance::OfMotion]);
+        let tolerance = self.pick(&[fixed[0], fixed[1], fixed[2], Tolerance::Adaptive]);
         let linear = SolverOptions { solver, preconditioner, tolerance, ..SolverOptions::default() };
         ImplicitOptions { stiffness, linear }
     }

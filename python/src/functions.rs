@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::{PyTraverseError, PyVisit};
 use sprung::nalgebra::{Matrix3, Vector3};
 use sprung::spring::{LawValue, SpringLaw, Tension};
-use sprung::system::{Derivatives, ExternalForce, Moment};
+use sprung::system::{Derivatives, ExternalForce, StateView};
 use sprung::{Spring, State, System};
 use std::fmt;
 use std::sync::Arc;
@@ -95,7 +95,7 @@ impl Force {
     /// Calls a function at a moment. A trial state that has gone astray is none of its business: there it gives nothing, without a call.
     fn call_at(
         &self,
-        at: &Moment<'_>,
+        at: &StateView<'_>,
         function: &Py<PyAny>,
         take: impl FnOnce(Bound<'_, PyAny>) -> PyResult<()>,
     ) -> bool {
@@ -110,7 +110,7 @@ impl Force {
     }
 
     /// Adds what a function gives, a row for every particle.
-    fn add_rows(&self, at: &Moment<'_>, function: &Py<PyAny>, to: &mut [Vector3<f64>]) {
+    fn add_rows(&self, at: &StateView<'_>, function: &Py<PyAny>, to: &mut [Vector3<f64>]) {
         let added = self.call_at(at, function, |given| {
             let given: PyReadonlyArray2<'_, f64> = given.extract()?;
             for (to, row) in to.iter_mut().zip(given.as_array().outer_iter()) {
@@ -125,7 +125,7 @@ impl Force {
 }
 
 impl ExternalForce for Force {
-    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
         self.add_rows(at, &self.value, force);
     }
 
@@ -133,7 +133,7 @@ impl ExternalForce for Force {
         self.derivatives.is_some()
     }
 
-    fn add_derivatives(&self, at: &Moment<'_>, derivatives: &mut [Derivatives]) {
+    fn add_derivatives(&self, at: &StateView<'_>, derivatives: &mut [Derivatives]) {
         let Some(function) = &self.derivatives else { return };
         let added = self.call_at(at, function, |given| {
             type Blocks<'py> = PyReadonlyArray3<'py, f64>;
@@ -158,7 +158,7 @@ impl ExternalForce for Force {
         }
     }
 
-    fn add_rate(&self, at: &Moment<'_>, rate: &mut [Vector3<f64>]) {
+    fn add_rate(&self, at: &StateView<'_>, rate: &mut [Vector3<f64>]) {
         if let Some(function) = &self.rate {
             self.add_rows(at, function, rate);
         }

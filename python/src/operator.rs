@@ -10,7 +10,7 @@ use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use self_cell::self_cell;
 use sprung::error::Invalid;
-use sprung::force::Extensions;
+use sprung::force::SpringGeometry;
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use std::sync::Arc;
 
@@ -53,7 +53,7 @@ pub fn operator(
     let system = system.bound(py, &flag);
     let cell = compute(py, &flag, || {
         Cell::try_new(system, |system| {
-            let extensions = Extensions::at(system, &state)?;
+            let extensions = SpringGeometry::at(system, &state)?;
             Ok(SystemOperator::new(system, &extensions, option, combination))
         })
     })?;

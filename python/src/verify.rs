@@ -8,7 +8,7 @@ use crate::system::System;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sprung::report;
-use sprung::verify::{FAMILIES, Results, Subject};
+use sprung::verify::{FAMILIES, Results, TestCase};
 
 /// Runs every family of checks that applies to a system at a state; hands out a dictionary.
 #[pyfunction]
@@ -20,8 +20,8 @@ pub fn verify<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let state = state(&system.system, &given)?;
     let dt = dt.or(system.time.dt).map(|dt| positive("dt", dt)).transpose()?;
-    let subject = Subject { name: system.name.clone(), system: (*system.system).clone(), state, dt: 0.0 };
-    let subject = Subject { dt: dt.unwrap_or_else(|| subject.resolving_step()), ..subject };
+    let subject = TestCase { name: system.name.clone(), system: (*system.system).clone(), state, dt: 0.0 };
+    let subject = TestCase { dt: dt.unwrap_or_else(|| subject.resolving_step()), ..subject };
     let flag = Flag::new();
     let results: Results = compute(py, &flag, || {
         let applying = FAMILIES.iter().filter(|family| !flag.is_raised() && (family.applies)(&subject));

@@ -6,7 +6,7 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use sprung::error::Invalid;
-use sprung::figure::{Animation, Cast};
+use sprung::figure::{Animation, SceneTopology};
 use sprung::nalgebra::Vector3;
 use sprung::output::{describe, energy_tracks};
 use sprung::report::view::within;
@@ -31,7 +31,7 @@ pub fn view(
         let found = format!("an array of {} × {} × {}", shape.0, shape.1, shape.2);
         return Err(invalid(Invalid::new("positions", found, "must have a row for each time and particle")));
     }
-    let mut animation = Animation::new(title, Cast::of(&system.system, &system.triangles));
+    let mut animation = Animation::new(title, SceneTopology::of(&system.system, &system.triangles));
     animation.tracks = energy_tracks(&record_times, energies);
     for (&time, frame) in times.as_array().iter().zip(positions.as_array().outer_iter()) {
         let frame: Vec<Vector3<f64>> = frame

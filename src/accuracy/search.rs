@@ -4,7 +4,7 @@ use super::observer::{Observer, SearchProgress};
 use super::{Configuration, SpectralRadius, StepControl, default_method, extent, relative_position_error};
 use crate::error::Result;
 use crate::integrate::{
-    Adaptivity, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, Sampling, Schedule,
+    AdaptiveOptions, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, OutputTimes, Schedule,
     Statistics, Status, StiffnessPolicy, TimeStepper, hermite, percent, run_adaptive_monitored, run_monitored,
 };
 use crate::linear::{CostModel, FactorReport, LinearSolver, SolverChoice, SolverOptions};
@@ -430,7 +430,13 @@ impl<O: Observer> Search<'_, O> {
                 let mut stepper = method.adaptive_stepper(system, start, &implicit)?.ok_or_else(|| {
                     crate::Error::Unsupported(format!("{} has no error estimate for adaptive steps", method.name()))
                 })?;
-                let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Every(interval), part_of: None };
+                let how = AdaptiveOptions {
+                    duration,
+                    rtol,
+                    first_step,
+                    sampling: OutputTimes::Every(interval),
+                    part_of: None,
+                };
                 let outcome = run_adaptive_monitored(&mut *stepper, system, &mut state, &how, &mut monitor, &mut see);
                 (outcome, stepper)
             }

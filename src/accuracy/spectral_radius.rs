@@ -6,7 +6,7 @@
 //! method's steps need not follow vibrations that carry no motion; each takes a factorization and several solves.
 
 use crate::error::Result;
-use crate::force::{Extensions, add_damping_product, add_elastic_differential};
+use crate::force::{SpringGeometry, add_damping_product, add_elastic_differential};
 use crate::integrate::Method;
 use crate::system::{State, System};
 use nalgebra::Vector3;
@@ -33,7 +33,7 @@ impl SpectralRadius {
     /// # Errors
     /// Coincident ends of a spring.
     pub fn at(system: &System, state: &State) -> Result<Self> {
-        let extensions = Extensions::at(system, state)?;
+        let extensions = SpringGeometry::at(system, state)?;
         let stiffness = power_method(system, |u, force| add_elastic_differential(system, &extensions, u, force));
         let decay = if system.is_damped() || !extensions.external().is_empty() {
             power_method(system, |u, force| add_damping_product(system, &extensions, u, force))

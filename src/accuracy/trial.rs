@@ -2,8 +2,8 @@
 
 use crate::error::Result;
 use crate::integrate::{
-    Adaptivity, Equations, ImplicitOptions, Method, RunFailure, Sampling, Schedule, Statistics, Status, TimeStepper,
-    run, run_adaptive,
+    AdaptiveOptions, Equations, ImplicitOptions, Method, OutputTimes, RunFailure, Schedule, Statistics, Status,
+    TimeStepper, run, run_adaptive,
 };
 use crate::linear::FactorSize;
 use crate::spring::Stiffness;
@@ -115,7 +115,7 @@ pub fn trial(
             let mut stepper = method.adaptive_stepper(system, start, options)?.ok_or_else(|| {
                 crate::Error::Unsupported(format!("{} has no error estimate for adaptive steps", method.name()))
             })?;
-            let how = Adaptivity { duration, rtol, first_step, sampling: Sampling::Steps, part_of: None };
+            let how = AdaptiveOptions { duration, rtol, first_step, sampling: OutputTimes::Steps, part_of: None };
             (run_adaptive(stepper.as_mut(), system, &mut state, &how, observe), stepper)
         }
     };

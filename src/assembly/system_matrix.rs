@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// ```
 /// use sprung::Stiffness;
 /// use sprung::assembly::{SpringPattern, SystemMatrix};
-/// use sprung::force::Extensions;
+/// use sprung::force::SpringGeometry;
 /// use sprung::operator::{Combination, SystemOperator};
 /// use std::sync::Arc;
 ///
@@ -30,7 +30,7 @@ use std::sync::Arc;
 /// // Once: the pattern, and where every spring's block goes.
 /// let mut matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(&system)?));
 /// // As often as the values change: no search, no sort, no allocation.
-/// let extensions = Extensions::at(&system, &state.positions)?;
+/// let extensions = SpringGeometry::at(&system, &state.positions)?;
 /// for dt in [0.1, 0.5] {
 ///     let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(dt));
 ///     matrix.refill(&a);
@@ -110,7 +110,7 @@ pub fn assemble_afresh(operator: &SystemOperator) -> Vec<super::triplets::Matrix
 #[cfg(test)]
 mod tests {
     use super::{SpringPattern, SystemMatrix, assemble_afresh};
-    use crate::force::Extensions;
+    use crate::force::SpringGeometry;
     use crate::operator::{BlockDiagonal, Combination, LinearOperator, SystemOperator};
     use crate::spring::{Spring, Stiffness};
     use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
@@ -146,7 +146,7 @@ mod tests {
     fn the_matrix_is_the_sum_of_its_triplets() {
         for dimension in [1, 2, 3] {
             let (system, state) = chain(dimension);
-            let extensions = Extensions::at(&system, &state.positions).unwrap();
+            let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
             let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
             let pattern = Arc::new(SpringPattern::of_stiffness(&system).unwrap());
             let mut matrix = SystemMatrix::assemble(pattern, &a);
@@ -185,7 +185,7 @@ mod tests {
     #[test]
     fn springs_without_damping_have_no_place_in_the_damping_matrix() {
         let (system, state) = chain(2);
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let g = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::DAMPING);
         let pattern = Arc::new(SpringPattern::of_damping(&system).unwrap());
         let matrix = SystemMatrix::assemble(pattern, &g);
@@ -212,7 +212,7 @@ mod tests {
             builder.build().unwrap()
         };
         let operator = |system| {
-            let extensions = Extensions::at(system, &state.positions).unwrap();
+            let extensions = SpringGeometry::at(system, &state.positions).unwrap();
             SystemOperator::new(system, &extensions, Stiffness::Full, Combination::step(0.1))
         };
         let (a, all) = (operator(&system), operator(&whole));

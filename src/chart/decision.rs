@@ -1,11 +1,11 @@
 //! The chart in words: what to use for how much accuracy.
 //!
-//! Only runs of a [tail](super::tail()) are recommended, so that no advice is contradicted by a finer run of the same table.
+//! Only runs of a [tail](super::monotone_range()) are recommended, so that no advice is contradicted by a finer run of the same table.
 
 use super::curve::{Curve, curves};
 use super::digits::short;
 use super::figures::best_of_each;
-use super::tail::tail;
+use super::monotone_range::tail;
 use super::{Run, WorkPrecision};
 use crate::integrate::percent;
 

@@ -5,7 +5,7 @@
 
 use super::Deadline;
 use crate::accuracy::extent;
-use crate::force::{Extensions, set_accelerations};
+use crate::force::{SpringGeometry, set_accelerations};
 use crate::system::{Motion, State, System};
 use ivp::dense::StepInterpolant;
 use ivp::ivp::FirstOrderSystem;
@@ -26,7 +26,7 @@ struct Motions<'s> {
 
 struct Scratch {
     state: State,
-    extensions: Extensions,
+    extensions: SpringGeometry,
     accelerations: Vec<Vector3<f64>>,
     reduced: Vec<f64>,
 }
@@ -59,14 +59,14 @@ fn set_state(system: &System, t: f64, x: &[f64], v: &[f64], state: &mut State) {
 }
 
 /// Keeps the state reached, and ends an integration that would take too long.
-struct Watch {
+struct SpringVisitor {
     reached: Vec<f64>,
     span: [f64; 2],
     begin: Instant,
     deadline: Deadline,
 }
 
-impl Watch {
+impl SpringVisitor {
     /// Whether the deadline has passed, or will by far at the present pace.
     fn is_hopeless(&self, time: f64) -> bool {
         let (elapsed, allowed) = (self.begin.elapsed(), self.deadline.since(self.begin));
@@ -75,7 +75,7 @@ impl Watch {
     }
 }
 
-impl SolOut for Watch {
+impl SolOut for SpringVisitor {
     fn solout(&mut self, _: f64, t: &mut f64, y: &mut [f64], _: Option<&StepInterpolant<'_>>) -> ControlFlag {
         self.reached.copy_from_slice(y);
         if self.is_hopeless(*t) { ControlFlag::Interrupt } else { ControlFlag::Continue }
@@ -103,7 +103,7 @@ pub fn dop853(
     if n > 0 {
         let absolute = tolerance * extent(&start.positions, &start.positions);
         let span = [start.time, end];
-        let mut watch = Watch { reached, span, begin: Instant::now(), deadline: deadline.into() };
+        let mut watch = SpringVisitor { reached, span, begin: Instant::now(), deadline: deadline.into() };
         let mut from = start.time;
         for to in kinks(system, start.time, end) {
             interval(system, &state, [from, to], [tolerance, absolute], &mut watch)?;
@@ -122,11 +122,11 @@ fn interval(
     state: &State,
     [from, to]: [f64; 2],
     [relative, absolute]: [f64; 2],
-    watch: &mut Watch,
+    watch: &mut SpringVisitor,
 ) -> Option<()> {
     let scratch = Scratch {
         state: state.clone(),
-        extensions: Extensions::at(system, &state.positions).ok()?,
+        extensions: SpringGeometry::at(system, &state.positions).ok()?,
         accelerations: vec![Vector3::zeros(); system.particles()],
         reduced: vec![0.0; system.dofs().len()],
     };
@@ -242,11 +242,11 @@ mod tests {
     /// After 150 s of 1000 s, and after 50 s: less than a tenth of the time says nothing. The pace of the way so far may be half of what it should be.
     #[test]
     fn runs_that_would_take_too_long_are_hopeless() {
-        use super::Watch;
+        use super::SpringVisitor;
         let is_hopeless = |elapsed: u64, allowed: u64, time: f64| {
             let begin = Instant::now().checked_sub(Duration::from_secs(elapsed)).unwrap();
             let deadline = (begin + Duration::from_secs(allowed)).into();
-            Watch { reached: Vec::new(), span: [2.0, 12.0], begin, deadline }.is_hopeless(time)
+            SpringVisitor { reached: Vec::new(), span: [2.0, 12.0], begin, deadline }.is_hopeless(time)
         };
         for (elapsed, allowed, time, expected) in [
             (150, 1000, 2.5, true),

@@ -3,7 +3,7 @@
 
 use super::curve::{ADAPTIVE, Curve, curves};
 use super::digits::short;
-use super::tail::tail;
+use super::monotone_range::tail;
 use super::{Run, WorkPrecision};
 use crate::figure::{Axis, Guide, Look, Plot, Series};
 use crate::integrate::Method;
@@ -35,7 +35,7 @@ fn look_of_option(stiffness: &str, solver: &str) -> Look {
 
 impl Curve<'_> {
     /// How much the configuration costs, without regard to how far it was taken: the least of `cost · error^(1/2)` over its
-    /// [tail](super::tail()).
+    /// [tail](super::monotone_range()).
     fn coefficient(&self, floor: f64) -> f64 {
         let of_run = |run: &Run| run.useful_error().map(|error| run.cost * error.max(1e-15).sqrt());
         tail(self, floor).into_iter().filter_map(of_run).fold(f64::INFINITY, f64::min)

@@ -10,12 +10,12 @@ mod decision;
 mod digits;
 mod dop853;
 mod figures;
+mod monotone_range;
 mod quality;
 mod reference;
 mod sizes;
 pub mod stability;
 mod sweep;
-mod tail;
 mod tolerance;
 mod work_precision;
 
@@ -24,12 +24,12 @@ pub use deadline::Deadline;
 pub use decision::Decision;
 pub use dop853::dop853;
 pub use figures::{Figure, best_of_each};
+pub use monotone_range::tail;
 pub use quality::Quality;
 pub use reference::Reference;
 pub use sizes::SizeRun;
 pub use stability::StabilityMap;
 pub use sweep::{Run, configurations};
-pub use tail::tail;
 pub use work_precision::{SweepOptions, WorkPrecision};
 
 use std::time::Duration;

@@ -77,16 +77,16 @@ impl Files {
 
 /// The summary for people: what a person wants to know first, or (`{:#}`) everything.
 pub fn text<'a>(summary: &'a Summary, folder: &'a Path, files: &'a [&'static str]) -> impl Display + 'a {
-    Account { summary, folder, files }
+    MonitorCheckpoint { summary, folder, files }
 }
 
-struct Account<'a> {
+struct MonitorCheckpoint<'a> {
     summary: &'a Summary,
     folder: &'a Path,
     files: &'a [&'static str],
 }
 
-impl Display for Account<'_> {
+impl Display for MonitorCheckpoint<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { summary, folder, files } = self;
         let Summary { scene, status, steps, time, wall_seconds, .. } = summary;
@@ -127,7 +127,7 @@ fn method(summary: &Summary) -> String {
     format!("{method}, stiffness {stiffness}, solver {solver}{with}")
 }
 
-impl Account<'_> {
+impl MonitorCheckpoint<'_> {
     /// What the computation took and why it was done so, and where the energy went.
     fn bookkeeping(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Summary { solver, energy, statistics, particles, springs, dofs, .. } = self.summary;

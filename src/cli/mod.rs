@@ -5,7 +5,7 @@ mod chart;
 mod common;
 mod completions;
 mod console;
-mod doubts;
+mod diagnostics;
 mod failure;
 mod files;
 mod inspect;

@@ -3,7 +3,7 @@
 use super::answer::AccuracyCommand;
 use super::common::{LoadedScene, SceneFile, Threads, claim};
 use super::console::{Console, error, help, warning};
-use super::doubts::doubts;
+use super::diagnostics::doubts;
 use super::failure::Failed;
 use super::files::{FILES, Files, text};
 use super::method::{MethodArguments, repeat};

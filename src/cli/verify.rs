@@ -7,7 +7,7 @@ use super::{Exit, Stop};
 use serde_json::Value;
 use sprung::Error;
 use sprung::report;
-use sprung::verify::{Check, FAMILIES, Results, Subject, built_in};
+use sprung::verify::{Check, FAMILIES, Results, TestCase, built_in};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -56,18 +56,18 @@ impl Verify {
         Ok(if results.all_passed() { Exit::Done } else { Exit::Failed })
     }
 
-    fn subjects(&self) -> Result<Vec<Subject>, Error> {
+    fn subjects(&self) -> Result<Vec<TestCase>, Error> {
         if self.scenes.is_empty() {
             return built_in();
         }
         let subject = |file: &PathBuf| {
             let (scene, source) = read_scene(file)?;
-            Subject::of_scene(&scene).map_err(|error| error.in_file(&source))
+            TestCase::of_scene(&scene).map_err(|error| error.in_file(&source))
         };
         self.scenes.iter().map(subject).collect()
     }
 
-    fn folder(&self, subjects: &[Subject]) -> PathBuf {
+    fn folder(&self, subjects: &[TestCase]) -> PathBuf {
         let name = match subjects {
             [subject] => &subject.name,
             _ => "verification",
@@ -76,8 +76,8 @@ impl Verify {
     }
 
     /// Measures; where the user interrupts what has been measured until then, and `false`.
-    fn measure(&self, subjects: Arc<Vec<Subject>>, console: &Console) -> Result<(Results, bool), Stop> {
-        let applying = |subjects: &[Subject]| -> Vec<(usize, usize)> {
+    fn measure(&self, subjects: Arc<Vec<TestCase>>, console: &Console) -> Result<(Results, bool), Stop> {
+        let applying = |subjects: &[TestCase]| -> Vec<(usize, usize)> {
             let applies = |&(family, subject): &(usize, usize)| (FAMILIES[family].applies)(&subjects[subject]);
             let pairs =
                 (0..FAMILIES.len()).flat_map(|family| (0..subjects.len()).map(move |subject| (family, subject)));

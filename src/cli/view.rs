@@ -6,7 +6,7 @@ use super::number::number;
 use super::start::At;
 use super::{Exit, Stop};
 use serde::Serialize;
-use sprung::figure::{Animation, Cast};
+use sprung::figure::{Animation, SceneTopology};
 use sprung::integrate::Schedule;
 use sprung::output::{AtomicFile, Checkpoint, Frames, TRAJECTORY, playback};
 use sprung::plan::RECORDS;
@@ -61,7 +61,7 @@ impl View {
             (motion(&self.subject)?, self.subject.clone())
         } else {
             let scene = self.at.place(SceneFile::at(&self.subject).load(console)?)?;
-            let cast = Cast::of(&scene.system, &scene.triangles);
+            let cast = SceneTopology::of(&scene.system, &scene.triangles);
             (Animation::still(&scene.name, cast, &scene.state), scene.folder(&None))
         };
         let page = self.output.clone().unwrap_or_else(|| folder.join(PAGE));

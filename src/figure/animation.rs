@@ -1,7 +1,7 @@
 //! A motion to be played: what stays the same, and the frames.
 
-use super::Cast;
-use super::thinning::Thinning;
+use super::SceneTopology;
+use super::decimation::Decimation;
 use crate::system::State;
 use nalgebra::Vector3;
 use std::borrow::Cow;
@@ -21,7 +21,7 @@ pub struct Track {
 
 /// A motion, thinned where there is more than can be played.
 ///
-/// Particles that are shown stand for their neighbourhoods where a scene is large, see [`Thinning`].
+/// Particles that are shown stand for their neighbourhoods where a scene is large, see [`Decimation`].
 #[derive(Debug, Clone)]
 pub struct Animation {
     /// The scene's name.
@@ -29,9 +29,9 @@ pub struct Animation {
     /// What else is to be said: the method, how the run ended.
     pub remarks: Vec<String>,
     /// Everything that moves, as it was before thinning.
-    whole: Cast,
-    thinning: Option<Thinning>,
-    shown: Option<Cast>,
+    whole: SceneTopology,
+    thinning: Option<Decimation>,
+    shown: Option<SceneTopology>,
     /// Time of every frame, in s.
     pub times: Vec<f64>,
     /// Positions of the shown particles, frame after frame, in m.
@@ -52,13 +52,13 @@ const SPRINGS: usize = 160_000;
 
 impl Animation {
     /// An animation without frames yet.
-    pub fn new(title: impl Into<String>, cast: Cast) -> Self {
+    pub fn new(title: impl Into<String>, cast: SceneTopology) -> Self {
         Self::with_limits(title, cast, PARTICLES, SPRINGS)
     }
 
     /// As [`new`](Self::new), showing no more than so many particles and springs.
-    pub fn with_limits(title: impl Into<String>, cast: Cast, particles: usize, springs: usize) -> Self {
-        let thinning = Thinning::of(&cast, particles, springs);
+    pub fn with_limits(title: impl Into<String>, cast: SceneTopology, particles: usize, springs: usize) -> Self {
+        let thinning = Decimation::of(&cast, particles, springs);
         let shown = thinning.as_ref().map(|thinning| thinning.cast(&cast));
         Self {
             title: title.into(),
@@ -76,7 +76,7 @@ impl Animation {
     }
 
     /// A scene at one state.
-    pub fn still(title: impl Into<String>, cast: Cast, state: &State) -> Self {
+    pub fn still(title: impl Into<String>, cast: SceneTopology, state: &State) -> Self {
         let mut animation = Self::new(title, cast);
         animation.push(state.time, &state.positions);
         animation
@@ -105,7 +105,7 @@ impl Animation {
     }
 
     /// What is shown.
-    pub fn cast(&self) -> &Cast {
+    pub fn cast(&self) -> &SceneTopology {
         self.shown.as_ref().unwrap_or(&self.whole)
     }
 
@@ -130,7 +130,7 @@ impl Animation {
     }
 
     /// How the scene was thinned, if it was.
-    pub fn thinning(&self) -> Option<&Thinning> {
+    pub fn thinning(&self) -> Option<&Decimation> {
         self.thinning.as_ref()
     }
 

@@ -12,9 +12,9 @@
 //! −d (k (l − l0)/l0 + b (d·Δv)/l)/l.
 //! ```
 
-use super::run::Run;
+use super::accumulator::Run;
 use crate::spring::Spring;
-use crate::system::Moment;
+use crate::system::StateView;
 use nalgebra::Vector3;
 
 /// Springs of a batch: its lists are to stay in the fastest cache.
@@ -28,7 +28,7 @@ pub(crate) type Ends<'a> = ([u32; 2], &'a Spring);
 
 /// Adds the forces of springs to their ends, compiled for every kind of processor that [`pulp`] tells apart.
 pub(super) struct AddForces<'a, I> {
-    pub at: &'a Moment<'a>,
+    pub at: &'a StateView<'a>,
     pub springs: I,
     /// The particle that `total` begins with. Ends that it does not hold are left out.
     pub first: usize,
@@ -99,7 +99,7 @@ impl Batch {
     #[inline(always)]
     pub fn gather<'a, const WATCHED: bool>(
         &mut self,
-        at: &Moment<'_>,
+        at: &StateView<'_>,
         springs: &mut impl Iterator<Item = Ends<'a>>,
     ) -> usize {
         let (mut from, mut xi, mut vi) = (u32::MAX, Vector3::zeros(), Vector3::zeros());

@@ -3,24 +3,24 @@
 //! Forces are full-length vectors, in N, and are *added* to what the caller passes in. Springs between two wholly
 //! prescribed particles are left out of forces (they move nothing) but count in the elastic energy.
 
+pub(crate) mod accumulator;
 pub(crate) mod batch;
 mod energy;
-mod extensions;
+mod geometry;
 mod pairs;
 mod reaction;
-pub(crate) mod run;
 mod total;
 
 pub use crate::error::DegenerateSpring;
 pub use energy::{Energy, angular_momentum, linear_momentum};
-pub use extensions::{Configuration, Extensions};
+pub use geometry::{Configuration, SpringGeometry};
 pub use reaction::Reactions;
 use total::has_only_active;
 pub use total::set_total_force;
 pub(crate) use total::{coincide, first_degenerate, set_other_forces};
 
 use crate::spring::{Extension, Spring, Stiffness};
-use crate::system::{Moment, System};
+use crate::system::{StateView, System};
 use nalgebra::Vector3;
 
 /// Adds the elastic force f_el: `−k (l/l0 − 1) n` on end i of every spring and the opposite on end j.
@@ -28,7 +28,7 @@ use nalgebra::Vector3;
 /// # Examples
 /// ```
 /// use nalgebra::Vector3;
-/// use sprung::force::{Extensions, add_elastic_force};
+/// use sprung::force::{SpringGeometry, add_elastic_force};
 ///
 /// # use sprung::{Spring, SystemBuilder};
 /// # let mut builder = SystemBuilder::new();
@@ -37,14 +37,14 @@ use nalgebra::Vector3;
 /// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// # builder.hold(0);
 /// let (system, state) = builder.build()?;
-/// let extensions = Extensions::at(&system, &state.positions)?;
+/// let extensions = SpringGeometry::at(&system, &state.positions)?;
 /// let mut force = vec![Vector3::zeros(); system.particles()];
 /// add_elastic_force(&system, &extensions, &mut force);
 /// // k (1 − l/l0) pushes the free end away; what acts on held particles is a reaction, and counted too.
 /// assert_eq!(force[1], Vector3::new(10.0, 0.0, 0.0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn add_elastic_force(system: &System, extensions: &Extensions, force: &mut [Vector3<f64>]) {
+pub fn add_elastic_force(system: &System, extensions: &SpringGeometry, force: &mut [Vector3<f64>]) {
     pairs::add(system, extensions, force, &|spring: &Spring, _: [usize; 2], at: &Extension| {
         Some(spring.elastic_force(at))
     });
@@ -53,7 +53,7 @@ pub fn add_elastic_force(system: &System, extensions: &Extensions, force: &mut [
 /// Adds the damping force f_d: `−b n nᵀ (v_i − v_j)` on end i of every damped spring and the opposite on end j.
 pub fn add_damping_force(
     system: &System,
-    extensions: &Extensions,
+    extensions: &SpringGeometry,
     velocities: &[Vector3<f64>],
     force: &mut [Vector3<f64>],
 ) {
@@ -66,7 +66,7 @@ pub fn add_damping_force(
 /// opposite on end j.
 pub fn add_elastic_differential(
     system: &System,
-    extensions: &Extensions,
+    extensions: &SpringGeometry,
     displacement: &[Vector3<f64>],
     force: &mut [Vector3<f64>],
 ) {
@@ -83,7 +83,7 @@ pub fn add_elastic_differential(
 /// with ∂f_d/∂x, which comes from springs that turn and is not symmetric.
 pub fn add_damping_differential(
     system: &System,
-    extensions: &Extensions,
+    extensions: &SpringGeometry,
     velocities: &[Vector3<f64>],
     displacement: &[Vector3<f64>],
     force: &mut [Vector3<f64>],
@@ -105,7 +105,7 @@ pub fn add_weight(system: &System, force: &mut [Vector3<f64>]) {
 }
 
 /// Adds `D w` with D the symmetric part of ∂f/∂v of forces from outside, for any velocities w, in m/s.
-pub fn add_external_damping(extensions: &Extensions, velocities: &[Vector3<f64>], force: &mut [Vector3<f64>]) {
+pub fn add_external_damping(extensions: &SpringGeometry, velocities: &[Vector3<f64>], force: &mut [Vector3<f64>]) {
     for ((force, derivatives), v) in force.iter_mut().zip(extensions.external()).zip(velocities) {
         *force += derivatives.damping * v;
     }
@@ -114,8 +114,8 @@ pub fn add_external_damping(extensions: &Extensions, velocities: &[Vector3<f64>]
 /// Adds external forces less `D v`, the part of them that is linear in velocities and stands in the matrix.
 pub(crate) fn add_undamped_external_forces(
     system: &System,
-    extensions: &Extensions,
-    at: &Moment<'_>,
+    extensions: &SpringGeometry,
+    at: &StateView<'_>,
     force: &mut [Vector3<f64>],
 ) {
     add_external_forces(system, at, force);
@@ -127,7 +127,7 @@ pub(crate) fn add_undamped_external_forces(
 /// Adds `G w`, the whole of it: of springs and of forces from outside.
 pub(crate) fn add_damping_product(
     system: &System,
-    extensions: &Extensions,
+    extensions: &SpringGeometry,
     velocities: &[Vector3<f64>],
     force: &mut [Vector3<f64>],
 ) {
@@ -136,7 +136,7 @@ pub(crate) fn add_damping_product(
 }
 
 /// Adds ∂f/∂t at fixed positions and velocities, in N/s: of gravity and rest lengths that change, and of forces from outside.
-pub fn add_force_rate(system: &System, extensions: &Extensions, at: &Moment<'_>, rate: &mut [Vector3<f64>]) {
+pub fn add_force_rate(system: &System, extensions: &SpringGeometry, at: &StateView<'_>, rate: &mut [Vector3<f64>]) {
     system.loads().add_rate(system.masses(), at.time, rate);
     system.external_forces().for_each(|external| external.add_rate(at, rate));
     if system.behaviour().actuation.is_empty() || !system.has_spring_law() {
@@ -156,7 +156,7 @@ pub fn add_force_rate(system: &System, extensions: &Extensions, at: &Moment<'_>,
 
 /// The power, in W, that springs take up by changing their rest lengths: `Σ −½ k (l² − l0²)/l0² · l0'` over all springs that pull or push. It is
 /// what the elastic energy grows by while nothing moves.
-pub fn actuation_power(system: &System, at: &Moment<'_>) -> f64 {
+pub fn actuation_power(system: &System, at: &StateView<'_>) -> f64 {
     if system.behaviour().actuation.is_empty() {
         return 0.0;
     }
@@ -173,7 +173,7 @@ pub fn actuation_power(system: &System, at: &Moment<'_>) -> f64 {
 }
 
 /// Adds all external forces of a system: its [loads](crate::system::Loads) and those of the caller's own.
-pub fn add_external_forces(system: &System, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+pub fn add_external_forces(system: &System, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
     system.loads().add(system.masses(), at, force);
     for external in system.external_forces() {
         external.add(at, force);
@@ -181,7 +181,7 @@ pub fn add_external_forces(system: &System, at: &Moment<'_>, force: &mut [Vector
 }
 
 /// Adds all forces, `f_el + f_d + m g + f_ext`, at positions of which the extensions are known.
-pub fn add_all_forces(system: &System, extensions: &Extensions, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+pub fn add_all_forces(system: &System, extensions: &SpringGeometry, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
     add_elastic_force(system, extensions, force);
     add_damping_force(system, extensions, at.velocities, force);
     add_weight(system, force);
@@ -191,8 +191,8 @@ pub fn add_all_forces(system: &System, extensions: &Extensions, at: &Moment<'_>,
 /// Sets `accelerations`, in m/s², to those of all forces: `M⁻¹ f` of free coordinates, zero of prescribed ones.
 pub fn set_accelerations(
     system: &System,
-    extensions: &Extensions,
-    at: &Moment<'_>,
+    extensions: &SpringGeometry,
+    at: &StateView<'_>,
     accelerations: &mut [Vector3<f64>],
 ) {
     accelerations.fill(Vector3::zeros());
@@ -217,7 +217,7 @@ mod tests {
         builder.particle([1.0, 1.0, 0.0], 1.0);
         builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
         let (system, state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let fast = [Vector3::zeros(), Vector3::new(1.5e308, 1.5e308, 0.0)];
         let mut force = [Vector3::zeros(); 2];
         add_damping_force(&system, &extensions, &fast, &mut force);
@@ -236,7 +236,7 @@ mod tests {
         builder.spring(0, 1, Spring { stiffness: 5.0, rest_length: 2.0, damping: 7.0 });
         builder.spring(2, 1, Spring { stiffness: 8.0, rest_length: 6.0, damping: 0.5 });
         let (system, mut state) = builder.build().unwrap();
-        let mut extensions = Extensions::at(&system, &state.positions).unwrap();
+        let mut extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let vectors = |rows: [[f64; 3]; 3]| rows.map(Vector3::from);
         let mut force = vec![Vector3::x(); 3];
         add_elastic_force(&system, &extensions, &mut force);
@@ -312,7 +312,7 @@ mod tests {
         builder.spring(0, 1, Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
         let (system, mut state) = builder.build().unwrap();
         let system = system.with_spring_law(Square);
-        let mut extensions = Extensions::at(&system, &state.positions).unwrap();
+        let mut extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         for length in [3.0, 2.0] {
             state.positions[1].x = length;
             extensions.update(&system, &state.positions).unwrap();
@@ -331,7 +331,7 @@ mod tests {
     struct Push;
 
     impl crate::system::ExternalForce for Push {
-        fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+        fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
             force[1].y += at.velocities[1].x * at.time;
         }
     }

@@ -1,9 +1,9 @@
 //! Forces between the ends of springs, added up particle by particle.
 
-use super::run::Run;
-use super::{Extensions, has_only_active};
+use super::accumulator::Run;
+use super::{SpringGeometry, has_only_active};
 use crate::spring::{Extension, Spring};
-use crate::system::{Share, System};
+use crate::system::{System, ThreadPartition};
 use nalgebra::Vector3;
 
 /// A force on end i of a spring with ends (i, j), or none.
@@ -12,8 +12,8 @@ pub(super) trait PairForce: Fn(&Spring, [usize; 2], &Extension) -> Option<Vector
 impl<F: Fn(&Spring, [usize; 2], &Extension) -> Option<Vector3<f64>> + Sync> PairForce for F {}
 
 /// Adds to `total` the force on end i of every active spring and its opposite on end j.
-pub(super) fn add(system: &System, extensions: &Extensions, total: &mut [Vector3<f64>], force: &impl PairForce) {
-    if let Some(shares) = system.several_shares() {
+pub(super) fn add(system: &System, extensions: &SpringGeometry, total: &mut [Vector3<f64>], force: &impl PairForce) {
+    if let Some(shares) = system.thread_partitions() {
         return add_shares(system, extensions, &shares, total, force);
     }
     if has_only_active(system) && !system.has_spring_law() {
@@ -32,7 +32,7 @@ type Placed<'a> = ([u32; 2], &'a Spring, &'a Extension);
 
 /// The spring of this number, at a position among the active ones.
 #[inline(always)]
-fn placed<'a>(system: &'a System, extensions: &'a Extensions, position: usize, number: u32) -> Placed<'a> {
+fn placed<'a>(system: &'a System, extensions: &'a SpringGeometry, position: usize, number: u32) -> Placed<'a> {
     let pair = system.pairs()[number as usize];
     (pair, extensions.spring(system, position), &extensions.as_slice()[position])
 }
@@ -57,14 +57,14 @@ fn add_each<'a>(
 /// `total` holds the particles of these shares.
 fn add_shares(
     system: &System,
-    extensions: &Extensions,
-    shares: &[Share],
+    extensions: &SpringGeometry,
+    shares: &[ThreadPartition],
     total: &mut [Vector3<f64>],
     force: &impl PairForce,
 ) {
     match shares {
         [] => {}
-        [Share { particles, springs }] => {
+        [ThreadPartition { particles, springs }] => {
             let springs = springs.iter().map(|&position| {
                 let number = system.active_springs()[position as usize];
                 placed(system, extensions, position as usize, number)

@@ -3,7 +3,7 @@
 use super::batch::{AddForces, Coincident, Ends};
 use super::{DegenerateSpring, add_external_forces};
 use crate::spring::{LawValues, Spring};
-use crate::system::{Moment, Share, System};
+use crate::system::{StateView, System, ThreadPartition};
 use nalgebra::Vector3;
 
 /// Sets `force`, in N, to the sum of all forces on every particle: of springs, weight, and from outside.
@@ -29,10 +29,14 @@ use nalgebra::Vector3;
 /// assert_eq!(force[1], Vector3::new(10.0, -9.81, 0.0));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn set_total_force(system: &System, at: &Moment<'_>, force: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
+pub fn set_total_force(
+    system: &System,
+    at: &StateView<'_>,
+    force: &mut [Vector3<f64>],
+) -> Result<(), DegenerateSpring> {
     set_other_forces(system, at, force);
     let law = system.law_values(at.positions, at.time);
-    if let Some(shares) = system.several_shares() {
+    if let Some(shares) = system.thread_partitions() {
         return add_shares(system, at, &law, &shares, force);
     }
     if system.has_spring_law() {
@@ -55,7 +59,7 @@ fn numbered(system: &System, number: u32) -> Ends<'_> {
 }
 
 /// Sets `force` to weights and what comes from outside: all but the forces of springs.
-pub(crate) fn set_other_forces(system: &System, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+pub(crate) fn set_other_forces(system: &System, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
     let gravity = system.gravity();
     for (f, mass) in force.iter_mut().zip(system.masses()) {
         *f = gravity * *mass;
@@ -66,7 +70,7 @@ pub(crate) fn set_other_forces(system: &System, at: &Moment<'_>, force: &mut [Ve
 /// Adds the forces of springs to those of their ends that `total`, the particles from `first` on, holds.
 fn add<'a>(
     system: &System,
-    at: &'a Moment<'a>,
+    at: &'a StateView<'a>,
     springs: impl Iterator<Item = Ends<'a>>,
     first: usize,
     total: &'a mut [Vector3<f64>],
@@ -91,7 +95,7 @@ pub(crate) fn first_degenerate(system: &System, positions: &[Vector3<f64>]) -> D
 /// As [`add`], of springs that have a law of the caller's own.
 fn add_by_law<'a>(
     system: &System,
-    at: &Moment<'_>,
+    at: &StateView<'_>,
     law: &LawValues,
     mut springs: impl Iterator<Item = (usize, [usize; 2], &'a Spring)>,
     first: usize,
@@ -112,7 +116,7 @@ fn add_by_law<'a>(
 /// The force on end i of a spring that has a law of the caller's own.
 fn by_law(
     system: &System,
-    at: &Moment<'_>,
+    at: &StateView<'_>,
     law: &LawValues,
     spring: usize,
     pair: [usize; 2],
@@ -132,14 +136,14 @@ fn by_law(
 /// `total` holds the particles of these shares.
 fn add_shares(
     system: &System,
-    at: &Moment<'_>,
+    at: &StateView<'_>,
     law: &LawValues,
-    shares: &[Share],
+    shares: &[ThreadPartition],
     total: &mut [Vector3<f64>],
 ) -> Result<(), DegenerateSpring> {
     match shares {
         [] => Ok(()),
-        [Share { particles, springs }] => {
+        [ThreadPartition { particles, springs }] => {
             let numbers = springs.iter().map(|&position| system.active_springs()[position as usize]);
             if system.has_spring_law() {
                 let each = numbers.map(|number| number as usize);
@@ -162,7 +166,7 @@ fn add_shares(
 #[cfg(all(test, feature = "scene"))]
 mod tests {
     use super::set_total_force;
-    use crate::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+    use crate::force::{SpringGeometry, add_damping_force, add_elastic_force, add_weight};
     use crate::scene::builtin::{Kind, builtin};
     use crate::spring::{Spring, SpringLaw, Tension};
     use crate::system::SystemBuilder;
@@ -176,7 +180,7 @@ mod tests {
             *x *= 1.0 + 0.01 * (p % 5) as f64;
             *v = Vector3::new((p % 3) as f64, (p % 7) as f64, -1.0);
         }
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let one_by_one = || {
             let mut sum = vec![Vector3::zeros(); system.particles()];
             add_elastic_force(&system, &extensions, &mut sum);
@@ -191,7 +195,7 @@ mod tests {
         for threads in [1, 2, 3] {
             let mut force = vec![Vector3::repeat(7.0); system.particles()];
             pool(threads).install(|| {
-                assert_eq!(system.several_shares().map_or(1, |shares| shares.len()), threads);
+                assert_eq!(system.thread_partitions().map_or(1, |shares| shares.len()), threads);
                 assert_eq!(one_by_one(), expected, "the number of threads is in the sum of each");
                 set_total_force(&system, &state.moment(), &mut force).unwrap();
             });

@@ -39,7 +39,7 @@ use super::matrix_pencil::{MatrixPencil, Property};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::eigen::{BlockLanczos, End, Search, Tolerance};
 use crate::error::Result;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::linear::{Ldlt, SOLVE_COLUMNS, dot};
 use crate::spring::{SpringBlock, Stiffness};
 use crate::system::{State, System};
@@ -145,7 +145,7 @@ impl<'s> CriticalSteps<'s> {
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
         let work = Work { symbolic_factorizations: 1, ..Work::default() };
-        Self::analysed(system, Extensions::at(system, state)?, pattern, factorization, work)
+        Self::analysed(system, SpringGeometry::at(system, state)?, pattern, factorization, work)
     }
 
     /// On a pattern that has been analysed.
@@ -154,7 +154,7 @@ impl<'s> CriticalSteps<'s> {
     /// A factor that does not fit the memory.
     pub(super) fn analysed(
         system: &'s System,
-        extensions: Extensions,
+        extensions: SpringGeometry,
         pattern: Arc<SpringPattern>,
         factorization: Ldlt,
         work: Work,

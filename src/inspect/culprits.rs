@@ -13,7 +13,7 @@
 //! lowest eigenvalue: what is still negative then needs more than this spring.
 
 use crate::eigen::Eigenpair;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::linear::dot;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
@@ -67,7 +67,7 @@ const MOST_CULPRITS: usize = 100;
 const MOST_MOVERS: usize = 10;
 
 /// Takes an eigenpair of A apart under an option.
-pub fn direction(system: &System, extensions: &Extensions, option: Stiffness, pair: &Eigenpair) -> Direction {
+pub fn direction(system: &System, extensions: &SpringGeometry, option: Stiffness, pair: &Eigenpair) -> Direction {
     let dofs = system.dofs();
     let k = SystemOperator::new(system, extensions, option, Combination::STIFFNESS);
     let mut product = vec![0.0; dofs.len()];

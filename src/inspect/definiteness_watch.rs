@@ -5,7 +5,7 @@ use super::matrix_pencil::{MatrixPencil, Property};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::eigen::{Pencil, eigenpair, unit};
 use crate::error::Result;
-use crate::force::{DegenerateSpring, Extensions};
+use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::linear::Ldlt;
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -78,7 +78,7 @@ impl<'s> DefinitenessWatch<'s> {
         dt: f64,
         par: Par,
     ) -> Result<Self> {
-        let pencil = MatrixPencil::new(system, Extensions::at(system, state)?);
+        let pencil = MatrixPencil::new(system, SpringGeometry::at(system, state)?);
         let matrix = SystemMatrix::zeros(Arc::new(SpringPattern::of_stiffness(system)?));
         let factorization = Ldlt::analyse(matrix.matrix().pattern(), par)?;
         let direction = vec![0.0; system.dofs().len()];

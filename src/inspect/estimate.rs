@@ -24,7 +24,7 @@ use super::skipped::{Part, SkipReason, Skipped};
 use super::spectrum::Spectrum;
 use crate::eigen::{BlockLanczos, Eigenpair, End, Search, Tolerance};
 use crate::error::Result;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::memory;
 use crate::multigrid::Multigrid;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
@@ -60,7 +60,7 @@ impl Inspection {
         onlooker: &mut dyn FnMut(f64, &Self),
     ) -> Result<Self> {
         memory::ensure(ROW * system.dofs().len() as u64, "an estimate of eigenvalues")?;
-        let extensions = Extensions::at(system, state)?;
+        let extensions = SpringGeometry::at(system, state)?;
         let mut found = Self::unknown(system, &extensions, dt, option);
         found.skipped = Part::all().map(|part| Skipped { part, why }).collect();
         let operator = |option| SystemOperator::new(system, &extensions, option, Combination::step(dt));
@@ -100,7 +100,7 @@ impl Inspection {
     }
 
     /// Takes over an answer to the first question.
-    fn answer(&mut self, system: &System, extensions: &Extensions, a: &SystemOperator<'_>, pair: &Eigenpair) {
+    fn answer(&mut self, system: &System, extensions: &SpringGeometry, a: &SystemOperator<'_>, pair: &Eigenpair) {
         let is_indefinite = pair.value < -SIGN * proven_ceiling(a);
         let is_proven = is_indefinite || proves_definite(a);
         let direction = direction(system, extensions, self.option, pair);
@@ -112,7 +112,7 @@ impl Inspection {
     }
 
     /// What no spring's block leaves open: without negative ones nothing grows and every step is definite.
-    fn settled_by_springs(&mut self, system: &System, extensions: &Extensions) {
+    fn settled_by_springs(&mut self, system: &System, extensions: &SpringGeometry) {
         let k = Combination { mass: 0.0, damping: 0.0, stiffness: -1.0 };
         if SystemOperator::new(system, extensions, Stiffness::Full, k).has_no_negative_block() {
             self.growing_modes = 0;

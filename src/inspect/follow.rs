@@ -9,7 +9,7 @@ use super::definiteness_watch::{DefinitenessWatch, Loss};
 use super::matrix_pencil::Property;
 use super::rotation_limit::Turn;
 use crate::error::Result;
-use crate::force::{DegenerateSpring, Energy, Extensions};
+use crate::force::{DegenerateSpring, Energy, SpringGeometry};
 use crate::integrate::{ErrorIndicators, Monitor, MonitorOptions};
 use crate::spring::Stiffness;
 use crate::system::{State, System};
@@ -81,7 +81,7 @@ pub struct Follower<'s> {
     stability: Option<DefinitenessWatch<'s>>,
     /// The state looked at last, and where its springs were.
     before: Vec<Vector3<f64>>,
-    extensions: Extensions,
+    extensions: SpringGeometry,
     monitor: Monitor<'s>,
     first: FirstLosses,
 }
@@ -102,7 +102,7 @@ impl<'s> Follower<'s> {
                 Stiffness::Full | Stiffness::Tension => None,
             },
             before: start.positions.clone(),
-            extensions: Extensions::at(system, start)?,
+            extensions: SpringGeometry::at(system, start)?,
             monitor: Monitor::new(system, start, MonitorOptions { stops_unstable: false, ..MonitorOptions::ENERGY })?,
             first: FirstLosses::default(),
         };

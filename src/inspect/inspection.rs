@@ -9,7 +9,7 @@ use super::skipped::{Part, SkipReason, Skipped};
 use super::smallest_set::DropSet;
 use super::spectrum::Spectrum;
 use crate::assembly::SpringPattern;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::linear::Ldlt;
 use crate::spring::Stiffness;
 use crate::system::System;
@@ -132,7 +132,7 @@ pub(super) const DIRECTIONS: usize = 24;
 
 impl Inspection {
     /// Of which nothing is known yet.
-    pub(super) fn unknown(system: &System, extensions: &Extensions, dt: f64, option: Stiffness) -> Self {
+    pub(super) fn unknown(system: &System, extensions: &SpringGeometry, dt: f64, option: Stiffness) -> Self {
         let compressed = extensions.springs(system).filter(|((_, _, spring), at)| spring.is_compressed(at));
         let unknown = |option| OptionInspection {
             option,
@@ -165,7 +165,7 @@ impl Inspection {
     }
 
     /// Takes over the spectrum under the option that is examined, and takes its negative directions apart, the lowest in any case.
-    pub(super) fn examine(&mut self, system: &System, extensions: &Extensions, spectrum: Spectrum) {
+    pub(super) fn examine(&mut self, system: &System, extensions: &SpringGeometry, spectrum: Spectrum) {
         let count = spectrum.negative().len().clamp(1, DIRECTIONS);
         let apart = |pair| direction(system, extensions, self.option, pair);
         self.directions = spectrum.lowest.iter().take(count).map(apart).collect();
@@ -248,7 +248,7 @@ mod tests {
     #[test]
     fn multiplicities_are_those_of_what_was_found() {
         let (system, state) = chain(1, 1.25);
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let fold = |lowest: &[f64], [negative, zero, positive]: [usize; 3]| {
             let mut found = Inspection::unknown(&system, &extensions, 0.1, Stiffness::Tension);
             let pair = |&value: &f64| Eigenpair { value, vector: Vec::new(), residual: 0.0 };

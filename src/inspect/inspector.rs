@@ -12,7 +12,7 @@ use super::spectrum::{Known, spectrum_with};
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::eigen::Accuracy;
 use crate::error::{Error, Result};
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::linear::Ldlt;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
@@ -106,7 +106,7 @@ impl Inspection {
 /// What an inspection needs, analysed once, and what it has found.
 struct Inspector<'s> {
     system: &'s System,
-    extensions: Extensions,
+    extensions: SpringGeometry,
     pattern: Arc<SpringPattern>,
     critical: CriticalSteps<'s>,
     rotation: RotationLimit<'s>,
@@ -122,7 +122,7 @@ struct Inspector<'s> {
 
 impl<'s> Inspector<'s> {
     fn new(system: &'s System, state: &'s State, dt: f64, option: Stiffness, par: Par, most: f64) -> Result<Self> {
-        let extensions = Extensions::at(system, state)?;
+        let extensions = SpringGeometry::at(system, state)?;
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
         let shared = || Ldlt::sharing(&factorization);

@@ -7,7 +7,7 @@
 //! ```
 
 use crate::eigen::probe;
-use crate::force::{DegenerateSpring, Extensions};
+use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::linear::dot;
 use crate::operator::{Combination, LinearOperator, SystemOperator, negative_part};
 use crate::spring::{SpringBlock, Stiffness};
@@ -65,7 +65,7 @@ const PROBES: usize = 60;
 /// P(s) of a system at one state, as an operator.
 pub(super) struct MatrixPencil<'s> {
     system: &'s System,
-    extensions: Extensions,
+    extensions: SpringGeometry,
     operator: SystemOperator<'s>,
     /// G, for the curvature along a vector.
     damping: SystemOperator<'s>,
@@ -75,7 +75,7 @@ pub(super) struct MatrixPencil<'s> {
 }
 
 impl<'s> MatrixPencil<'s> {
-    pub fn new(system: &'s System, extensions: Extensions) -> Self {
+    pub fn new(system: &'s System, extensions: SpringGeometry) -> Self {
         let operator = |combination| SystemOperator::new(system, &extensions, Stiffness::Full, combination);
         let (damping, operator) = (operator(Combination::DAMPING), operator(Combination::STIFFNESS));
         let mut masses = vec![0.0; system.dofs().len()];
@@ -120,7 +120,7 @@ impl<'s> MatrixPencil<'s> {
         &self.operator
     }
 
-    pub fn extensions(&self) -> &Extensions {
+    pub fn extensions(&self) -> &SpringGeometry {
         &self.extensions
     }
 

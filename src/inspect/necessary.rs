@@ -136,7 +136,7 @@ pub(super) fn fewest(negative: usize, ranks: impl IntoIterator<Item = usize>) ->
 mod tests {
     use super::{Necessity, fewest};
     use crate::assembly::SpringPattern;
-    use crate::force::Extensions;
+    use crate::force::SpringGeometry;
     use crate::operator::{Combination, SystemOperator};
     use crate::spring::{Spring, Stiffness};
     use crate::system::SystemBuilder;
@@ -164,7 +164,7 @@ mod tests {
             builder.spring(1 + k, wall, stretched(1.0));
         }
         let (system, state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let operator = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(1.0));
         let pattern = SpringPattern::of_stiffness(&system).unwrap();
         let column = vec![(0, 0.3), (1, -0.2), (2, 0.1), (3, -0.3), (4, 0.2), (5, -0.1)];

@@ -8,7 +8,7 @@ use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::eigen::Accuracy;
 use crate::error::Result;
 use crate::figure::{Axis, Drawing, Guide, Look, Plot, Series, Spy};
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::linear::Ldlt;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
@@ -48,7 +48,7 @@ impl Pictures {
     /// # Errors
     /// Coincident ends of a spring; a matrix that is too large.
     pub fn of(system: &System, state: &State, inspection: &Inspection) -> Result<Self> {
-        let extensions = Extensions::at(system, state)?;
+        let extensions = SpringGeometry::at(system, state)?;
         let is_drawn = !(system.dofs().is_empty() || inspection.lacks(Part::Curve));
         let is_whole =
             inspection.skipped_for(SkipReason::Interrupted).next().is_none() && inspection.estimated.is_empty();
@@ -81,7 +81,7 @@ impl Pictures {
 
 fn patterns_of(
     system: &System,
-    extensions: &Extensions,
+    extensions: &SpringGeometry,
     pattern: &Arc<SpringPattern>,
     inspection: &Inspection,
     factorization: &Ldlt,
@@ -155,7 +155,7 @@ fn points_of_curve(rows: usize) -> usize {
 /// λ_min over dt, scaled so that it begins at 1 for small steps: `A dt² → M`.
 fn curve_of(
     system: &System,
-    extensions: &Extensions,
+    extensions: &SpringGeometry,
     pattern: &Arc<SpringPattern>,
     inspection: &Inspection,
     factorization: &mut Ldlt,

@@ -10,7 +10,7 @@
 use super::culprits::{Culprit, Direction, direction};
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{Eigenpair, Pencil, eigenpair, probe, unit};
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::linear::Ldlt;
 use crate::operator::LinearOperator;
 use crate::spring::Stiffness;
@@ -51,7 +51,7 @@ const SIGN: f64 = 1e-13;
 /// not finite, or is singular to working precision.
 pub(super) fn quick_check(
     system: &System,
-    extensions: &Extensions,
+    extensions: &SpringGeometry,
     option: Stiffness,
     a: &SymmetricMatrix,
     products: &dyn LinearOperator,
@@ -141,7 +141,7 @@ mod tests {
         builder.hold(0);
         builder.hold(free + 1);
         let (system, state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         // Across the chain A has 2/dt² − 10 μ, μ up to this.
         let highest = 4.0 * (free as f64 * std::f64::consts::PI / (2.0 * (free + 1) as f64)).sin().powi(2);
         for (inertia, definite, factorizations) in
@@ -169,7 +169,7 @@ mod tests {
         builder.spring(ends[0], ends[1], Spring { stiffness: 1.0, rest_length: 1.0, damping: 0.0 });
         builder.hold(ends[1]);
         let (system, state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let a = banded(1, 0, |row, column| if row == column { diagonal[row] } else { 0.0 });
         let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
         let mut work = Work::default();
@@ -205,7 +205,7 @@ mod tests {
         let held = builder.particle([0.0; 3], 1.0);
         builder.hold(held);
         let (system, state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let a = banded(0, 0, |_, _| 0.0);
         let mut factorization = Ldlt::analyse(a.pattern(), Par::Seq).unwrap();
         let mut work = Work::default();

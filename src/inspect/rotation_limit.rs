@@ -33,7 +33,7 @@ use super::critical::LargestStep;
 use super::shifted_solves::solve;
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
-use crate::force::{Extensions, add_elastic_force, add_external_forces, add_weight};
+use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
 use crate::linear::Ldlt;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
@@ -85,7 +85,7 @@ impl Turn {
     /// The spring that a step of length dt, by these displacements in m from these extensions, turns worst; `None` where it turns none.
     pub fn worst(
         system: &System,
-        extensions: &Extensions,
+        extensions: &SpringGeometry,
         displacement: &[Vector3<f64>],
         dt: f64,
         option: Stiffness,
@@ -171,7 +171,7 @@ impl Turn {
 pub struct RotationLimit<'s> {
     system: &'s System,
     state: &'s State,
-    extensions: Extensions,
+    extensions: SpringGeometry,
     operator: SystemOperator<'s>,
     matrix: SystemMatrix,
     factorization: Ldlt,
@@ -199,14 +199,14 @@ impl<'s> RotationLimit<'s> {
         let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
         let factorization = Ldlt::analyse(pattern.pattern(), par)?;
         let work = Work { symbolic_factorizations: 1, ..Work::default() };
-        Ok(Self::analysed(system, state, Extensions::at(system, state)?, pattern, factorization, work))
+        Ok(Self::analysed(system, state, SpringGeometry::at(system, state)?, pattern, factorization, work))
     }
 
     /// On a pattern that has been analysed.
     pub(super) fn analysed(
         system: &'s System,
         state: &'s State,
-        extensions: Extensions,
+        extensions: SpringGeometry,
         pattern: Arc<SpringPattern>,
         factorization: Ldlt,
         work: Work,

@@ -56,7 +56,7 @@ pub(super) fn solve(
 #[cfg(test)]
 mod tests {
     use super::solve;
-    use crate::force::Extensions;
+    use crate::force::SpringGeometry;
     use crate::inspect::fixtures::{pin, pinned};
     use crate::operator::{Combination, SystemOperator};
     use crate::spring::Stiffness;
@@ -65,7 +65,7 @@ mod tests {
     #[test]
     fn steps_are_solved_for_unless_they_overflow() {
         let (system, state) = pinned(&[pin(2.0, -1.0), pin(1.0, -12.0)]);
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let p = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.5));
         for (diagonal, most) in [([9.0, 16.0], 1), ([8.0, 4.0], 2)] {
             let mut uses = 0;

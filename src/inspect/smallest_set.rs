@@ -13,7 +13,7 @@
 //! **From below.** Some springs are in every set that is enough, and N negative eigenvalues take N/2 terms or more, see `necessary`. Where the
 //! necessary springs are enough by themselves, which one factorization tells, they are the smallest set there is.
 //!
-//! **From above.** *Enough* springs come from the local condition of [`Softening`]. Where these are too many, only the necessary ones of them
+//! **From above.** *Enough* springs come from the local condition of [`Regularization`]. Where these are too many, only the necessary ones of them
 //! and those that are nearest to it are taken, as few as three halvings with a factorization each find to be enough.
 //!
 //! **The search** is one in that small matrix (`choice`). Dropping more never hurts, so what remains is *irredundant*: none of its springs can be
@@ -24,8 +24,8 @@ use super::inertia::InertiaCounter;
 use super::necessary::{Column, NECESSARY, Necessity, fewest};
 use crate::assembly::{SpringPattern, SystemMatrix};
 use crate::error::Result;
-use crate::force::Extensions;
-use crate::integrate::Softening;
+use crate::force::SpringGeometry;
+use crate::integrate::Regularization;
 use crate::linear::{Ldlt, SOLVE_COLUMNS};
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::{Spring, Stiffness};
@@ -72,7 +72,13 @@ const HALVINGS: usize = 3;
 ///
 /// # Errors
 /// A matrix that is too large.
-pub fn smallest_set(system: &System, extensions: &Extensions, dt: f64, par: Par, work: &mut Work) -> Result<DropSet> {
+pub fn smallest_set(
+    system: &System,
+    extensions: &SpringGeometry,
+    dt: f64,
+    par: Par,
+    work: &mut Work,
+) -> Result<DropSet> {
     let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
     let factorization = Ldlt::analyse(pattern.pattern(), par)?;
     work.symbolic_factorizations += 1;
@@ -142,7 +148,7 @@ struct Term {
 /// A with chosen transverse terms dropped. Springs are named by their position among the active ones.
 pub(super) struct Trial<'s> {
     system: &'s System,
-    extensions: &'s Extensions,
+    extensions: &'s SpringGeometry,
     combination: Combination,
     operator: SystemOperator<'s>,
     pattern: Arc<SpringPattern>,
@@ -157,7 +163,7 @@ impl<'s> Trial<'s> {
     /// For a step of length dt, on a pattern that has been analysed.
     pub fn new(
         system: &'s System,
-        extensions: &'s Extensions,
+        extensions: &'s SpringGeometry,
         dt: f64,
         pattern: Arc<SpringPattern>,
         factorization: Ldlt,
@@ -208,7 +214,7 @@ impl<'s> Trial<'s> {
 
     /// Springs that are enough: the necessary ones, which are not, and those that are nearest to it; `None` if rounding hides that they are.
     fn enough(&mut self, necessary: &[usize], terms: &[Term], work: &mut Work) -> Option<Vec<usize>> {
-        let mut softening = Softening::new(self.system);
+        let mut softening = Regularization::new(self.system);
         softening.choose(self.system, self.extensions, self.combination);
         let options = softening.options();
         let is_new = |p: &usize| options[*p] == Stiffness::Tension && terms[*p].need < NECESSARY;

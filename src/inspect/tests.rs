@@ -6,7 +6,7 @@
 use super::{
     CriticalSteps, Inertia, InertiaMethod, Inspection, LargestStep, Minimality, Part, Property, SkipReason, spectrum,
 };
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::inspect::smallest_set;
 use crate::integrate::StepMatrices;
 use crate::linear::norm;
@@ -147,7 +147,7 @@ fn is_definite_without(free: usize, inertia: f64, dropped: &[usize]) -> bool {
 fn sets_are_enough_and_no_more() {
     for (free, inertia) in [(7, 30.0), (7, 12.0), (20, 35.0)] {
         let (system, state) = chain(free, 1.25);
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let mut work = Work::default();
         let set = smallest_set(&system, &extensions, step_for(inertia), Par::Seq, &mut work).unwrap();
         assert_eq!((set.minimality, set.tension), (Minimality::Irredundant, free + 1));

@@ -78,7 +78,7 @@ pub use stepper::{AdaptiveStepper, ErrorEstimate};
 ///
 /// # Examples
 /// ```
-/// use sprung::integrate::{Adaptivity, ImplicitOptions, Rodas4, run_adaptive};
+/// use sprung::integrate::{AdaptiveOptions, ImplicitOptions, Rodas4, run_adaptive};
 /// use std::ops::ControlFlow;
 ///
 /// # use sprung::{Spring, SystemBuilder};
@@ -89,7 +89,7 @@ pub use stepper::{AdaptiveStepper, ErrorEstimate};
 /// # builder.hold(0);
 /// let (system, mut state) = builder.build()?;
 /// let mut stepper = Rodas4::new(&system, &state, &ImplicitOptions::default())?;
-/// let how = Adaptivity::new(1.0, 1e-6)?.sampled_every(0.25)?;
+/// let how = AdaptiveOptions::new(1.0, 1e-6)?.sampled_every(0.25)?;
 /// let mut times = Vec::new();
 /// let outcome = run_adaptive(&mut stepper, &system, &mut state, &how, |_, sample| {
 ///     times.push(sample.time);
@@ -98,11 +98,11 @@ pub use stepper::{AdaptiveStepper, ErrorEstimate};
 /// assert_eq!(outcome.status().name(), "completed");
 /// assert_eq!(times, [0.25, 0.5, 0.75, 1.0]);
 /// assert!((state.positions[1].x - (2.0 - 10.0_f64.sqrt().cos())).abs() < 1e-5);
-/// assert!(Adaptivity::new(1.0, 0.0).is_err());
+/// assert!(AdaptiveOptions::new(1.0, 0.0).is_err());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Adaptivity {
+pub struct AdaptiveOptions {
     /// Length of the run, in s; positive.
     pub duration: f64,
     /// About the error of positions at the end, relative to their distance from their centroid (Euclidean norms).
@@ -110,12 +110,12 @@ pub struct Adaptivity {
     /// The first step to try, in s; `None` for one that the forces suggest.
     pub first_step: Option<f64>,
     /// When the run is observed.
-    pub sampling: Sampling,
+    pub sampling: OutputTimes,
     /// Length of the run of which this is a part, in s: errors of all its parts add up. `None` where it is the whole.
     pub part_of: Option<f64>,
 }
 
-impl Adaptivity {
+impl AdaptiveOptions {
     /// Of a run so long, in s, observed after every step; the first step is chosen by the forces.
     ///
     /// # Errors
@@ -127,7 +127,7 @@ impl Adaptivity {
         if !(rtol > 0.0 && rtol < 1.0) {
             return Err(Invalid::new("rtol", rtol, "must lie between 0 and 1"));
         }
-        Ok(Self { duration, rtol, first_step: None, sampling: Sampling::Steps, part_of: None })
+        Ok(Self { duration, rtol, first_step: None, sampling: OutputTimes::Steps, part_of: None })
     }
 
     /// The same, observed every so many seconds, whatever the steps.
@@ -138,13 +138,13 @@ impl Adaptivity {
         if !(interval.is_finite() && interval > 0.0) {
             return Err(Invalid::new("interval", interval, "must be finite and positive"));
         }
-        Ok(Self { sampling: Sampling::Every(interval), ..self })
+        Ok(Self { sampling: OutputTimes::Every(interval), ..self })
     }
 }
 
 /// When a run with error control is observed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Sampling {
+pub enum OutputTimes {
     /// After every accepted step.
     Steps,
     /// At multiples of an interval, in s, whatever the steps, and at the end of the run. What is between the ends of a step
@@ -161,7 +161,7 @@ pub fn run_adaptive(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
     state: &mut State,
-    how: &Adaptivity,
+    how: &AdaptiveOptions,
     mut observe: impl FnMut(u64, &State) -> ControlFlow<()>,
 ) -> Outcome {
     let pacing = Pacing::by_error(stepper, system, state, how);
@@ -174,7 +174,7 @@ pub fn run_adaptive_monitored(
     stepper: &mut dyn AdaptiveStepper,
     system: &System,
     state: &mut State,
-    how: &Adaptivity,
+    how: &AdaptiveOptions,
     monitor: &mut Monitor,
     mut observe: impl FnMut(u64, &State, &Monitor) -> ControlFlow<()>,
 ) -> Outcome {
@@ -187,13 +187,13 @@ pub fn run_adaptive_monitored(
 /// How long a run's steps are, and when it is observed.
 struct Pacing {
     duration: f64,
-    sampling: Sampling,
+    sampling: OutputTimes,
     control: Control,
     scales: Scales,
 }
 
 impl Pacing {
-    fn by_error(stepper: &mut dyn AdaptiveStepper, system: &System, state: &State, how: &Adaptivity) -> Self {
+    fn by_error(stepper: &mut dyn AdaptiveStepper, system: &System, state: &State, how: &AdaptiveOptions) -> Self {
         let orders = [stepper.order(), stepper.estimate_order()];
         let (scales, forces) = Scales::at_start(system, state, how, orders);
         stepper.statistics_mut().work.force_evaluations += forces;
@@ -202,7 +202,7 @@ impl Pacing {
             stepper.statistics_mut().work.force_evaluations += forces;
             step
         });
-        let Adaptivity { duration, sampling, .. } = *how;
+        let AdaptiveOptions { duration, sampling, .. } = *how;
         Self { duration, sampling, control: Control::new(first, duration), scales }
     }
 }

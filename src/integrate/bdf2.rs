@@ -163,7 +163,7 @@ const GROWTH: f64 = 2.0;
 
 /// Errors of the formula all have one sign as motions swing, and add up where those of other methods cancel; what it damps, estimates do
 /// not see. Measured on random scenes that magnify errors up to a hundredfold, of which none may end twenty tolerances off.
-const CAUTION: f64 = 36.0;
+const SAFETY_FACTOR: f64 = 36.0;
 
 /// τ of a step of h seconds.
 fn duration(h: f64, ratio: f64) -> f64 {
@@ -243,7 +243,7 @@ impl AdaptiveStepper for Bdf2<'_> {
     }
 
     fn caution(&self) -> f64 {
-        CAUTION
+        SAFETY_FACTOR
     }
 
     fn largest_growth(&self) -> f64 {

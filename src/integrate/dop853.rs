@@ -39,10 +39,10 @@ mod tables;
 
 use super::adaptive::{hermite, joint, norm_of_all};
 use super::explicit::ensure_room;
-use super::pieces::Piece;
+use super::substeps::Substep;
 use super::{AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::{Extensions, set_total_force};
+use crate::force::{SpringGeometry, set_total_force};
 use crate::system::{State, System};
 use coefficients::{A, C, E3, E5, Row, STAGES};
 use nalgebra::Vector3;
@@ -137,7 +137,7 @@ impl<'s> Dop853<'s> {
     /// Coincident ends of a spring in `state`; too little memory.
     pub fn new(system: &'s System, state: &State) -> Result<Self> {
         ensure_room(system, state, PARTICLE)?;
-        Extensions::at(system, state)?;
+        SpringGeometry::at(system, state)?;
         Ok(Self::unchecked(system, state))
     }
 
@@ -278,7 +278,7 @@ impl TimeStepper for Dop853<'_> {
         let (mut time, end) = (state.time, state.time + dt);
         self.next.copy_from(state);
         let mut local_error = 0.0;
-        while let Some(piece) = Piece::next(self.system.prescribed(), time, end, dt) {
+        while let Some(piece) = Substep::next(self.system.prescribed(), time, end, dt) {
             std::mem::swap(&mut self.base, &mut self.next);
             self.knows_first = false;
             self.advance(piece.length())?;

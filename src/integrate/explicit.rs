@@ -3,7 +3,7 @@
 use super::propagated_error::LeadingTerm;
 use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::{Extensions, set_total_force};
+use crate::force::{SpringGeometry, set_total_force};
 use crate::memory;
 use crate::system::{State, System};
 use nalgebra::Vector3;
@@ -36,7 +36,7 @@ struct Explicit<'s> {
 impl<'s> Explicit<'s> {
     fn new(system: &'s System, state: &State) -> Result<Self> {
         ensure_room(system, state, PARTICLE)?;
-        Extensions::at(system, state)?;
+        SpringGeometry::at(system, state)?;
         let force = vec![Vector3::zeros(); system.particles()];
         Ok(Self { system, force, next: state.clone(), displaced: Vec::new(), statistics: Statistics::default() })
     }

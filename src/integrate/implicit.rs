@@ -1,10 +1,10 @@
 //! What implicit methods share: the linear system of a step under a stiffness policy.
 
-use super::exactness::Exactness;
+use super::linear_tolerance::LinearTolerance;
 use super::terms::{Choice, Terms};
-use super::{Softening, Statistics, StepFailure, StiffnessPolicy};
+use super::{Regularization, Statistics, StepFailure, StiffnessPolicy};
 use crate::error::Result;
-use crate::force::{Configuration, Extensions, add_damping_product, add_elastic_differential};
+use crate::force::{Configuration, SpringGeometry, add_damping_product, add_elastic_differential};
 use crate::interrupt::Interrupt;
 use crate::linear::{LinearSolver, MatrixAndSolver, Solution, SolveFailure, SolverOptions, Tolerance, norm, select};
 use crate::memory;
@@ -51,7 +51,7 @@ impl ImplicitOptions {
 
 impl Default for ImplicitOptions {
     fn default() -> Self {
-        let linear = SolverOptions { tolerance: Tolerance::OfMotion, ..SolverOptions::default() };
+        let linear = SolverOptions { tolerance: Tolerance::Adaptive, ..SolverOptions::default() };
         Self { stiffness: StiffnessPolicy::OnDemand, linear }
     }
 }
@@ -68,14 +68,14 @@ const PARTICLE: u64 = 1000;
 pub(super) struct LinearSystem<'s> {
     pub system: &'s System,
     /// Those of the matrix: nothing else may be written here between `prepare` and the last solve with it.
-    pub extensions: Extensions,
+    pub extensions: SpringGeometry,
     pub statistics: Statistics,
     equations: MatrixAndSolver<'s>,
     /// Made when the policy asks for it, or Newton's method first does.
-    softening: Option<Softening>,
+    softening: Option<Regularization>,
     pub policy: StiffnessPolicy,
     /// How exactly iterative solvers are worth solving, and the relative residual that they are asked for.
-    pub exactness: Exactness,
+    pub exactness: LinearTolerance,
     tolerance: f64,
     interrupt: Interrupt,
     combination: Combination,
@@ -114,11 +114,11 @@ impl<'s> LinearSystem<'s> {
         solver: Box<dyn LinearSolver + 's>,
     ) -> Result<Self> {
         Self::check(system, state, options)?;
-        let extensions = Extensions::at(system, state)?;
+        let extensions = SpringGeometry::at(system, state)?;
         let policy = options.stiffness;
         let combination = Combination::STIFFNESS;
         let matrix = SystemOperator::new(system, &extensions, Stiffness::Full, combination);
-        let softening = (policy == StiffnessPolicy::OnDemand).then(|| Softening::new(system));
+        let softening = (policy == StiffnessPolicy::OnDemand).then(|| Regularization::new(system));
         let zeros = || vec![0.0; system.dofs().len()];
         let (rhs, solution) = (zeros(), zeros());
         Ok(Self {
@@ -128,7 +128,7 @@ impl<'s> LinearSystem<'s> {
             equations: MatrixAndSolver::new(matrix, solver),
             softening,
             policy,
-            exactness: Exactness::new(system, options.linear.tolerance),
+            exactness: LinearTolerance::new(system, options.linear.tolerance),
             tolerance: options.linear.tolerance.strictest(),
             interrupt: options.linear.interrupt,
             combination,
@@ -237,7 +237,7 @@ impl<'s> LinearSystem<'s> {
         self.solve_to(Exactly::AsSet, force, displacement)
     }
 
-    /// As [`solve`](Self::solve), as exactly as is worth for a step with about the error in time of the last one, see [`Exactness`].
+    /// As [`solve`](Self::solve), as exactly as is worth for a step with about the error in time of the last one, see [`LinearTolerance`].
     pub fn solve_as_needed(
         &mut self,
         force: &[Vector3<f64>],
@@ -350,7 +350,7 @@ impl<'s> LinearSystem<'s> {
                 matrix.update(extensions, Stiffness::Full, combination);
             }
             Terms::Softened => {
-                let softening = softening.get_or_insert_with(|| Softening::new(system));
+                let softening = softening.get_or_insert_with(|| Regularization::new(system));
                 choice.dropped = softening.choose(system, extensions, combination);
                 let options = softening.options();
                 matrix.update_each(extensions, combination, |position| options[position]);

@@ -2,11 +2,11 @@
 //! several methods against exact ones and each other.
 
 use super::{Bdf2, Dop853, ImplicitOptions, LinearBackwardEuler, Rodas4, StepMatrices, TimeStepper, Verlet, WMethod};
-use crate::force::{Energy, Extensions, actuation_power, add_force_rate, set_total_force};
+use crate::force::{Energy, SpringGeometry, actuation_power, add_force_rate, set_total_force};
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::{Spring, Stiffness};
 use crate::system::{
-    Actuation, Behaviour, Curve, Derivatives, ExternalForce, Loads, Moment, State, System, SystemBuilder,
+    Actuation, Behaviour, Curve, Derivatives, ExternalForce, Loads, State, StateView, System, SystemBuilder,
 };
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
@@ -19,7 +19,7 @@ struct Floor {
 }
 
 impl ExternalForce for Floor {
-    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
         for ((f, x), v) in force.iter_mut().zip(at.positions).zip(at.velocities) {
             if x.y < self.height {
                 f.y += self.stiffness * (self.height - x.y) - self.damping * v.y;
@@ -31,7 +31,7 @@ impl ExternalForce for Floor {
         true
     }
 
-    fn add_derivatives(&self, at: &Moment<'_>, derivatives: &mut [Derivatives]) {
+    fn add_derivatives(&self, at: &StateView<'_>, derivatives: &mut [Derivatives]) {
         for (derivatives, _) in derivatives.iter_mut().zip(at.positions).filter(|(_, x)| x.y < self.height) {
             derivatives.stiffness[(1, 1)] -= self.stiffness;
             derivatives.damping[(1, 1)] -= self.damping;
@@ -44,7 +44,7 @@ impl ExternalForce for Floor {
 struct Plain(Floor);
 
 impl ExternalForce for Plain {
-    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
         self.0.add(at, force);
     }
 }
@@ -129,7 +129,7 @@ fn matrices_are_derivatives_of_forces() {
     still.velocities.fill(Vector3::zeros());
     let by_position = differences(&system, &still, |state, at| &mut state.positions[at / 3][at % 3]);
     assert!(nearly(&k, &by_position), "{}", k - by_position);
-    let extensions = Extensions::at(&system, &state).unwrap();
+    let extensions = SpringGeometry::at(&system, &state).unwrap();
     let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
     let w: Vec<f64> = (0..15).map(|row| (row as f64 * 1.7).sin()).collect();
     let mut y = vec![0.0; 15];
@@ -152,7 +152,7 @@ fn matrices_are_derivatives_of_forces() {
 fn energies_and_rates_are_those_of_the_forces() {
     let (system, state) = every_kind();
     let elastic = |state: &State| Energy::of(&system, state).elastic;
-    let extensions = Extensions::at(&system, &state).unwrap();
+    let extensions = SpringGeometry::at(&system, &state).unwrap();
     let mut pull = vec![Vector3::zeros(); 5];
     crate::force::add_elastic_force(&system, &extensions, &mut pull);
     for (p, pull) in pull.iter().enumerate() {
@@ -327,7 +327,7 @@ fn a_stiff_floor_is_the_same_to_all_methods() {
 struct Saddle;
 
 impl ExternalForce for Saddle {
-    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
         for (f, x) in force.iter_mut().zip(at.positions) {
             *f += Vector3::new(50.0 * x.y, 50.0 * x.x, 0.0);
         }
@@ -337,7 +337,7 @@ impl ExternalForce for Saddle {
         true
     }
 
-    fn add_derivatives(&self, _: &Moment<'_>, derivatives: &mut [Derivatives]) {
+    fn add_derivatives(&self, _: &StateView<'_>, derivatives: &mut [Derivatives]) {
         let block = Matrix3::new(0.0, 50.0, 0.0, 50.0, 0.0, 0.0, 0.0, 0.0, 0.0);
         derivatives.iter_mut().for_each(|derivatives| derivatives.stiffness += block);
     }

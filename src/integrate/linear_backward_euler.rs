@@ -11,8 +11,8 @@
 //! In this form no damping stands on the right. Prescribed particles move by the known δx_c; their rows and columns leave
 //! the system, and the free rows get `b_f −= A_fc δx_c`.
 
-use super::exactness::mass_norm;
 use super::implicit::{ImplicitOptions, LinearSystem};
+use super::linear_tolerance::mass_norm;
 use super::propagated_error::{LeadingTerm, on_axes};
 use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;

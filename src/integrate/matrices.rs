@@ -2,7 +2,7 @@
 
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::error::{Error, Invalid, Result};
-use crate::force::{Extensions, add_elastic_force, add_undamped_external_forces, add_weight};
+use crate::force::{SpringGeometry, add_elastic_force, add_undamped_external_forces, add_weight};
 use crate::memory;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::Stiffness;
@@ -53,7 +53,7 @@ pub struct Matrices<'s> {
 
 /// A state that matrices are assembled at.
 struct Linearization<'s> {
-    extensions: Extensions,
+    extensions: SpringGeometry,
     operator: SystemOperator<'s>,
     option: Stiffness,
 }
@@ -94,7 +94,7 @@ impl<'s> Matrices<'s> {
                 Linearization { extensions, operator, option }
             }
             None => {
-                let extensions = Extensions::at(self.system, state)?;
+                let extensions = SpringGeometry::at(self.system, state)?;
                 let operator = SystemOperator::new(self.system, &extensions, option, Combination::STIFFNESS);
                 Linearization { extensions, operator, option }
             }

@@ -72,7 +72,7 @@ pub enum Equations {
 /// The velocity by which a step moves positions, `x' = x + dt v`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum MovesBy {
+pub enum PositionUpdate {
     /// That at its beginning.
     Old,
     /// That at its end.
@@ -88,7 +88,7 @@ struct Facts {
     name: &'static str,
     order: u32,
     equations: Equations,
-    moves_by: MovesBy,
+    moves_by: PositionUpdate,
     estimates_errors: bool,
     /// The dt of the first matrix of a step, in steps.
     matrix_part: f64,
@@ -111,7 +111,7 @@ impl Method {
 
     const fn facts(self) -> Facts {
         use Equations::{Explicit, Linear, LinearExact, Nonlinear};
-        use MovesBy::{Mean, New, Old, Other};
+        use PositionUpdate::{Mean, New, Old, Other};
         let (name, order, equations, moves_by, estimates_errors) = match self {
             Self::LinearBackwardEuler => ("linear-backward-euler", 1, Linear, New, false),
             Self::BackwardEuler => ("backward-euler", 1, Nonlinear, New, false),
@@ -171,7 +171,7 @@ impl Method {
     }
 
     /// The velocity by which a step moves positions.
-    pub const fn moves_by(self) -> MovesBy {
+    pub const fn moves_by(self) -> PositionUpdate {
         self.facts().moves_by
     }
 

@@ -6,10 +6,8 @@ mod adaptive;
 mod backward_euler;
 mod bdf2;
 mod dop853;
-mod exactness;
 mod explicit;
 mod failure;
-mod filter;
 mod forcing;
 mod implicit;
 mod implicit_midpoint;
@@ -17,35 +15,39 @@ mod implicit_midpoint;
 mod kinds_tests;
 #[cfg(test)]
 mod law_tests;
+mod line_search;
 mod linear_backward_euler;
+mod linear_tolerance;
 mod matrices;
-mod merit;
 mod method;
 mod monitor;
 mod newton;
+mod newton_matrix;
 #[cfg(test)]
 mod oscillator;
 #[cfg(test)]
 mod parts_tests;
-mod pieces;
 mod propagated_error;
+mod regularization;
 mod rodas4;
 mod run;
 mod schedule;
-mod softening;
+mod spring_visitor;
 mod statistics;
 #[cfg(test)]
 mod steps_tests;
 mod stiffness_policy;
+mod substeps;
 mod terms;
 #[cfg(test)]
 mod tolerances_tests;
 mod verlet;
 mod w_method;
-mod watch;
 
 pub(crate) use adaptive::hermite;
-pub use adaptive::{AdaptiveStepper, Adaptivity, ErrorEstimate, Sampling, run_adaptive, run_adaptive_monitored};
+pub use adaptive::{
+    AdaptiveOptions, AdaptiveStepper, ErrorEstimate, OutputTimes, run_adaptive, run_adaptive_monitored,
+};
 pub use backward_euler::BackwardEuler;
 pub use bdf2::Bdf2;
 pub use dop853::Dop853;
@@ -55,22 +57,22 @@ pub use implicit::ImplicitOptions;
 pub use implicit_midpoint::ImplicitMidpoint;
 pub use linear_backward_euler::LinearBackwardEuler;
 pub use matrices::{Matrices, StepMatrices};
-pub use method::{Equations, Method, MovesBy};
+pub use method::{Equations, Method, PositionUpdate};
 pub use monitor::{
-    Account, Balance, ErrorIndicators, INACCURATE, Monitor, MonitorOptions, Warning, percent, threshold,
+    Balance, ErrorIndicators, INACCURATE, Monitor, MonitorCheckpoint, MonitorOptions, Warning, percent, threshold,
 };
 pub use newton::NewtonOptions;
 pub use propagated_error::{CompletedStep, PropagatedError};
+pub use regularization::Regularization;
 pub use rodas4::Rodas4;
 pub use run::{Outcome, RunFailure, run, run_monitored};
 pub use schedule::Schedule;
 pub(crate) use schedule::is_end;
-pub use softening::Softening;
+pub(crate) use spring_visitor::SpringVisitor;
 pub use statistics::Statistics;
 pub use stiffness_policy::StiffnessPolicy;
 pub use verlet::Verlet;
 pub use w_method::WMethod;
-pub(crate) use watch::Watch;
 
 use crate::linear::LinearSolver;
 use crate::system::State;
@@ -97,7 +99,7 @@ pub trait TimeStepper {
     /// # Errors
     /// As of `step`.
     #[doc(hidden)]
-    fn step_seen(&mut self, state: &mut State, dt: f64, _watch: &mut dyn Watch) -> Result<(), StepFailure> {
+    fn step_seen(&mut self, state: &mut State, dt: f64, _watch: &mut dyn SpringVisitor) -> Result<(), StepFailure> {
         self.step(state, dt)
     }
 

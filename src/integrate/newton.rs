@@ -35,10 +35,10 @@ mod options;
 
 pub use options::NewtonOptions;
 
-use super::filter::{Filter, Matrix};
 use super::forcing::Forcing;
 use super::implicit::{ImplicitOptions, LinearSystem};
-use super::merit::{Balance, Point};
+use super::line_search::{Balance, Point};
+use super::newton_matrix::{Filter, Matrix};
 use super::{NotSolved, PropagatedError, StepFailure, StiffnessPolicy};
 use crate::error::Result;
 use crate::force::{add_damping_differential, add_damping_force, add_elastic_force, add_external_forces, add_weight};

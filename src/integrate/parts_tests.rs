@@ -1,8 +1,8 @@
 //! Steps and accounts of systems cut in parts are those of the whole. Each part is on a thread of its own.
 
-use super::{Monitor, MonitorOptions, Softening, StepFailure, TimeStepper, Verlet};
+use super::{Monitor, MonitorOptions, Regularization, StepFailure, TimeStepper, Verlet};
 use crate::error::DegenerateSpring;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::operator::Combination;
 use crate::spring::Spring;
 use crate::system::parts::{Cut, in_parts};
@@ -153,9 +153,9 @@ fn parts_drop_the_terms_of_the_whole() {
     builder.hold(3);
     let combination = |mass| Combination { mass, damping: 0.0, stiffness: -1.0 };
     let (system, state) = builder.clone().build().unwrap();
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     for mass in [5.0, 15.0, 25.0] {
-        let mut whole = Softening::new(&system);
+        let mut whole = Regularization::new(&system);
         let dropped = whole.choose(&system, &extensions, combination(mass));
         assert!(dropped > 0 && dropped < system.springs().len());
         for parts in 2..5 {
@@ -164,8 +164,8 @@ fn parts_drop_the_terms_of_the_whole() {
                 parts,
                 |p| p * 13 % parts,
                 |Cut { system, state, springs, .. }| {
-                    let extensions = Extensions::at(&system, &state.positions).unwrap();
-                    let mut softening = Softening::new(&system);
+                    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
+                    let mut softening = Regularization::new(&system);
                     assert_eq!(softening.choose(&system, &extensions, combination(mass)), dropped);
                     for (option, &spring) in softening.options().iter().zip(&springs) {
                         assert_eq!(*option, whole.options()[spring], "spring {spring} in {parts} parts");

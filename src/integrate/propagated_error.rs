@@ -27,7 +27,7 @@
 //! equation says nothing any more.
 
 use super::adaptive::norm_of_all;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::system::{Axes, State, System};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -217,7 +217,7 @@ impl PropagatedError {
 
     /// Adds to δ the velocity that a method takes from springs that turn: with `v⊥` across a spring a step of straight motion ends longer by
     /// `L = (h v⊥)²/(2 l)`, and `c κ L²` of the energy `½ μ v⊥²` across is lost, κ = k/l0 and μ the reduced mass of its ends.
-    pub(super) fn add_braking(&mut self, system: &System, extensions: &Extensions, step: &CompletedStep, c: f64) {
+    pub(super) fn add_braking(&mut self, system: &System, extensions: &SpringGeometry, step: &CompletedStep, c: f64) {
         let weight = |p: usize| if system.dofs().free_axes(p) == Axes::NONE { 0.0 } else { 1.0 / system.masses()[p] };
         for ((_, [i, j], spring), at) in extensions.springs(system) {
             let v = step.before.velocities[i] - step.before.velocities[j];

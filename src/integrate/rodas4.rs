@@ -44,7 +44,7 @@ mod errors;
 
 use super::adaptive::norm_of_all;
 use super::implicit::{ImplicitOptions, LinearSystem};
-use super::pieces::Piece;
+use super::substeps::Substep;
 use super::{CompletedStep, PropagatedError, Statistics, StepFailure, StiffnessPolicy, TimeStepper};
 use crate::error::{Error, Result};
 use crate::force::{add_damping_differential, add_damping_product, add_force_rate, set_total_force};
@@ -289,7 +289,7 @@ impl<'s> Rodas4<'s> {
     }
 
     /// Advances `base` over a piece of a step, in parts where the matrix is indefinite.
-    fn advance_in_parts(&mut self, piece: &Piece, dt: f64) -> Result<(), StepFailure> {
+    fn advance_in_parts(&mut self, piece: &Substep, dt: f64) -> Result<(), StepFailure> {
         let mut h = piece.length();
         loop {
             let left = piece.end - self.base.time;
@@ -352,7 +352,7 @@ impl TimeStepper for Rodas4<'_> {
         let (mut time, end) = (state.time, state.time + dt);
         self.base.copy_from(state);
         self.local_error = 0.0;
-        while let Some(piece) = Piece::next(self.linear.system.prescribed(), time, end, dt) {
+        while let Some(piece) = Substep::next(self.linear.system.prescribed(), time, end, dt) {
             self.advance_in_parts(&piece, dt)?;
             time = piece.end;
         }

@@ -3,7 +3,7 @@
 use super::oscillator::{Oscillator, Way};
 use super::{AdaptiveStepper, Bdf2, ImplicitOptions, Method, StepMatrices, TimeStepper, WMethod};
 use crate::spring::Stiffness;
-use crate::system::{ExternalForce, Moment, State, SystemBuilder};
+use crate::system::{ExternalForce, State, StateView, SystemBuilder};
 use nalgebra::{Complex, DMatrix, Vector3};
 
 const OPTIONS: [(Way, f64, f64); 3] = [(Way::Along, 0.8, 1e-9), (Way::Along, 0.0, 1e-9), (Way::Across, 0.8, 1e-6)];
@@ -188,7 +188,7 @@ fn the_matrices_of_a_step_are_its_equations() {
 struct Growing;
 
 impl ExternalForce for Growing {
-    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
         force.iter_mut().for_each(|f| f.x += 2.0 + 3.0 * at.time);
     }
 }
@@ -223,7 +223,7 @@ fn external_forces_act_at_the_time_of_the_stage() {
 struct Air;
 
 impl ExternalForce for Air {
-    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
         force.iter_mut().zip(at.velocities).for_each(|(f, v)| *f -= v * 4.0);
     }
 }

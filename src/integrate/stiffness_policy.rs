@@ -1,6 +1,6 @@
 //! Which stiffness matrices have, by name.
 
-use crate::linear::Assurance;
+use crate::linear::DefinitenessGuarantee;
 use crate::spring::Stiffness;
 
 /// Which stiffness enters the matrix of each solve.
@@ -18,7 +18,7 @@ pub enum StiffnessPolicy {
     /// The same option in every solve.
     Always(Stiffness),
     /// `Full` while A is positive definite; in the solves where it is not, transverse terms are dropped, as few as a
-    /// condition without factorizations can promise to be enough, see [`Softening`](super::Softening). With a factorization "is not" is proven;
+    /// condition without factorizations can promise to be enough, see [`Regularization`](super::Regularization). With a factorization "is not" is proven;
     /// with conjugate gradients it means that negative curvature was met. [`Bdf2`](super::Bdf2), whose result does not hang on the
     /// matrix, takes the transverse terms of tensions that last.
     OnDemand,
@@ -42,11 +42,11 @@ impl StiffnessPolicy {
     }
 
     /// What it says of every matrix.
-    pub(super) fn assurance(self) -> Assurance {
+    pub(super) fn assurance(self) -> DefinitenessGuarantee {
         match self {
-            Self::Always(Stiffness::Full) => Assurance::Unknown,
-            Self::Always(Stiffness::Tension | Stiffness::Axial) => Assurance::Definite,
-            Self::OnDemand => Assurance::MadeDefinite,
+            Self::Always(Stiffness::Full) => DefinitenessGuarantee::Unknown,
+            Self::Always(Stiffness::Tension | Stiffness::Axial) => DefinitenessGuarantee::Definite,
+            Self::OnDemand => DefinitenessGuarantee::RegularizedDefinite,
         }
     }
 }

@@ -17,7 +17,7 @@ use crate::spring::Stiffness;
 pub(super) enum Terms {
     /// Those of an option.
     Of(Stiffness),
-    /// All but those that a [`Softening`](super::Softening) drops.
+    /// All but those that a [`Regularization`](super::Regularization) drops.
     Softened,
     /// All, in a matrix whose definiteness its caller sees to.
     Whole,

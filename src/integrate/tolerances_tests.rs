@@ -18,7 +18,7 @@ fn asked(error: f64, tau: f64, solved: f64) -> f64 {
 }
 
 fn options() -> ImplicitOptions {
-    let linear = SolverOptions { solver: SolverChoice::Cg, tolerance: Tolerance::OfMotion, ..SolverOptions::default() };
+    let linear = SolverOptions { solver: SolverChoice::Cg, tolerance: Tolerance::Adaptive, ..SolverOptions::default() };
     ImplicitOptions::default().with_linear(linear)
 }
 

@@ -15,12 +15,12 @@
 //! keeps the order.
 
 use super::explicit::ensure_room;
-use super::pieces::Piece;
 use super::propagated_error::LeadingTerm;
-use super::{CompletedStep, PropagatedError, Statistics, StepFailure, TimeStepper, Watch};
+use super::substeps::Substep;
+use super::{CompletedStep, PropagatedError, SpringVisitor, Statistics, StepFailure, TimeStepper};
 use crate::error::{DegenerateSpring, Result};
-use crate::force::{Extensions, set_total_force};
-use crate::system::{Moment, State, System};
+use crate::force::{SpringGeometry, set_total_force};
+use crate::system::{State, StateView, System};
 use nalgebra::Vector3;
 
 /// Bytes for a particle, at most.
@@ -72,7 +72,7 @@ impl<'s> Verlet<'s> {
     /// Coincident ends of a spring in `state`; too little memory.
     pub fn new(system: &'s System, state: &State) -> Result<Self> {
         ensure_room(system, state, PARTICLE)?;
-        Extensions::at(system, state)?;
+        SpringGeometry::at(system, state)?;
         Ok(Self {
             system,
             is_damped: system.is_damped() || system.has_external_forces(),
@@ -86,18 +86,18 @@ impl<'s> Verlet<'s> {
     }
 
     /// Sets the force at `next`, with the velocities given or predicted, in sight of who watches the end of a step of so many seconds.
-    fn set_force(&mut self, at: Velocities, seen: Option<(&mut dyn Watch, f64)>) -> Result<(), StepFailure> {
+    fn set_force(&mut self, at: Velocities, seen: Option<(&mut dyn SpringVisitor, f64)>) -> Result<(), StepFailure> {
         let Self { system, next, force, predicted, .. } = self;
         self.statistics.work.force_evaluations += 1;
         let velocities = match at {
             Velocities::Predicted if self.is_damped => predicted,
             _ => &next.velocities,
         };
-        let moment = Moment { velocities, ..next.moment() };
+        let moment = StateView { velocities, ..next.moment() };
         let of_any = |set: Result<(), DegenerateSpring>| StepFailure::of_any(system, set.map_err(Into::into));
         match seen {
             None => of_any(set_total_force(system, &moment, force)),
-            Some((watch, dt)) if watch.takes_forces(system) => of_any(watch.set_force(&moment, dt, force)),
+            Some((watch, dt)) if watch.computes_forces(system) => of_any(watch.set_force(&moment, dt, force)),
             Some((watch, dt)) => {
                 of_any(set_total_force(system, &moment, force))?;
                 watch.see(&moment, dt);
@@ -107,7 +107,7 @@ impl<'s> Verlet<'s> {
     }
 
     /// Advances `next` over a piece of a step; `seen` is for its end.
-    fn advance(&mut self, piece: &Piece, seen: Option<(&mut dyn Watch, f64)>) -> Result<(), StepFailure> {
+    fn advance(&mut self, piece: &Substep, seen: Option<(&mut dyn SpringVisitor, f64)>) -> Result<(), StepFailure> {
         let prescribed = self.system.prescribed();
         let h = piece.length();
         if !self.knows_force {
@@ -150,11 +150,11 @@ impl<'s> Verlet<'s> {
     }
 
     /// Advances `next` over a whole step.
-    fn complete(&mut self, dt: f64, mut watch: Option<&mut dyn Watch>) -> Result<(), StepFailure> {
+    fn complete(&mut self, dt: f64, mut watch: Option<&mut dyn SpringVisitor>) -> Result<(), StepFailure> {
         let (mut time, end) = (self.next.time, self.next.time + dt);
-        while let Some(piece) = Piece::next(self.system.prescribed(), time, end, dt) {
+        while let Some(piece) = Substep::next(self.system.prescribed(), time, end, dt) {
             let is_last = piece.end >= end;
-            let seen: Option<(&mut dyn Watch, f64)> = match &mut watch {
+            let seen: Option<(&mut dyn SpringVisitor, f64)> = match &mut watch {
                 Some(watch) if is_last => Some((&mut **watch, dt)),
                 _ => None,
             };
@@ -166,7 +166,7 @@ impl<'s> Verlet<'s> {
     }
 
     /// A step, in sight of who watches.
-    fn go(&mut self, state: &mut State, dt: f64, watch: Option<&mut dyn Watch>) -> Result<(), StepFailure> {
+    fn go(&mut self, state: &mut State, dt: f64, watch: Option<&mut dyn SpringVisitor>) -> Result<(), StepFailure> {
         if self.next.positions != state.positions || self.next.velocities != state.velocities {
             self.knows_force = false;
             self.next.copy_from(state);
@@ -198,7 +198,7 @@ impl TimeStepper for Verlet<'_> {
         self.go(state, dt, None)
     }
 
-    fn step_seen(&mut self, state: &mut State, dt: f64, watch: &mut dyn Watch) -> Result<(), StepFailure> {
+    fn step_seen(&mut self, state: &mut State, dt: f64, watch: &mut dyn SpringVisitor) -> Result<(), StepFailure> {
         self.go(state, dt, Some(watch))
     }
 

@@ -43,11 +43,11 @@ use super::implicit::{ImplicitOptions, LinearSystem};
 use super::propagated_error::LeadingTerm;
 use super::{AdaptiveStepper, CompletedStep, ErrorEstimate, PropagatedError, Statistics, StepFailure, TimeStepper};
 use crate::error::Result;
-use crate::force::{Extensions, add_all_forces, add_damping_product};
+use crate::force::{SpringGeometry, add_all_forces, add_damping_product};
 use crate::linear::LinearSolver;
 use crate::linear::SolveFailure;
 use crate::operator::Combination;
-use crate::system::{Moment, State, System};
+use crate::system::{State, StateView, System};
 use nalgebra::Vector3;
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
@@ -78,7 +78,7 @@ pub struct WMethod<'s> {
     linear: LinearSystem<'s>,
     held: Option<Held>,
     /// Those at which forces are evaluated; the linear system keeps the matrix's own.
-    extensions: Extensions,
+    extensions: SpringGeometry,
     /// v, prescribed components at their mean velocity over the step.
     velocities: Vec<Vector3<f64>>,
     /// τ k_x and then k_x; τ w_x and then w_x; τ u_x and then u_x.
@@ -239,7 +239,7 @@ impl<'s> WMethod<'s> {
     fn set_force(&mut self, at: Point) -> Result<(), StepFailure> {
         let Self { linear, extensions, velocities, middle, next, s, .. } = self;
         let at = match at {
-            Point::Start(state) => Moment { velocities, ..state.moment() },
+            Point::Start(state) => StateView { velocities, ..state.moment() },
             Point::Middle => middle.moment(),
             Point::Next => next.moment(),
         };

@@ -3,7 +3,7 @@
 //! faer's supernodal algorithm is used for every size: it is the faster one from about a thousand rows on, below that
 //! both take microseconds, and only one convention for the index of a failed pivot is then in play.
 
-use super::ordering::{Glance, Ordering, OrderingMethod};
+use super::ordering::{Ordering, OrderingEstimate, OrderingMethod};
 use super::substitution::Substitution;
 use super::supernode::supernodes;
 use crate::assembly::BlockPattern;
@@ -47,7 +47,7 @@ pub struct FactorSize {
 
 impl FactorSize {
     /// What is seen at first glance: a factorization takes this at least.
-    pub(super) fn least(glance: &Glance) -> Self {
+    pub(super) fn least(glance: &OrderingEstimate) -> Self {
         let (entries, flops) = glance.least();
         Self { entries: entries as usize, flops, ordering: glance.method() }
     }
@@ -104,13 +104,13 @@ impl Analysis {
     }
 
     /// A first look at what a factorization takes.
-    pub(super) fn glance(pattern: &BlockPattern) -> Result<Glance> {
+    pub(super) fn glance(pattern: &BlockPattern) -> Result<OrderingEstimate> {
         Self::ensure_room(pattern)?;
-        Ok(Glance::of(pattern))
+        Ok(OrderingEstimate::of(pattern))
     }
 
     /// Orders and analyses what was glanced at. [`allocate`](Self::allocate) must come before anything is factored.
-    pub(super) fn plan(pattern: &BlockPattern, glance: Glance, par: Par) -> Result<Self> {
+    pub(super) fn plan(pattern: &BlockPattern, glance: OrderingEstimate, par: Par) -> Result<Self> {
         let params = CholeskySymbolicParams {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             ..Default::default()

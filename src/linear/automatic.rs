@@ -13,7 +13,7 @@
 
 use super::analysis::{FactorReport, FactorSize};
 use super::cost::CostModel;
-use super::direct::{CholeskyGlance, CholeskyPlan, CholeskySolver};
+use super::direct::{CholeskyEstimate, CholeskyPlan, CholeskySolver};
 use super::iterative::{Application, CgSolver};
 use super::options::SolverOptions;
 use super::outcome::{Definiteness, NotConverged, Solution, SolveFailure};
@@ -165,7 +165,7 @@ impl AutomaticSolver {
         self.direct = Direct::Never;
         let most = HOPELESS * self.multigrid_price.of(1.0);
         let is_worth = |size: FactorSize, bytes: u64| Price::direct(&self.costs, size).of(1.0) <= most && fits(bytes);
-        let glance = CholeskyGlance::new(system, work).ok();
+        let glance = CholeskyEstimate::new(system, work).ok();
         let glance = glance.filter(|glance| is_worth(glance.least(), 8 * glance.least().entries as u64));
         let plan = glance.and_then(|glance| glance.plan(self.par).ok());
         if let Some(plan) = plan.filter(|plan| is_worth(plan.size(), plan.bytes())) {

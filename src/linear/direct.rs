@@ -3,7 +3,7 @@
 use super::analysis::{Analysis, FactorReport, FactorSize, NonPositivePivot};
 use super::factorization::{Cholesky, Ldlt};
 use super::norms::{backward_error, norm, scaling};
-use super::ordering::Glance;
+use super::ordering::OrderingEstimate;
 use super::outcome::{Definiteness, Evidence, Solution, SolveFailure};
 use super::{Held, LinearSolver};
 use crate::assembly::{SpringPattern, SystemMatrix};
@@ -68,12 +68,12 @@ impl Assembled {
 }
 
 /// A sparse Cholesky factorization of which only is known what it takes at least, from a first ordering: a small part of the analysis.
-pub struct CholeskyGlance {
+pub struct CholeskyEstimate {
     pattern: Arc<SpringPattern>,
-    glance: Glance,
+    glance: OrderingEstimate,
 }
 
-impl CholeskyGlance {
+impl CholeskyEstimate {
     /// Orders the system's particles; counts one symbolic factorization, whether the analysis follows or not.
     ///
     /// # Errors
@@ -116,7 +116,7 @@ impl CholeskyPlan {
     /// # Errors
     /// When the factor does not fit 32-bit indices, or its analysis the memory.
     pub fn new(system: &System, par: Par, work: &mut Work) -> Result<Self> {
-        CholeskyGlance::new(system, work)?.plan(par)
+        CholeskyEstimate::new(system, work)?.plan(par)
     }
 
     /// Entries and operations of the factor.

@@ -4,7 +4,7 @@
 //! what can be asked of its factors. Single right-hand sides are solved for by `linear/substitution.rs`, several at once by faer.
 
 use super::analysis::{Analysis, FactorReport, FactorSize, NonPositivePivot, SOLVE_COLUMNS};
-use super::ordering::Glance;
+use super::ordering::OrderingEstimate;
 use super::substitution::Diagonal;
 use super::supernode::supernodes;
 use crate::assembly::{BlockPattern, SymmetricMatrix};
@@ -60,7 +60,7 @@ pub type Cholesky = Factorization<Llt>;
 /// keeps the rounding errors small. Check the residual.
 pub type Ldlt = Factorization<Ldl>;
 
-/// What B is, and how pivots are chosen: [`Llt`], [`Ldl`] or [`Lbl`](super::Lbl).
+/// What B is, and how pivots are chosen: [`Llt`], [`Ldl`] or [`BunchKaufman`](super::BunchKaufman).
 pub trait FactorKind: kind::Numeric {}
 
 impl<K: kind::Numeric> FactorKind for K {}
@@ -146,7 +146,7 @@ impl kind::Solve for Ldl {
 impl<K: FactorKind> Factorization<K> {
     /// As [`analyse`](Self::analyse), without the memory for the factor: [`allocate`](Self::allocate) must come before
     /// anything is factored.
-    pub(super) fn plan(pattern: &BlockPattern, glance: Glance, par: Par) -> Result<Self> {
+    pub(super) fn plan(pattern: &BlockPattern, glance: OrderingEstimate, par: Par) -> Result<Self> {
         Ok(Self { analysis: Analysis::plan(pattern, glance, par)?, kind: K::of_order(pattern.order()) })
     }
 

@@ -2,7 +2,7 @@
 
 use super::cg::{CgOutcome, CgReport, ConjugateGradient};
 use super::outcome::{Definiteness, Evidence, NotConverged, Solution, SolveFailure};
-use super::preconditioner::{Precondition, Preconditioner};
+use super::preconditioner::{CustomPreconditioner, Preconditioner};
 use super::preconditioner_kind::PreconditionerKind;
 use super::warm_start::WarmStart;
 use super::{Held, LinearSolver, Prepared};
@@ -62,7 +62,7 @@ impl CgSolver {
     }
 
     /// Matrix-free, with a preconditioner of your own.
-    pub fn with_preconditioner(system: &System, own: Box<dyn Precondition>, tolerance: f64) -> Self {
+    pub fn with_preconditioner(system: &System, own: Box<dyn CustomPreconditioner>, tolerance: f64) -> Self {
         Self::of(system, Preconditioner::Own(own), tolerance, Application::MatrixFree)
     }
 

@@ -103,11 +103,11 @@ impl Default for SolverOptions {
 
 /// What a stiffness option says about the definiteness of A.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Assurance {
+pub enum DefinitenessGuarantee {
     /// Positive definite, whatever the state.
     Definite,
     /// Replaced by one that is where it is found not to be: a solver that finds out is worth something.
-    MadeDefinite,
+    RegularizedDefinite,
     /// Nothing.
     Unknown,
 }

@@ -50,7 +50,7 @@ pub(super) struct Ordering {
 
 /// What a minimum degree ordering shows of a pattern: for surfaces what a factorization takes, for volumes what it takes at least. A sixth to a
 /// ninth of what an analysis with a dissection takes.
-pub(super) struct Glance {
+pub(super) struct OrderingEstimate {
     graph: ParticleGraph,
     method: OrderingMethod,
     elimination: Elimination,
@@ -59,7 +59,7 @@ pub(super) struct Glance {
     took: Duration,
 }
 
-impl Glance {
+impl OrderingEstimate {
     pub fn of(pattern: &BlockPattern) -> Self {
         let start = Instant::now();
         let graph = ParticleGraph::new(pattern);

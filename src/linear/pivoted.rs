@@ -58,7 +58,7 @@ pub enum Pivoting {
 }
 
 /// `A = L B Lᵀ`, pivots chosen as [`Pivoting`] says: for counting signs, not for solving.
-pub struct Lbl {
+pub struct BunchKaufman {
     pivoting: Pivoting,
     subdiagonal: Vec<f64>,
     /// The row eliminated as number k, in the order of elimination before pivoting, and its inverse.
@@ -67,9 +67,9 @@ pub struct Lbl {
 }
 
 /// The factorization with pivots chosen as asked: analysed once, refactored for every matrix on the pattern.
-pub type PivotedLdlt = Factorization<Lbl>;
+pub type PivotedLdlt = Factorization<BunchKaufman>;
 
-impl kind::Numeric for Lbl {
+impl kind::Numeric for BunchKaufman {
     fn of_order(n: usize) -> Self {
         Self { pivoting: Pivoting::None, subdiagonal: vec![0.0; n], forward: vec![0; n], inverse: vec![0; n] }
     }
@@ -109,7 +109,7 @@ impl kind::Numeric for Lbl {
     }
 }
 
-impl Factorization<Lbl> {
+impl Factorization<BunchKaufman> {
     /// Factors a matrix on the analysed pattern. Never fails: what went wrong shows in the pivots and in the error.
     pub fn factor(&mut self, a: &SymmetricMatrix, pivoting: Pivoting) {
         self.kind.pivoting = pivoting;

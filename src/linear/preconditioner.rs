@@ -15,7 +15,7 @@ use nalgebra::Vector3;
 /// A preconditioner of the caller's own, for [`CgSolver::with_preconditioner`](super::CgSolver::with_preconditioner).
 ///
 /// It must be symmetric and positive definite, or conjugate gradients stagnate or report negative curvature that A does not have.
-pub trait Precondition: std::fmt::Debug + Send {
+pub trait CustomPreconditioner: std::fmt::Debug + Send {
     /// Its name in summaries.
     fn name(&self) -> &'static str;
 
@@ -43,7 +43,7 @@ pub enum Preconditioner {
     /// A V-cycle.
     Multigrid(Box<LaggedMultigrid>),
     /// The caller's own.
-    Own(Box<dyn Precondition>),
+    Own(Box<dyn CustomPreconditioner>),
 }
 
 impl Preconditioner {
@@ -130,7 +130,7 @@ pub(super) fn refused(a: &SystemOperator, NotPositiveBlock(dof): NotPositiveBloc
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::force::Extensions;
+    use crate::force::SpringGeometry;
     use crate::operator::Combination;
     use crate::spring::Stiffness;
     use crate::system::fixtures::row;
@@ -140,7 +140,7 @@ mod tests {
     #[derive(Debug)]
     struct Mine;
 
-    impl Precondition for Mine {
+    impl CustomPreconditioner for Mine {
         fn name(&self) -> &'static str {
             "mine"
         }
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn matrices_that_are_not_finite_are_not_called_indefinite() {
         let (system, state) = row(2);
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let dof = Dof { particle: 1, axis: 0 };
         let indefinite = SolveFailure::Indefinite(Evidence::DiagonalBlock(dof));
         for (mass, stiffness, expected) in [

@@ -33,7 +33,7 @@ pub trait Prepare: LinearSolver {
     ///
     /// # Examples
     /// ```
-    /// use sprung::force::Extensions;
+    /// use sprung::force::SpringGeometry;
     /// use sprung::linear::{CholeskySolver, Prepare};
     /// use sprung::operator::{Combination, SystemOperator};
     /// use sprung::work::Work;
@@ -45,7 +45,7 @@ pub trait Prepare: LinearSolver {
     /// builder.spring(0, 1, Spring { stiffness: 10.0, rest_length: 1.0, damping: 0.0 });
     /// let (system, state) = builder.build()?;
     ///
-    /// let extensions = Extensions::at(&system, &state.positions)?;
+    /// let extensions = SpringGeometry::at(&system, &state.positions)?;
     /// let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
     /// let mut work = Work::default();
     /// let mut solver = CholeskySolver::new(&system, sprung::faer::Par::Seq, &mut work)?;
@@ -182,7 +182,7 @@ impl<'s> MatrixAndSolver<'s> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::force::Extensions;
+    use crate::force::SpringGeometry;
     use crate::linear::CholeskySolver;
     use crate::operator::Combination;
     use crate::spring::Stiffness;
@@ -214,7 +214,7 @@ mod tests {
     #[test]
     fn the_solver_is_told_and_asked_through_its_owner() {
         let (system, state) = row(2);
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let matrix = || SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
         let work = &mut Work::default();
         let cholesky = CholeskySolver::new(&system, faer::Par::Seq, work).unwrap();

@@ -1,8 +1,8 @@
 //! Choosing a solver.
 
 use super::automatic::{AutomaticSolver, LARGEST_ANALYSED, fits};
-use super::options::{Assurance, SolverChoice, SolverOptions};
-use super::{Application, CgSolver, CholeskyGlance, CholeskySolver, FactorSize, LdltSolver, LinearSolver};
+use super::options::{DefinitenessGuarantee, SolverChoice, SolverOptions};
+use super::{Application, CgSolver, CholeskyEstimate, CholeskySolver, FactorSize, LdltSolver, LinearSolver};
 use crate::error::Result;
 use crate::system::System;
 use crate::work::Work;
@@ -23,7 +23,7 @@ const SMALL: usize = 60;
 pub fn select(
     system: &System,
     options: &SolverOptions,
-    assurance: Assurance,
+    assurance: DefinitenessGuarantee,
     work: &mut Work,
 ) -> Result<Box<dyn LinearSolver>> {
     let dofs = system.dofs().len();
@@ -42,10 +42,10 @@ pub fn select(
         SolverChoice::Cg => iterative(Application::MatrixFree, false)?,
         SolverChoice::CgAssembled => iterative(Application::assembled(system)?, false)?,
         SolverChoice::Auto if dofs <= SMALL => Box::new(CholeskySolver::new(system, options.par, work)?),
-        SolverChoice::Auto if assurance == Assurance::Unknown => {
+        SolverChoice::Auto if assurance == DefinitenessGuarantee::Unknown => {
             let springs = system.active_springs().len().max(1) as f64;
             let is_worth = |size: FactorSize| size.flops <= WORTH_PROVING * springs;
-            let glance = if dofs <= LARGEST_ANALYSED { CholeskyGlance::new(system, work).ok() } else { None };
+            let glance = if dofs <= LARGEST_ANALYSED { CholeskyEstimate::new(system, work).ok() } else { None };
             let plan =
                 glance.filter(|glance| is_worth(glance.least())).and_then(|glance| glance.plan(options.par).ok());
             match plan.filter(|plan| is_worth(plan.size()) && fits(plan.bytes())).map(|plan| plan.solver(system)) {
@@ -73,7 +73,7 @@ mod tests {
         for tolerance in [0.0, 1.0, -1e-3, 2.0, f64::NAN, f64::INFINITY] {
             assert!(set(tolerance).is_err(), "{tolerance}");
         }
-        assert!(Tolerance::OfMotion.check().is_ok());
+        assert!(Tolerance::Adaptive.check().is_ok());
     }
 
     /// Half a million free particles are the most that are ordered; one more, and the matrix is not even looked at, whatever is known of it.
@@ -92,12 +92,16 @@ mod tests {
             (solver.name(), work.symbolic_factorizations, solver.choice().is_some())
         };
         let (large, too_large) = (system(500_000), system(500_001));
-        assert_eq!(chosen(&large, Assurance::Unknown), ("cg", 1, true));
-        for assurance in [Assurance::Definite, Assurance::MadeDefinite, Assurance::Unknown] {
+        assert_eq!(chosen(&large, DefinitenessGuarantee::Unknown), ("cg", 1, true));
+        for assurance in [
+            DefinitenessGuarantee::Definite,
+            DefinitenessGuarantee::RegularizedDefinite,
+            DefinitenessGuarantee::Unknown,
+        ] {
             assert_eq!(chosen(&too_large, assurance), ("cg", 0, true));
         }
         // Of what is sure or made to be definite factorizations are looked at only when they may pay.
-        for assurance in [Assurance::Definite, Assurance::MadeDefinite] {
+        for assurance in [DefinitenessGuarantee::Definite, DefinitenessGuarantee::RegularizedDefinite] {
             assert_eq!(chosen(&large, assurance), ("cg", 0, true));
         }
     }
@@ -108,7 +112,7 @@ mod tests {
     fn proofs_are_worth_their_operations() {
         let (system, _) = crate::scene::builtin::cloth(20).unwrap().build().unwrap();
         let mut work = Work::default();
-        let solver = select(&system, &SolverOptions::default(), Assurance::Unknown, &mut work).unwrap();
+        let solver = select(&system, &SolverOptions::default(), DefinitenessGuarantee::Unknown, &mut work).unwrap();
         let flops = solver.factor().unwrap().size.flops;
         assert!(flops > 4e5 && flops < WORTH_PROVING * system.springs().len() as f64, "{flops}");
         assert_eq!((solver.name(), work.symbolic_factorizations), ("llt", 1));

@@ -10,7 +10,7 @@ use crate::error::Invalid;
 ///
 /// assert!(Tolerance::Fixed(1e-8).check().is_ok());
 /// assert!(Tolerance::Fixed(0.0).check().is_err());
-/// assert_eq!(Tolerance::OfMotion.strictest(), 1e-10);
+/// assert_eq!(Tolerance::Adaptive.strictest(), 1e-10);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tolerance {
@@ -18,7 +18,7 @@ pub enum Tolerance {
     Fixed(f64),
     /// As exactly as the motion needs: a ten-thousandth of the error in time that a step makes anyway, and never more exactly than
     /// [`STRICT`](Self::STRICT). Steppers that cannot tell their error solve that exactly.
-    OfMotion,
+    Adaptive,
 }
 
 impl Tolerance {
@@ -29,7 +29,7 @@ impl Tolerance {
     pub fn strictest(self) -> f64 {
         match self {
             Self::Fixed(tolerance) => tolerance,
-            Self::OfMotion => Self::STRICT,
+            Self::Adaptive => Self::STRICT,
         }
     }
 
@@ -67,6 +67,6 @@ mod tests {
             let options = SolverOptions::default().with_tolerance(tolerance).ok().map(|options| options.tolerance);
             assert_eq!(options, is_fine.then_some(Tolerance::Fixed(tolerance)), "{tolerance}");
         }
-        assert!(Tolerance::OfMotion.check().is_ok());
+        assert!(Tolerance::Adaptive.check().is_ok());
     }
 }

@@ -74,8 +74,8 @@ use finest::{Finest, near_one};
 use nalgebra::Vector3;
 use parallel::largest;
 pub use parts::Part;
-use parts::Watch;
-use stage::{Refusal, Stage};
+use parts::SpringVisitor;
+use stage::{NotPositiveDefinite, Stage};
 
 /// Unknowns that are solved for directly: a dense factorization of this order takes a few milliseconds.
 const LARGEST_DENSE: usize = 400;
@@ -127,12 +127,12 @@ pub enum SetupFailure {
 /// # Examples
 /// ```
 /// use sprung::Stiffness;
-/// use sprung::force::Extensions;
+/// use sprung::force::SpringGeometry;
 /// use sprung::multigrid::Multigrid;
 /// use sprung::operator::{Combination, SystemOperator};
 ///
 /// let (system, state) = sprung::scene::builtin::cloth(20)?.build()?;
-/// let extensions = Extensions::at(&system, &state.positions)?;
+/// let extensions = SpringGeometry::at(&system, &state.positions)?;
 /// let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.05));
 /// let mut multigrid = Multigrid::new(&system)?;
 /// multigrid.place(&state.positions);
@@ -266,13 +266,17 @@ impl<const D: usize, const M: usize> Hierarchy<D, M> {
         stage.update_smoother(&finest.rows(a), *factor).map_err(|refusal| self.explain(a, refusal))
     }
 
-    fn rebuild(&mut self, a: &SystemOperator, done: Watch) -> Result<(), SetupFailure> {
+    fn rebuild(&mut self, a: &SystemOperator, done: SpringVisitor) -> Result<(), SetupFailure> {
         let Self { finest, stage, factor, .. } = self;
         stage.update_coarse(&finest.rows(a), *factor, finest, done).map_err(|refusal| self.explain(a, refusal))
     }
 
     /// A pivot that is not positive means an indefinite matrix only if the matrix is finite.
-    fn explain(&self, a: &SystemOperator, Refusal { level, node, pivot }: Refusal) -> SetupFailure {
+    fn explain(
+        &self,
+        a: &SystemOperator,
+        NotPositiveDefinite { level, node, pivot }: NotPositiveDefinite,
+    ) -> SetupFailure {
         let mut coefficients = a.blocks().iter().flat_map(|block| [block.axial, block.transverse]);
         let has_finite = |block: &nalgebra::Matrix3<f64>| block.iter().all(|entry| entry.is_finite());
         if !a.mass_factor().is_finite() || !a.external().iter().all(has_finite) || !coefficients.all(f64::is_finite) {
@@ -289,7 +293,7 @@ impl<const D: usize, const M: usize> Hierarchy<D, M> {
     }
 
     /// Powers of two keep the numbers of the cycle within single precision, and are exact.
-    fn apply(&mut self, r: &[f64], z: &mut [f64], done: Watch) {
+    fn apply(&mut self, r: &[f64], z: &mut [f64], done: SpringVisitor) {
         if [r.len(), z.len()] != [self.finest.unknowns(); 2] {
             return z.fill(f64::NAN);
         }

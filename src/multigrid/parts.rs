@@ -20,4 +20,4 @@ pub enum Part {
 }
 
 /// Is told what has been done.
-pub(super) type Watch<'w> = &'w mut dyn FnMut(Part);
+pub(super) type SpringVisitor<'w> = &'w mut dyn FnMut(Part);

@@ -8,7 +8,7 @@ use super::galerkin::Galerkin;
 use super::gauss_seidel::{BadBlock, GaussSeidel};
 use super::graph::Graph;
 use super::modes::Frames;
-use super::parts::{Part, Watch};
+use super::parts::{Part, SpringVisitor};
 use super::prolongator::Prolongator;
 use super::sparse::{Pattern, Rows};
 use crate::error::Result;
@@ -45,7 +45,7 @@ pub(super) struct Level<const N: usize, const M: usize> {
 
 /// A node at which a set-up found its level's matrix not to be positive definite, or not finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Refusal {
+pub(super) struct NotPositiveDefinite {
     /// 0 is the finest level.
     pub level: usize,
     pub node: usize,
@@ -88,16 +88,20 @@ impl<const N: usize, const M: usize> Stage<N, M> {
     ///
     /// # Errors
     /// A node whose diagonal block is not positive definite; for a factorization, whose pivot is not positive.
-    pub fn update_smoother(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), Refusal> {
+    pub fn update_smoother(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), NotPositiveDefinite> {
         let smoother = match self {
             Self::Direct(dense) => {
-                let refused = |BadRow(node)| Refusal { level: 0, node, pivot: None };
+                let refused = |BadRow(node)| NotPositiveDefinite { level: 0, node, pivot: None };
                 return dense.update(a, factor).map_err(refused);
             }
             Self::Uncoupled(level) => &mut level.smoother,
             Self::Coarsen(level) => &mut level.smoother,
         };
-        smoother.update(a, factor).map_err(|BadBlock { row, bad }| Refusal { level: 0, node: row, pivot: Some(bad) })
+        smoother.update(a, factor).map_err(|BadBlock { row, bad }| NotPositiveDefinite {
+            level: 0,
+            node: row,
+            pivot: Some(bad),
+        })
     }
 
     /// Recomputes the coarse levels. Call after [`update_smoother`](Self::update_smoother).
@@ -109,8 +113,8 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         a: &impl Rows<N>,
         factor: f64,
         frames: &(impl Frames<N, M> + ?Sized),
-        done: Watch,
-    ) -> Result<(), Refusal> {
+        done: SpringVisitor,
+    ) -> Result<(), NotPositiveDefinite> {
         let Self::Coarsen(level) = self else { return Ok(()) };
         let Level { smoother, prolongator, galerkin, next, .. } = &mut **level;
         prolongator.update(a, factor, smoother, frames);
@@ -120,7 +124,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
         let below = next
             .update_smoother(&galerkin.coarse, factor)
             .and_then(|()| next.update_coarse(&galerkin.coarse, factor, &prolongator.modes[..], &mut |_| ()))
-            .map_err(|refusal| Refusal { level: refusal.level + 1, ..refusal });
+            .map_err(|refusal| NotPositiveDefinite { level: refusal.level + 1, ..refusal });
         done(Part::CoarseSetup);
         below
     }
@@ -134,7 +138,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
     }
 
     /// `x ≈ (factor·A)⁻¹ b`: one V-cycle from zero.
-    pub fn apply(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], done: Watch) {
+    pub fn apply(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], done: SpringVisitor) {
         match self {
             Self::Direct(dense) => dense.solve(b, x),
             Self::Uncoupled(level) => level.smoother.forward(b, x, &mut level.residual),
@@ -163,7 +167,7 @@ impl<const N: usize, const M: usize> Stage<N, M> {
 }
 
 impl<const N: usize, const M: usize> Level<N, M> {
-    fn cycle(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], done: Watch) {
+    fn cycle(&mut self, b: &[[f32; N]], x: &mut [[f32; N]], done: SpringVisitor) {
         let Self { smoother, prolongator, residual, coarse_residual, correction, next, .. } = self;
         smoother.forward(b, x, residual);
         done(Part::Smoothing);

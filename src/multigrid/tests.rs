@@ -1,9 +1,9 @@
 //! What is said of matrices for which there is no preconditioner.
 
 use super::finest::Finest;
-use super::stage::Refusal;
+use super::stage::NotPositiveDefinite;
 use super::{Dimension, Dof, Multigrid, SetupFailure};
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::{Spring, Stiffness};
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
@@ -21,7 +21,7 @@ fn failure(stiffness: f64, rest_length: f64, held: &[usize], largest_dense: usiz
     }
     builder.constrain(Constraint { particles: vec![1], axes: Axes::of(held), motion: Motion::Held });
     let (system, state) = builder.build().unwrap();
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0));
     let mut multigrid = Multigrid::down_to(&system, largest_dense).unwrap();
     multigrid.place(&state.positions);
@@ -80,7 +80,7 @@ fn long_waves_are_refused_on_the_level_that_sees_them() {
             builder.hold(p);
         }
         let (system, state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0));
         let mut multigrid = Multigrid::down_to(&system, 12).unwrap();
         multigrid.place(&state.positions);
@@ -109,10 +109,10 @@ fn row(particles: usize) -> (System, State) {
 #[test]
 fn refusals_are_of_their_level() {
     let (system, state) = row(50);
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0));
     let Dimension::Line(hierarchy) = &Multigrid::down_to(&system, 10).unwrap().0 else { panic!("a line") };
-    let refused = |level| hierarchy.explain(&a, Refusal { level, node: 0, pivot: None });
+    let refused = |level| hierarchy.explain(&a, NotPositiveDefinite { level, node: 0, pivot: None });
     assert!(matches!(refused(0), SetupFailure::Pivot(_)), "{:?}", refused(0));
     assert!(matches!(refused(1), SetupFailure::CoarseLevel { level: 1, .. }), "{:?}", refused(1));
 }
@@ -121,7 +121,7 @@ fn refusals_are_of_their_level() {
 #[test]
 fn masses_are_brought_near_one() {
     let (system, state) = row(3);
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0 / 32.0));
     assert_eq!(Finest::<1>::new(&system).unwrap().0.factor(&a), 1.0 / 2048.0);
 }
@@ -141,7 +141,7 @@ fn nothing_of_a_matrix_is_left_in_the_next() {
         }
     }
     let (system, state) = builder.build().unwrap();
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let [stiff, soft] =
         [0.1, 0.01].map(|dt| SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(dt)));
     let applied = |matrices: &[&SystemOperator]| {

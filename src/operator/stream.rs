@@ -19,16 +19,16 @@
 //! no two threads write to one row, and every row adds up its springs in one order: the result is the same to the bit
 //! for any number of parts.
 
+mod batch4;
 mod contiguous;
 mod gathered;
 mod order;
 mod part;
 mod product;
-mod quad;
 
 use super::lanes::Portable;
 use crate::spring::SpringBlock;
-use crate::system::{DofMap, Share, System};
+use crate::system::{DofMap, System, ThreadPartition};
 use order::pair;
 use part::{Growing, Part};
 use product::Product;
@@ -43,7 +43,7 @@ pub(super) struct SpringStream {
 
 impl SpringStream {
     /// A part for every share; [`update`](Self::update) fills in the numbers.
-    pub fn new(system: &System, shares: &[Share]) -> Self {
+    pub fn new(system: &System, shares: &[ThreadPartition]) -> Self {
         let mut parts: Vec<_> = shares.iter().map(|share| Growing::new(system, share)).collect();
         for stretch in order::stretches(system) {
             parts.iter_mut().for_each(|part| part.add(&stretch));

@@ -13,7 +13,7 @@
 
 use super::stream::SpringStream;
 use super::{BlockDiagonal, LinearOperator};
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::parallel;
 use crate::spring::{Extension, Spring, SpringBlock, Stiffness};
 use crate::system::{Axes, Derivatives, System};
@@ -25,7 +25,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// # Examples
 /// ```
 /// use sprung::Stiffness;
-/// use sprung::force::Extensions;
+/// use sprung::force::SpringGeometry;
 /// use sprung::operator::{Combination, LinearOperator, SystemOperator};
 ///
 /// # use sprung::{Spring, SystemBuilder};
@@ -35,7 +35,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// # builder.hold(0);
 /// let (system, state) = builder.build()?;
-/// let extensions = Extensions::at(&system, &state.positions)?;
+/// let extensions = SpringGeometry::at(&system, &state.positions)?;
 /// let product = |combination| {
 ///     let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, combination);
 ///     let mut y = vec![0.0; operator.order()];
@@ -76,7 +76,7 @@ impl Combination {
 /// # Examples
 /// ```
 /// use sprung::Stiffness;
-/// use sprung::force::Extensions;
+/// use sprung::force::SpringGeometry;
 /// use sprung::operator::{Combination, LinearOperator, SystemOperator};
 ///
 /// # use sprung::{Spring, SystemBuilder};
@@ -86,7 +86,7 @@ impl Combination {
 /// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// # builder.hold(0);
 /// let (system, state) = builder.build()?;
-/// let extensions = Extensions::at(&system, &state.positions)?;
+/// let extensions = SpringGeometry::at(&system, &state.positions)?;
 /// let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.5));
 /// let mut y = [0.0; 3];
 /// a.apply(&[1.0, 1.0, 0.0], &mut y);
@@ -111,7 +111,7 @@ pub struct SystemOperator<'s> {
 
 impl<'s> SystemOperator<'s> {
     /// The combination at the given extensions, K under the given option.
-    pub fn new(system: &'s System, extensions: &Extensions, option: Stiffness, combination: Combination) -> Self {
+    pub fn new(system: &'s System, extensions: &SpringGeometry, option: Stiffness, combination: Combination) -> Self {
         let modelled = Axes::first(system.dimension());
         let is_prescribed = |p: usize| system.dofs().free_axes(p) != modelled;
         let coupled = (0u32..).zip(system.active()).filter(|(_, (_, pair, _))| pair.iter().any(|&p| is_prescribed(p)));
@@ -127,7 +127,7 @@ impl<'s> SystemOperator<'s> {
     }
 
     /// Recomputes the blocks, without allocating.
-    pub fn update(&mut self, extensions: &Extensions, option: Stiffness, combination: Combination) {
+    pub fn update(&mut self, extensions: &SpringGeometry, option: Stiffness, combination: Combination) {
         self.set(extensions, combination, option, |_| option);
     }
 
@@ -135,7 +135,7 @@ impl<'s> SystemOperator<'s> {
     /// what `tension` would.
     pub fn update_each(
         &mut self,
-        extensions: &Extensions,
+        extensions: &SpringGeometry,
         combination: Combination,
         option: impl Fn(usize) -> Stiffness + Sync,
     ) {
@@ -144,7 +144,7 @@ impl<'s> SystemOperator<'s> {
 
     fn set(
         &mut self,
-        extensions: &Extensions,
+        extensions: &SpringGeometry,
         combination: Combination,
         of_external: Stiffness,
         option: impl Fn(usize) -> Stiffness + Sync,
@@ -161,7 +161,7 @@ impl<'s> SystemOperator<'s> {
     /// without allocating. `block` sees the position among the active springs, the spring, and where its ends are.
     pub fn set_blocks(
         &mut self,
-        extensions: &Extensions,
+        extensions: &SpringGeometry,
         mass: f64,
         block: impl Fn(usize, &Spring, &Extension) -> SpringBlock + Sync,
     ) {
@@ -189,7 +189,7 @@ impl<'s> SystemOperator<'s> {
     }
 
     /// Sets what forces from outside add to the diagonal blocks: `block` of the derivatives at every particle, in N/m. It stays until it is set anew.
-    pub fn set_external(&mut self, extensions: &Extensions, block: impl Fn(&Derivatives) -> Matrix3<f64>) {
+    pub fn set_external(&mut self, extensions: &SpringGeometry, block: impl Fn(&Derivatives) -> Matrix3<f64>) {
         self.external.resize(extensions.external().len(), Matrix3::zeros());
         for (target, derivatives) in self.external.iter_mut().zip(extensions.external()) {
             *target = block(derivatives);
@@ -197,7 +197,7 @@ impl<'s> SystemOperator<'s> {
     }
 
     /// As [`set_external`](Self::set_external), of a combination under an option.
-    pub fn set_external_under(&mut self, extensions: &Extensions, option: Stiffness, combination: Combination) {
+    pub fn set_external_under(&mut self, extensions: &SpringGeometry, option: Stiffness, combination: Combination) {
         self.set_external(extensions, |at| combined(at, option, combination));
     }
 
@@ -343,7 +343,7 @@ mod tests {
                 builder.spring(i, j, Spring { stiffness: 50.0, rest_length: 1.2, damping: 0.5 });
             }
             let (system, state) = builder.build().unwrap();
-            let extensions = Extensions::at(&system, &state.positions).unwrap();
+            let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
             let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
             let n = system.dofs().len();
             assert_eq!((operator.order(), n), (n, 4 * dimension));
@@ -380,7 +380,7 @@ mod tests {
             builder.spring(i, i + 1, Spring { stiffness: 50.0 + i as f64, rest_length: 1.1, damping: 0.0 });
         }
         let (system, state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let w: Vec<f64> = (0..system.dofs().len()).map(|row| (1.0 + row as f64 * 12.9898).sin()).collect();
         let product = |operator: &SystemOperator| {
             let mut y = vec![f64::NAN; w.len()];

@@ -7,7 +7,7 @@
 use super::checksum::{Checksum, Tally};
 use super::{AtomicFile, LogPosition, OutputFolder};
 use crate::error::{Error, Result};
-use crate::integrate::{Account, Statistics};
+use crate::integrate::{MonitorCheckpoint, Statistics};
 use crate::memory;
 use crate::system::{State, System};
 use nalgebra::Vector3;
@@ -52,7 +52,7 @@ pub struct Checkpoint {
     /// Seconds that the run has taken.
     pub wall_seconds: f64,
     /// What accompanies the run: energies, indicators.
-    pub account: Account,
+    pub account: MonitorCheckpoint,
     /// How far `energy.csv` is.
     pub energies: LogPosition,
     /// Time and step of every frame.

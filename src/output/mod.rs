@@ -2,7 +2,6 @@
 //!
 //! Every number is written in the shortest decimal form that reads back to the same bits.
 
-mod answered;
 mod arrays;
 mod atomic;
 mod checkpoint;
@@ -14,7 +13,8 @@ mod folder;
 mod frames;
 mod matrix_market;
 mod playback;
-mod ran;
+mod run_summary;
+mod search_summary;
 mod summary;
 mod trajectory;
 mod vtk;
@@ -28,7 +28,7 @@ pub use folder::OutputFolder;
 pub use frames::{Frames, clear_frames, clear_frames_after};
 pub use matrix_market::{write_dofs, write_symmetric, write_vector};
 pub use playback::{describe, energy_tracks, playback};
-pub use ran::Ran;
+pub use run_summary::Ran;
 pub use summary::{ChoiceReport, Effort, EnergyChange, ErrorKind, ErrorReport, FailureReport, Summary};
 pub use trajectory::{TRAJECTORY, Trajectory, WAITING};
 pub use vtk::write_frame;

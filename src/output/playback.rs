@@ -3,7 +3,7 @@
 use super::arrays::{array, list, wrong};
 use super::trajectory::TRAJECTORY;
 use crate::error::{Error, Result};
-use crate::figure::{Animation, Binding, Cast, Track};
+use crate::figure::{Animation, Binding, SceneTopology, Track};
 use crate::report::number::typeset;
 use nalgebra::Vector3;
 use serde_json::Value;
@@ -32,7 +32,7 @@ fn read(folder: &Path, file: File) -> io::Result<Animation> {
     let times: Vec<f64> = list(&mut archive, "times")?;
     let bindings: Vec<u8> = list(&mut archive, "bindings")?;
     let gravity: Vec<f64> = list(&mut archive, "gravity")?;
-    let cast = Cast {
+    let cast = SceneTopology {
         dimension: gravity.len(),
         gravity: vector(&gravity),
         bindings: bindings.iter().map(|&code| binding(code)).collect(),

@@ -56,8 +56,8 @@ fn tolerances_follow_the_motion_where_nothing_is_said() {
     let (system, state) = swing();
     let cg = Some(SolverChoice::Cg);
     for (tolerance, solver, expected) in [
-        (None, None, Tolerance::OfMotion),
-        (None, Some(SolverChoice::Auto), Tolerance::OfMotion),
+        (None, None, Tolerance::Adaptive),
+        (None, Some(SolverChoice::Auto), Tolerance::Adaptive),
         (None, cg, Tolerance::default()),
         (Some(1e-3), None, Tolerance::Fixed(1e-3)),
         (Some(1e-3), cg, Tolerance::Fixed(1e-3)),
@@ -108,7 +108,7 @@ fn adaptive_runs_go_on_in_parts() {
 
         let duration = if first_step.is_some() { 0.5 } else { 1.0 };
         let part_of = Some(1.5);
-        let how = Adaptivity { duration, rtol: 1e-3, first_step, sampling: Sampling::Every(0.25), part_of };
+        let how = AdaptiveOptions { duration, rtol: 1e-3, first_step, sampling: OutputTimes::Every(0.25), part_of };
         let mut monitor = Monitor::new(&system, &alone, MonitorOptions::default()).unwrap();
         let mut stepper = Dop853::new(&system, &alone).unwrap();
         let observe = |_, _: &State, _: &Monitor| ControlFlow::Continue(());

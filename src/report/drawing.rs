@@ -2,10 +2,10 @@
 
 use super::canvas::{LINE, TEXT, WIDTH, width, wrap};
 use super::heading::Heading;
+use super::label_placement::{BADGE, LabelPlacement};
 use super::number::{self, typeset};
 use super::palette::{self, css};
 use super::projection::{ARROW, Projection, View};
-use super::room::{BADGE, Taken};
 use crate::figure::{Arrow, Drawing, Segment};
 use maud::{Markup, html};
 use std::fmt::Write;
@@ -170,7 +170,7 @@ fn highlighted(drawing: &Drawing, labels: &[(usize, &Segment)], view: &View) -> 
 /// The numbers of the highlighted springs beside them.
 fn badges(drawing: &Drawing, labels: &[(usize, &Segment)], view: &View) -> Markup {
     let springs = drawing.segments.iter().filter_map(|segment| view.ends(segment));
-    let mut taken = Taken::by(springs.chain(drawn_arrows(drawing, view).0).collect());
+    let mut taken = LabelPlacement::by(springs.chain(drawn_arrows(drawing, view).0).collect());
     html! {
         @for &(number, segment) in labels {
             @if let Some([a, b]) = view.ends(segment) {

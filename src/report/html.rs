@@ -2,7 +2,7 @@
 
 use super::check_html::{Scenes, anchor, group, mark};
 use super::number::{self, count};
-use super::{faults, page, shares};
+use super::{bound_usage, faults, page};
 use crate::verify::{Check, Claim, Results, worst};
 use maud::{Markup, PreEscaped, html};
 
@@ -193,7 +193,7 @@ fn reading(results: &Results) -> Markup {
             }
         }
         @if !results.checks.is_empty() {
-            div.single { (page::figure(shares::svg(results), &caption)) }
+            div.single { (page::figure(bound_usage::svg(results), &caption)) }
         }
     };
     page::section("reading", &html! { "How to read this" }, &body)

@@ -3,25 +3,25 @@
 //! Nothing here computes. All output is a function of the data alone: no clock, no host, no random identifiers, so the
 //! same results give the same bytes.
 
+mod axis;
+mod bound_usage;
 mod canvas;
 mod chart_html;
 mod check_html;
 pub mod drawing;
+mod failure_lanes;
 mod faults;
 mod heading;
 mod html;
 pub mod inspection;
 mod json;
 mod junit;
+mod label_placement;
 pub mod number;
 pub mod page;
 mod palette;
 pub mod plot;
 mod projection;
-mod rails;
-mod room;
-mod ruler;
-mod shares;
 pub mod spy;
 mod text;
 pub mod tiles;

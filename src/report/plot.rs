@@ -2,11 +2,11 @@
 
 mod draw;
 
+use super::axis::Ruler;
 use super::canvas::{self, LINE, Point, WIDTH};
+use super::failure_lanes::{Rails, is_railed};
 use super::heading::Heading;
 use super::number;
-use super::rails::{Rails, is_railed};
-use super::ruler::Ruler;
 use crate::figure::{Guide, Mark, Plot, Scale, Series};
 
 /// Height of the plotting area in pixels.

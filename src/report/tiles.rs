@@ -1,9 +1,9 @@
 //! Fields of classified cells as SVG.
 
+use super::axis::Ruler;
 use super::canvas::{self, Align, Drawn, LINE, Sheet, WIDTH};
 use super::heading::Heading;
 use super::palette;
-use super::ruler::Ruler;
 use crate::figure::Tiles;
 use std::collections::BTreeSet;
 

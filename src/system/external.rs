@@ -1,6 +1,6 @@
 //! Forces of the caller's own.
 
-use super::Moment;
+use super::StateView;
 use nalgebra::{Matrix3, Vector3};
 use std::fmt::Debug;
 
@@ -26,13 +26,13 @@ pub struct Derivatives {
 ///
 /// ```
 /// use sprung::nalgebra::Vector3;
-/// use sprung::system::{Derivatives, ExternalForce, Moment};
+/// use sprung::system::{Derivatives, ExternalForce, StateView};
 ///
 /// #[derive(Debug)]
 /// struct Floor;
 ///
 /// impl ExternalForce for Floor {
-///     fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+///     fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
 ///         for (f, x) in force.iter_mut().zip(at.positions) {
 ///             f.y -= 1e3 * x.y.min(0.0);
 ///         }
@@ -42,7 +42,7 @@ pub struct Derivatives {
 ///         true
 ///     }
 ///
-///     fn add_derivatives(&self, at: &Moment<'_>, derivatives: &mut [Derivatives]) {
+///     fn add_derivatives(&self, at: &StateView<'_>, derivatives: &mut [Derivatives]) {
 ///         for (derivatives, x) in derivatives.iter_mut().zip(at.positions) {
 ///             if x.y < 0.0 {
 ///                 derivatives.stiffness[(1, 1)] -= 1e3;
@@ -53,7 +53,7 @@ pub struct Derivatives {
 /// ```
 pub trait ExternalForce: Debug + Send + Sync {
     /// Adds the force on every particle, in N; both slices of `at` and `force` have one entry for each.
-    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]);
+    fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]);
 
     /// Whether [`add_derivatives`](Self::add_derivatives) and [`add_rate`](Self::add_rate) say all that there is to say; a force that couples
     /// particles cannot.
@@ -62,8 +62,8 @@ pub trait ExternalForce: Debug + Send + Sync {
     }
 
     /// Adds ∂f/∂x and ∂f/∂v of every particle. Where they are not symmetric, as those of a magnetic field, `rodas4` loses its order.
-    fn add_derivatives(&self, _: &Moment<'_>, _: &mut [Derivatives]) {}
+    fn add_derivatives(&self, _: &StateView<'_>, _: &mut [Derivatives]) {}
 
     /// Adds ∂f/∂t at fixed positions and velocities, in N/s: nothing where the force does not depend on time itself.
-    fn add_rate(&self, _: &Moment<'_>, _: &mut [Vector3<f64>]) {}
+    fn add_rate(&self, _: &StateView<'_>, _: &mut [Vector3<f64>]) {}
 }

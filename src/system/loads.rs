@@ -1,7 +1,7 @@
 //! Forces on particles that a scene describes: constant loads, drag, and gravity that changes in time.
 
 use super::curve::check_times;
-use super::{Curve, Moment, State};
+use super::{Curve, State, StateView};
 use crate::error::Invalid;
 use nalgebra::Vector3;
 
@@ -40,7 +40,7 @@ impl Loads {
     }
 
     /// Adds the forces; the weight at time zero is not among them.
-    pub(crate) fn add(&self, masses: &[f64], at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    pub(crate) fn add(&self, masses: &[f64], at: &StateView<'_>, force: &mut [Vector3<f64>]) {
         force.iter_mut().zip(&self.forces).for_each(|(total, f)| *total += f);
         for ((total, c), v) in force.iter_mut().zip(&self.drag).zip(at.velocities) {
             *total -= v * *c;

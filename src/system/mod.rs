@@ -12,8 +12,8 @@ mod external;
 pub(crate) mod fixtures;
 mod loads;
 mod part;
-mod shares;
 mod state;
+mod thread_partition;
 
 pub use axes::Axes;
 pub use behaviour::{Actuation, Behaviour};
@@ -24,17 +24,17 @@ pub(crate) use curve::{SAME_TIME, check_length};
 pub use dofs::{Dof, DofMap};
 pub use external::{Derivatives, ExternalForce};
 pub use loads::Loads;
-pub use part::Peers;
+pub use part::Communicator;
 #[cfg(test)]
 pub(crate) use part::tests as parts;
-pub(crate) use shares::Share;
-pub use state::{Moment, State};
+pub use state::{State, StateView};
+pub(crate) use thread_partition::ThreadPartition;
 
 use crate::error::Result;
 use crate::spring::{Extension, LawValues, Spring, SpringLaw};
 use nalgebra::Vector3;
-use shares::Shares;
 use std::sync::Arc;
+use thread_partition::ThreadPartitions;
 
 /// A mass–spring system: everything that does not change while it moves.
 ///
@@ -76,7 +76,7 @@ pub struct System {
     has_special_springs: bool,
     loads: Arc<Loads>,
     external: Vec<Arc<dyn ExternalForce>>,
-    shares: Shares,
+    shares: ThreadPartitions,
     part: Option<part::Part>,
 }
 
@@ -196,7 +196,7 @@ impl System {
     }
 
     /// All springs as they are at a moment, see [`spring_at`](Self::spring_at); those between prescribed particles too.
-    pub fn springs_at(&self, at: &Moment<'_>) -> Vec<Spring> {
+    pub fn springs_at(&self, at: &StateView<'_>) -> Vec<Spring> {
         let law = self.law_values(at.positions, at.time);
         let length = |[i, j]: [usize; 2]| (at.positions[i] - at.positions[j]).norm();
         let numbers = 0..self.springs.len();
@@ -398,7 +398,7 @@ mod tests {
     struct Wind;
 
     impl ExternalForce for Wind {
-        fn add(&self, _: &Moment<'_>, force: &mut [Vector3<f64>]) {
+        fn add(&self, _: &StateView<'_>, force: &mut [Vector3<f64>]) {
             force.iter_mut().for_each(|force| force.x += 1.0);
         }
     }

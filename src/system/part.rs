@@ -6,7 +6,7 @@
 //! is never used; their positions and velocities come from the parts that own them.
 //!
 //! The rest of the crate knows of this in three places only: sums and maxima over particles or springs take own particles
-//! and the springs that *count* here, and go on to [`Peers`]; a failure of one part becomes one of all, so that no part waits
+//! and the springs that *count* here, and go on to [`Communicator`]; a failure of one part becomes one of all, so that no part waits
 //! for another for ever; and positions that were not computed from a solution of the linear system, which has the ghosts in it,
 //! are refreshed. A system that is not part of anything passes all of it without a change of its numbers.
 
@@ -15,7 +15,7 @@ use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// How the parts of a system speak with each other. Every call is made by all parts, in the same order.
-pub trait Peers: std::fmt::Debug + Send + Sync {
+pub trait Communicator: std::fmt::Debug + Send + Sync {
     /// Replaces every number by its sum over all parts, with the same bits in all of them.
     fn sum(&self, numbers: &mut [f64]);
 
@@ -37,13 +37,13 @@ pub trait Peers: std::fmt::Debug + Send + Sync {
 pub(super) struct Part {
     own: usize,
     is_damped: bool,
-    peers: Arc<dyn Peers>,
+    peers: Arc<dyn Communicator>,
 }
 
 impl System {
-    /// Makes this a part of a larger system: the first `own` particles are its own, the others ghosts; see [`Peers`]. All parts
+    /// Makes this a part of a larger system: the first `own` particles are its own, the others ghosts; see [`Communicator`]. All parts
     /// must do so together.
-    pub fn into_part(mut self, own: usize, peers: Arc<dyn Peers>) -> Self {
+    pub fn into_part(mut self, own: usize, peers: Arc<dyn Communicator>) -> Self {
         let mut damped = [f64::from(u8::from(self.is_damped()))];
         peers.largest(&mut damped);
         self.part = Some(Part { own: own.min(self.particles()), is_damped: damped[0] > 0.0, peers });
@@ -90,7 +90,7 @@ impl System {
     }
 
     /// Whom to speak with, where this is a part.
-    pub(crate) fn peers(&self) -> Option<&dyn Peers> {
+    pub(crate) fn peers(&self) -> Option<&dyn Communicator> {
         self.part.as_ref().map(|part| &*part.peers)
     }
 }

@@ -35,7 +35,7 @@ pub struct State {
 
 /// Where and how fast all particles are at a time, by reference: what forces depend on.
 #[derive(Debug, Clone, Copy)]
-pub struct Moment<'a> {
+pub struct StateView<'a> {
     /// t, in s.
     pub time: f64,
     /// x, one row per particle, in m.
@@ -46,8 +46,8 @@ pub struct Moment<'a> {
 
 impl State {
     /// The state by reference.
-    pub fn moment(&self) -> Moment<'_> {
-        Moment { time: self.time, positions: &self.positions, velocities: &self.velocities }
+    pub fn moment(&self) -> StateView<'_> {
+        StateView { time: self.time, positions: &self.positions, velocities: &self.velocities }
     }
 
     /// The largest coordinate, in m, and velocity, in m/s, that states may have: beyond it their squares, and with them energies,

@@ -7,7 +7,7 @@ use super::difference::with_wrong_springs;
 use super::entries::{entry_of, for_each_entry};
 use super::force_error::{ForceError, block_rounding};
 use super::verdict::{TABLE_ROWS, WorstEntries, of_block};
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::spring::Spring;
 use crate::system::{Dof, State, System};
 use nalgebra::{Matrix3, Vector3};
@@ -30,7 +30,7 @@ pub(super) fn against_blocks(
     if (matrix.nrows(), matrix.ncols()) != (n, n) {
         return check(f64::NAN, format!("the matrix is {} × {}, not {n} × {n}", matrix.nrows(), matrix.ncols()));
     }
-    let extensions = match Extensions::at(system, &state.positions) {
+    let extensions = match SpringGeometry::at(system, &state.positions) {
         Ok(extensions) => extensions,
         Err(degenerate) => return check(f64::NAN, degenerate.to_string()),
     };

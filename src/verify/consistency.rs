@@ -7,7 +7,7 @@ use super::entries::for_each_entry;
 use super::force_error::{ForceError, SECOND, U, block_rounding};
 use super::reduced::{random_vector, reduce};
 use super::verdict::{TABLE_ROWS, WorstEntries};
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::operator::LinearOperator;
 use crate::system::{Dof, State, System};
 use nalgebra::Vector3;
@@ -117,7 +117,7 @@ pub fn energy_slope(
     if force.len() != system.dofs().len() {
         return check(f64::NAN, "the force does not have one component for each free coordinate".into());
     }
-    let extensions = match Extensions::at(system, &state.positions) {
+    let extensions = match SpringGeometry::at(system, &state.positions) {
         Ok(extensions) => extensions,
         Err(degenerate) => return check(f64::NAN, degenerate.to_string()),
     };

@@ -10,7 +10,7 @@
 use super::measured::Measured;
 use super::reference;
 use super::runs::{Way, direct};
-use super::{Check, Claim, ErrorCurve, Subject, U, order_checks};
+use super::{Check, Claim, ErrorCurve, TestCase, U, order_checks};
 use crate::linear::norm;
 use crate::system::State;
 
@@ -22,13 +22,13 @@ const HALVINGS: usize = 4;
 const AFFORDABLE: usize = 2000;
 
 /// The coarsest step: z = ω h ≤ 1/8 for every vibration.
-pub(super) fn coarsest(subject: &Subject) -> f64 {
+pub(super) fn coarsest(subject: &TestCase) -> f64 {
     subject.dt.min(subject.resolving_step() / 4.0)
 }
 
 /// Where the vibrations are not much faster than the scene's step, and something is moving: the first-order error
 /// `½ a T h` of the finest run must have digits.
-pub(super) fn is_soft(subject: &Subject) -> bool {
+pub(super) fn is_soft(subject: &TestCase) -> bool {
     let h = coarsest(subject);
     let dofs = subject.system.dofs().len();
     if !(1..=AFFORDABLE).contains(&dofs) || h < subject.dt / 20.0 {
@@ -38,17 +38,17 @@ pub(super) fn is_soft(subject: &Subject) -> bool {
 }
 
 /// `½ a T h` of the finest run, of which h is the step of the coarsest.
-fn first_order_error(subject: &Subject, h: f64) -> f64 {
+fn first_order_error(subject: &TestCase, h: f64) -> f64 {
     let largest = norm(&reference::free(&subject.system, &subject.accelerations()));
     0.5 * largest * (STEPS as f64 * h) * h / (1 << HALVINGS) as f64
 }
 
 /// What rounding does to the end of the longest run: u a step.
-fn rounding(subject: &Subject) -> f64 {
+fn rounding(subject: &TestCase) -> f64 {
     U * (subject.extent() + subject.centre().norm()) * (STEPS << HALVINGS) as f64
 }
 
-pub(super) fn measure(subject: &Subject) -> Measured {
+pub(super) fn measure(subject: &TestCase) -> Measured {
     let h = coarsest(subject).min(0.9 * subject.time_to_kink() / STEPS as f64);
     let mut curves = Vec::new();
     let mut unclear = Vec::new();
@@ -98,7 +98,7 @@ mod tests {
     use crate::system::SystemBuilder;
 
     /// 2 kg on a spring of k = 8 N that is 3 m long, 2 m at rest: `ω² ≤ 2 (8/2)/2`, so that steps of 1/4 s resolve it.
-    fn pulled(dt: f64) -> Subject {
+    fn pulled(dt: f64) -> TestCase {
         let mut builder = SystemBuilder { dimension: 1, ..SystemBuilder::new() };
         builder.gravity(-3.0, 0.0, 0.0);
         let (bob, anchor) = (builder.particle([1.0, 0.0, 0.0], 2.0), builder.particle([4.0, 0.0, 0.0], 2.0));
@@ -106,7 +106,7 @@ mod tests {
         builder.velocities[bob].x = 1.0;
         builder.hold(anchor);
         let (system, state) = builder.build().unwrap();
-        Subject { name: "pulled".into(), system, state, dt }
+        TestCase { name: "pulled".into(), system, state, dt }
     }
 
     /// The acceleration is `(4 − 1/2)/2 − 3 = −5/4` m/s²; eight steps of 1/4 s are two seconds, and the finest ones sixteen times shorter.

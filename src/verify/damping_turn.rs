@@ -4,7 +4,7 @@ use super::check::{Check, worst};
 use super::claim::Claim;
 use super::force_error::U;
 use super::reduced::random_vector;
-use crate::force::{Extensions, add_damping_differential};
+use crate::force::{SpringGeometry, add_damping_differential};
 use crate::spring::Spring;
 use crate::system::{State, System};
 use nalgebra::Vector3;
@@ -26,7 +26,7 @@ pub fn damping_turns(system: &System, state: &State, scene: &str) -> Check {
         truncation";
     let check =
         |value, why: &str| Check::new(Claim::Consistency, "change of f_d by turning springs", scene, value, 1.0, why);
-    let extensions = match Extensions::at(system, &state.positions) {
+    let extensions = match SpringGeometry::at(system, &state.positions) {
         Ok(extensions) => extensions,
         Err(degenerate) => return check(f64::NAN, &degenerate.to_string()),
     };

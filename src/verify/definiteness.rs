@@ -3,7 +3,7 @@
 use super::measured::Measured;
 use super::reference::{self, dense_step_matrix};
 use super::runs::{Way, differences, direct};
-use super::{Check, Claim, Subject, U, Unfinished};
+use super::{Check, Claim, TestCase, U, Unfinished};
 use crate::assembly::SymmetricMatrix;
 use crate::integrate::{Method, StepMatrices, StiffnessPolicy};
 use crate::linear::{Cholesky, Ldlt};
@@ -19,18 +19,18 @@ const FACTORS: [f64; 8] = [0.25, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0];
 /// Degrees of freedom up to which many steps of the same scene are affordable.
 const AFFORDABLE: usize = 2000;
 
-pub(super) fn is_affordable(subject: &Subject) -> bool {
+pub(super) fn is_affordable(subject: &TestCase) -> bool {
     (1..=AFFORDABLE).contains(&subject.system.dofs().len())
 }
 
-pub(super) fn is_small(subject: &Subject) -> bool {
+pub(super) fn is_small(subject: &TestCase) -> bool {
     (1..=DENSE).contains(&subject.system.dofs().len())
 }
 
 /// Without compressed springs `tension` is `full`; without stretched ones it is `axial`: the same K, to the bit.
-pub(super) fn options(subject: &Subject) -> Measured {
+pub(super) fn options(subject: &TestCase) -> Measured {
     let why = "an option only decides which terms are added, not how: not one bit may differ";
-    let compare = |twin: Subject, option: Stiffness, name: &str| -> Result<Check, Unfinished> {
+    let compare = |twin: TestCase, option: Stiffness, name: &str| -> Result<Check, Unfinished> {
         let k = |option| StepMatrices::assemble(&twin.system, &twin.state, option, twin.dt).map(|matrices| matrices.k);
         let (tension, other) = (k(Stiffness::Tension)?, k(option)?);
         let pairs = tension.values().iter().zip(other.values());
@@ -44,7 +44,7 @@ pub(super) fn options(subject: &Subject) -> Measured {
 }
 
 /// Under `tension` and `axial`, `λ_min(A) ≥ m_min/dt²`: A − (1 − ε) m_min/dt² is definite at every step.
-pub(super) fn always(subject: &Subject) -> Measured {
+pub(super) fn always(subject: &TestCase) -> Measured {
     let mut checks = Vec::new();
     for option in [Stiffness::Tension, Stiffness::Axial] {
         for twin in [subject.clone(), subject.stretched()?, subject.squeezed()?] {
@@ -79,7 +79,7 @@ fn unless_untried(tried: usize, check: Check) -> Check {
 
 /// Cholesky's verdict and the signs of D against the signs of all eigenvalues, at steps across the critical one; and the
 /// number of negative ones never falls as the step grows.
-pub(super) fn inertia(subject: &Subject) -> Measured {
+pub(super) fn inertia(subject: &TestCase) -> Measured {
     let mut checks = Vec::new();
     for twin in [subject.clone(), subject.squeezed()?] {
         let mut factored = Factored::new(&twin)?;
@@ -112,7 +112,7 @@ pub(super) fn inertia(subject: &Subject) -> Measured {
 }
 
 /// `on-demand` is `full` in every step that `full` can do, to the bit, and can do every other step too.
-pub(super) fn on_demand(subject: &Subject) -> Measured {
+pub(super) fn on_demand(subject: &TestCase) -> Measured {
     let mut checks = Vec::new();
     let way = Way { method: Method::LinearBackwardEuler, stiffness: StiffnessPolicy::OnDemand };
     let (mut different, mut compared) = (0.0, 0);
@@ -144,7 +144,7 @@ pub(super) fn on_demand(subject: &Subject) -> Measured {
 }
 
 /// `m_min/dt²`, less the rounding of a pivot, n u ‖A‖; `None` where rounding leaves less than half of it.
-fn promise(subject: &Subject, dt: f64) -> Option<f64> {
+fn promise(subject: &TestCase, dt: f64) -> Option<f64> {
     let lightest = reference::movers(&subject.system).map(|p| subject.system.masses()[p]).fold(f64::INFINITY, f64::min);
     let least = lightest / (dt * dt);
     let rounding = rounding(subject, dt);
@@ -152,7 +152,7 @@ fn promise(subject: &Subject, dt: f64) -> Option<f64> {
 }
 
 /// What rounding may do to a pivot or an eigenvalue: 4 n u ‖A‖.
-fn rounding(subject: &Subject, dt: f64) -> f64 {
+fn rounding(subject: &TestCase, dt: f64) -> f64 {
     4.0 * subject.system.dofs().len() as f64 * U * reference::step_matrix_norm(subject, &subject.state, dt)
 }
 
@@ -163,15 +163,15 @@ pub(super) struct Factored {
 }
 
 impl Factored {
-    pub fn new(subject: &Subject) -> Result<Self, Unfinished> {
+    pub fn new(subject: &TestCase) -> Result<Self, Unfinished> {
         let a = StepMatrices::assemble(&subject.system, &subject.state, Stiffness::Tension, subject.dt)?.a;
         let pattern = a.pattern();
         Ok(Self { cholesky: Cholesky::analyse(pattern, Par::Seq)?, ldlt: Ldlt::analyse(pattern, Par::Seq)? })
     }
 
     /// Whether Cholesky refuses a step's A less so much on its diagonal.
-    fn refuses(&mut self, subject: &Subject, option: Stiffness, dt: f64, shift: f64) -> Result<bool, Unfinished> {
-        let Subject { system, state, .. } = subject;
+    fn refuses(&mut self, subject: &TestCase, option: Stiffness, dt: f64, shift: f64) -> Result<bool, Unfinished> {
+        let TestCase { system, state, .. } = subject;
         let mut a = StepMatrices::assemble(system, state, option, dt)?.a;
         (0..system.particles()).for_each(|p| a.add_to_diagonal(p, -shift));
         Ok(self.cholesky.factor(&a).is_err())
@@ -191,13 +191,13 @@ mod tests {
     use crate::system::SystemBuilder;
 
     /// A particle 1 m from a held one on a spring at rest.
-    fn pair(dt: f64) -> Subject {
+    fn pair(dt: f64) -> TestCase {
         let mut builder = SystemBuilder::new();
         let (anchor, bob) = (builder.particle([0.0; 3], 1.0), builder.particle([1.0, 0.0, 0.0], 1.0));
         builder.spring(anchor, bob, Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.0 });
         builder.hold(anchor);
         let (system, state) = builder.build().unwrap();
-        Subject { name: "pair".into(), system, state, dt }
+        TestCase { name: "pair".into(), system, state, dt }
     }
 
     /// A is 1/dt² = 64 N/m across the spring, and 164 N/m along it.

@@ -9,7 +9,7 @@ use super::jacobian::{JacobianOptions, check_jacobian};
 use super::measured::Measured;
 use super::reduced::{damping_force, elastic_energy, elastic_force, reduce};
 use super::v_curve::v_curve;
-use super::{Check, Claim, Subject};
+use super::{Check, Claim, TestCase};
 use crate::integrate::StepMatrices;
 use crate::spring::{Extension, Spring, Stiffness};
 use nalgebra::Matrix3;
@@ -18,8 +18,8 @@ use nalgebra::Matrix3;
 const ONE_BY_ONE_LIMIT: usize = 120;
 
 /// K under the full stiffness along random directions, entry by entry, and spring by spring.
-pub(super) fn jacobian(subject: &Subject) -> Measured {
-    let Subject { name, system, state, dt } = subject;
+pub(super) fn jacobian(subject: &TestCase) -> Measured {
+    let TestCase { name, system, state, dt } = subject;
     let k = StepMatrices::assemble(system, state, Stiffness::Full, *dt)?.k;
     let block =
         |spring: &Spring, at: &Extension| -> Matrix3<f64> { spring.stiffness_block(at, Stiffness::Full).matrix() };
@@ -41,8 +41,8 @@ pub(super) fn jacobian(subject: &Subject) -> Measured {
 }
 
 /// What `tension` and `axial` leave out of K.
-pub(super) fn dropped(subject: &Subject) -> Measured {
-    let Subject { name, system, state, dt } = subject;
+pub(super) fn dropped(subject: &TestCase) -> Measured {
+    let TestCase { name, system, state, dt } = subject;
     let mut checks = Vec::new();
     for option in [Stiffness::Tension, Stiffness::Axial] {
         let k = StepMatrices::assemble(system, state, option, *dt)?.k;
@@ -52,8 +52,8 @@ pub(super) fn dropped(subject: &Subject) -> Measured {
 }
 
 /// The elastic force against its energy, and G against the damping force.
-pub(super) fn consistency(subject: &Subject) -> Measured {
-    let Subject { name, system, state, dt } = subject;
+pub(super) fn consistency(subject: &TestCase) -> Measured {
+    let TestCase { name, system, state, dt } = subject;
     let mut force = vec![0.0; system.dofs().len()];
     elastic_force(system, state)(&reduce(system, &state.positions), &mut force);
     let mut checks = vec![

@@ -8,7 +8,7 @@ use super::force_error::{ForceError, Step, curvature, force_rounding, own_error}
 use super::reduced::reduce;
 use super::verdict::{TABLE_ROWS, WorstEntries, of_block};
 use crate::figure::Drawing;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::spring::{Extension, Spring};
 use crate::system::{Dof, State, System};
 use nalgebra::{Matrix3, Vector3};
@@ -36,7 +36,7 @@ pub fn stiffness_entries(
     if (stiffness.nrows(), stiffness.ncols()) != (n, n) {
         return check(f64::NAN, format!("K is {} × {}, not {n} × {n}", stiffness.nrows(), stiffness.ncols()));
     }
-    let extensions = match Extensions::at(system, &state.positions) {
+    let extensions = match SpringGeometry::at(system, &state.positions) {
         Ok(extensions) => extensions,
         Err(degenerate) => return check(f64::NAN, degenerate.to_string()),
     };

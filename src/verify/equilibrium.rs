@@ -6,13 +6,13 @@
 use super::measured::Measured;
 use super::reference;
 use super::runs::{Way, direct};
-use super::{Check, Claim, Subject, U, Unfinished, worst};
+use super::{Check, Claim, TestCase, U, Unfinished, worst};
 use crate::system::State;
 use nalgebra::Vector3;
 
 const STEPS: usize = 3;
 
-pub(super) fn measure(subject: &Subject) -> Measured {
+pub(super) fn measure(subject: &TestCase) -> Measured {
     let resting = subject.relaxed()?;
     let mut drifting = resting.freed()?;
     let axes = subject.system.dimension();
@@ -23,7 +23,7 @@ pub(super) fn measure(subject: &Subject) -> Measured {
     Ok(checks)
 }
 
-fn follow(subject: &Subject, name: &str) -> Result<Vec<Check>, Unfinished> {
+fn follow(subject: &TestCase, name: &str) -> Result<Vec<Check>, Unfinished> {
     let mut checks = Vec::new();
     for way in Way::of(subject) {
         let dt = way.step(subject);
@@ -39,8 +39,8 @@ fn follow(subject: &Subject, name: &str) -> Result<Vec<Check>, Unfinished> {
 }
 
 /// The distance of the state after n steps from `x + n dt v` over what rounding allows.
-fn share(subject: &Subject, dt: f64, n: f64, state: &State) -> f64 {
-    let Subject { system, state: start, .. } = subject;
+fn share(subject: &TestCase, dt: f64, n: f64, state: &State) -> f64 {
+    let TestCase { system, state: start, .. } = subject;
     let links = reference::links(system, &state.positions);
     let elastic = reference::magnitude(&links, reference::Link::magnitude, &state.positions);
     let damping = reference::magnitude(&links, |link| link.damping, &state.velocities);

@@ -2,10 +2,10 @@
 
 use super::measured::Measured;
 use super::range::{of_estimates, of_springs, of_steps};
-use super::{Check, Claim, Results, Subject};
+use super::{Check, Claim, Results, TestCase};
 use super::{
     convergence, definiteness, derivatives, equilibrium, indicators, ledger, momentum, prescribed_motion, refusals,
-    rigid_motion, sameness, solvers, step_equations, work_energy,
+    reproducibility, rigid_motion, solvers, step_equations, work_energy,
 };
 
 /// Checks that belong together and run on any scene that they apply to.
@@ -15,16 +15,16 @@ pub struct Family {
     /// A short name, for test names and filters: letters and underscores.
     pub name: &'static str,
     /// Whether there is something to check on a subject.
-    pub applies: fn(&Subject) -> bool,
+    pub applies: fn(&TestCase) -> bool,
     /// Why the numbers of a subject do not allow a judgement; `None` where they do.
-    beyond: fn(&Subject) -> Option<String>,
-    measure: fn(&Subject) -> Measured,
+    beyond: fn(&TestCase) -> Option<String>,
+    measure: fn(&TestCase) -> Measured,
 }
 
 impl Family {
     /// Measures on a subject that the family [`applies`](Self::applies) to. What cannot be carried out is a failed check; what the numbers
     /// of the subject do not allow to be judged is [left out](Check::not_judged), with the reason.
-    pub fn check(&self, subject: &Subject) -> Vec<Check> {
+    pub fn check(&self, subject: &TestCase) -> Vec<Check> {
         if let Some(reason) = (self.beyond)(subject) {
             return vec![Check::not_judged(self.claim, self.name.replace('_', " "), &subject.name, reason)];
         }
@@ -51,7 +51,7 @@ pub const FAMILIES: &[Family] = &[
     family(Claim::Solvers, "solvers", can_move, of_steps, solvers::solvers),
     family(Claim::Solvers, "linear_steps", can_move, of_steps, step_equations::linear),
     family(Claim::Solvers, "other_steps", can_move, of_steps, step_equations::others),
-    family(Claim::Solvers, "repeated", always, of_steps, sameness::repeated),
+    family(Claim::Solvers, "repeated", always, of_steps, reproducibility::repeated),
     family(Claim::Definiteness, "options", has_springs, of_springs, definiteness::options),
     family(Claim::Definiteness, "always_definite", can_move, of_steps, definiteness::always),
     family(Claim::Definiteness, "on_demand", definiteness::is_affordable, of_steps, definiteness::on_demand),
@@ -69,7 +69,7 @@ pub const FAMILIES: &[Family] = &[
         of_steps,
         prescribed_motion::measure,
     ),
-    family(Claim::Constraints, "in_space", sameness::is_flat, of_steps, sameness::in_space),
+    family(Claim::Constraints, "in_space", reproducibility::is_flat, of_steps, reproducibility::in_space),
     family(Claim::Failure, "indefinite", refusals::applies, of_steps, refusals::indefinite),
     family(Claim::Failure, "conjugate_gradients", refusals::has_system, of_steps, refusals::conjugate_gradients),
     family(Claim::Failure, "broken_states", refusals::has_system, of_steps, refusals::broken_states),
@@ -79,9 +79,9 @@ pub const FAMILIES: &[Family] = &[
 const fn family(
     claim: Claim,
     name: &'static str,
-    applies: fn(&Subject) -> bool,
-    beyond: fn(&Subject) -> Option<String>,
-    measure: fn(&Subject) -> Measured,
+    applies: fn(&TestCase) -> bool,
+    beyond: fn(&TestCase) -> Option<String>,
+    measure: fn(&TestCase) -> Measured,
 ) -> Family {
     Family { claim, name, applies, beyond, measure }
 }
@@ -91,39 +91,39 @@ const fn family(
 /// # Examples
 /// ```
 /// use sprung::scene::{Kind, builtin};
-/// use sprung::verify::{Subject, verify};
+/// use sprung::verify::{TestCase, verify};
 ///
-/// let subject = Subject::of_scene(&builtin(Kind::Pendulum, 1)?)?;
+/// let subject = TestCase::of_scene(&builtin(Kind::Pendulum, 1)?)?;
 /// let results = verify(&subject);
 /// assert!(results.all_passed(), "{:?}", results.failures().map(|check| &check.name).collect::<Vec<_>>());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn verify(subject: &Subject) -> Results {
+pub fn verify(subject: &TestCase) -> Results {
     let applying = FAMILIES.iter().filter(|family| (family.applies)(subject));
     applying.flat_map(|family| family.check(subject)).collect()
 }
 
-fn has_springs(subject: &Subject) -> bool {
+fn has_springs(subject: &TestCase) -> bool {
     !subject.system.pairs().is_empty()
 }
 
-fn has_springs_that_move(subject: &Subject) -> bool {
+fn has_springs_that_move(subject: &TestCase) -> bool {
     has_springs(subject) && can_move(subject)
 }
 
-fn has_particles(subject: &Subject) -> bool {
+fn has_particles(subject: &TestCase) -> bool {
     subject.system.particles() > 0
 }
 
-fn always(_: &Subject) -> bool {
+fn always(_: &TestCase) -> bool {
     true
 }
 
-fn can_move(subject: &Subject) -> bool {
+fn can_move(subject: &TestCase) -> bool {
     !subject.system.dofs().is_empty()
 }
 
-fn pulls(subject: &Subject) -> bool {
+fn pulls(subject: &TestCase) -> bool {
     !subject.system.active_springs().is_empty()
 }
 

@@ -18,7 +18,7 @@
 //! within l/8. Adding the forces of all springs at a particle adds u of their sum of magnitudes for every spring.
 
 use super::coloring::Lists;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::spring::{Extension, Spring};
 use crate::system::System;
 
@@ -109,7 +109,7 @@ pub(super) struct ForceError<'a> {
 }
 
 impl<'a> ForceError<'a> {
-    pub fn new(system: &'a System, extensions: &'a Extensions) -> Self {
+    pub fn new(system: &'a System, extensions: &'a SpringGeometry) -> Self {
         let link = |((index, ends, spring), at)| Link { index, ends, spring, at };
         let links: Vec<_> = extensions.springs(system).map(link).collect();
         let ends = Lists::new(links.iter().map(|link| link.ends.map(|end| end as u32).into_iter()));

@@ -14,7 +14,7 @@
 use super::measured::Measured;
 use super::reference::{self, Link, damping_product, free, links, stiffness_product};
 use super::runs::{Way, direct};
-use super::{Check, Claim, Subject, U, worst};
+use super::{Check, Claim, TestCase, U, worst};
 use crate::integrate::StiffnessPolicy;
 use crate::linear::norm;
 use crate::system::{Motion, State};
@@ -39,7 +39,7 @@ struct Formula {
 }
 
 /// Every way to take steps of bdf2.
-pub(super) fn checks(subject: &Subject, way: Way) -> Measured {
+pub(super) fn checks(subject: &TestCase, way: Way) -> Measured {
     let dt = subject.dt.min(subject.resolving_step());
     let Some(states) = way.run(subject, direct(), dt, STEPS)? else { return Ok(Vec::new()) };
     let steps: Vec<(Formula, &State)> = (0..STEPS)
@@ -67,7 +67,7 @@ pub(super) fn checks(subject: &Subject, way: Way) -> Measured {
     Ok(checks)
 }
 
-fn formula(subject: &Subject, before: Option<&State>, state: &State, h: f64) -> Formula {
+fn formula(subject: &TestCase, before: Option<&State>, state: &State, h: f64) -> Formula {
     let time = state.time + h;
     let (mut base, mut prediction) = (state.clone(), state.clone());
     let before = before.filter(|_| !is_parted(subject, state.time, h));
@@ -90,7 +90,7 @@ fn formula(subject: &Subject, before: Option<&State>, state: &State, h: f64) -> 
 }
 
 /// Whether a corner of a path parts the step of length h from time t from the one before.
-fn is_parted(subject: &Subject, t: f64, h: f64) -> bool {
+fn is_parted(subject: &TestCase, t: f64, h: f64) -> bool {
     let corners: Vec<f64> = subject.system.prescribed().motions().iter().flat_map(corners).collect();
     let slack = 1e-9 * h;
     let any = |from: f64, to: f64| corners.iter().any(|&corner| from <= corner && corner < to);
@@ -103,7 +103,7 @@ fn corners(motion: &Motion) -> Vec<f64> {
 }
 
 /// x' − y, zero on prescribed coordinates.
-fn displacement(subject: &Subject, formula: &Formula, after: &State) -> Vec<Vector3<f64>> {
+fn displacement(subject: &TestCase, formula: &Formula, after: &State) -> Vec<Vector3<f64>> {
     let mut moved = vec![Vector3::zeros(); after.positions.len()];
     for dof in subject.system.dofs().iter() {
         let (p, axis) = (dof.particle, dof.axis);
@@ -112,7 +112,7 @@ fn displacement(subject: &Subject, formula: &Formula, after: &State) -> Vec<Vect
     moved
 }
 
-fn velocity_error(subject: &Subject, formula: &Formula, after: &State) -> f64 {
+fn velocity_error(subject: &TestCase, formula: &Formula, after: &State) -> f64 {
     worst(subject.system.dofs().iter().map(|dof| {
         let of = |vectors: &[Vector3<f64>]| vectors[dof.particle][dof.axis];
         let (x, base, v) = (of(&after.positions), of(&formula.base.positions), of(&after.velocities));
@@ -123,7 +123,7 @@ fn velocity_error(subject: &Subject, formula: &Formula, after: &State) -> f64 {
 }
 
 /// `M (v − ṽ)/τ − f_el − f_d − g` at a state, and the magnitudes of its parts.
-fn residual(subject: &Subject, formula: &Formula, at: &State) -> (Vec<Vector3<f64>>, Vec<f64>) {
+fn residual(subject: &TestCase, formula: &Formula, at: &State) -> (Vec<Vector3<f64>>, Vec<f64>) {
     let (system, n) = (&subject.system, at.positions.len());
     let links = links(system, &at.positions);
     let elastic = reference::sum(&links, n, Link::elastic_force);
@@ -142,7 +142,7 @@ fn residual(subject: &Subject, formula: &Formula, at: &State) -> (Vec<Vector3<f6
 }
 
 /// The largest row of the linear equations, in units of rounding; `stiffness` is K (x' − y).
-fn linear_rows(subject: &Subject, formula: &Formula, after: &State, stiffness: &[Vector3<f64>]) -> f64 {
+fn linear_rows(subject: &TestCase, formula: &Formula, after: &State, stiffness: &[Vector3<f64>]) -> f64 {
     let Formula { tau, prediction, .. } = formula;
     let system = &subject.system;
     let moved = displacement(subject, formula, after);
@@ -159,7 +159,7 @@ fn linear_rows(subject: &Subject, formula: &Formula, after: &State, stiffness: &
     worst(free(system, &rows).iter().map(|row| row.abs() / unit))
 }
 
-fn left(subject: &Subject, formula: &Formula, after: &State) -> f64 {
+fn left(subject: &TestCase, formula: &Formula, after: &State) -> f64 {
     let mut after = after.clone();
     for (v, (x, base)) in after.velocities.iter_mut().zip(after.positions.iter().zip(&formula.base.positions)) {
         *v = (x - base) / formula.tau;

@@ -7,7 +7,7 @@
 //! that is wrong by 30 % may be silent.
 
 use super::measured::Measured;
-use super::{Check, Claim, Subject, Unfinished, convergence, reference};
+use super::{Check, Claim, TestCase, Unfinished, convergence, reference};
 use crate::accuracy::extent;
 use crate::integrate::{
     ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Outcome, Schedule, Status, run, run_monitored,
@@ -42,13 +42,13 @@ const COLLAPSED: f64 = 0.01;
 const AFFORDABLE: usize = 100;
 
 /// Not where a spring is all but collapsed: its direction changes beyond what any figure of a motion says.
-pub(super) fn applies(subject: &Subject) -> bool {
+pub(super) fn applies(subject: &TestCase) -> bool {
     let links = reference::links(&subject.system, &subject.state.positions);
     let collapsed = links.iter().any(|link| link.length < COLLAPSED * link.rest_length);
     subject.system.dofs().len() <= AFFORDABLE && !collapsed && convergence::is_soft(subject)
 }
 
-pub(super) fn measure(subject: &Subject) -> Measured {
+pub(super) fn measure(subject: &TestCase) -> Measured {
     let h = convergence::coarsest(subject);
     let mut exact = subject.state.clone();
     let mut stepper = Method::Dop853.stepper(&subject.system, &exact, &ImplicitOptions::default())?;
@@ -151,12 +151,12 @@ fn completed(outcome: &Outcome) -> Result<(), Unfinished> {
 
 /// The end and the figures of a run with a method; `None` where it did not come to its end, which it says.
 fn monitored(
-    subject: &Subject,
+    subject: &TestCase,
     method: Method,
     dt: f64,
     steps: u64,
 ) -> Result<Option<(State, ErrorIndicators)>, Unfinished> {
-    let Subject { system, state, .. } = subject;
+    let TestCase { system, state, .. } = subject;
     let mut state = state.clone();
     let options = ImplicitOptions::default();
     let mut monitor = Monitor::new(system, &state, MonitorOptions::default())?;

@@ -9,7 +9,7 @@ use super::force_error::ForceError;
 use super::measurement::{Measurement, representable};
 use super::verdict::{CANNOT_BE_MEASURED, TABLE_ROWS, WorstEntries, of_block};
 use crate::error::{Invalid, Result};
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::system::{State, System};
 use nalgebra::Matrix3;
 use nalgebra_sparse::{CooMatrix, CscMatrix};
@@ -147,7 +147,7 @@ pub fn check_jacobian(
         }
     };
     let extensions = options.springs.and_then(|(system, state)| {
-        Extensions::at(system, &state.positions).ok().map(|extensions| (system, extensions))
+        SpringGeometry::at(system, &state.positions).ok().map(|extensions| (system, extensions))
     });
     let springs = extensions.as_ref().map(|(system, extensions)| (*system, ForceError::new(system, extensions)));
     let steps = (0..point.len()).map(|column| {

@@ -15,7 +15,7 @@
 //! explains, and as small.
 
 use super::measured::Measured;
-use super::{Check, Claim, Subject, U, Unfinished, convergence, reference, worst};
+use super::{Check, Claim, TestCase, U, Unfinished, convergence, reference, worst};
 use crate::integrate::{ImplicitOptions, Method, Monitor, MonitorOptions};
 use crate::system::{State, System};
 
@@ -32,12 +32,12 @@ const ROUNDING: f64 = 100.0 * U;
 /// Degrees of freedom up to which the many short steps are affordable.
 const AFFORDABLE: usize = 2000;
 
-pub(super) fn applies(subject: &Subject) -> bool {
+pub(super) fn applies(subject: &TestCase) -> bool {
     (1..=AFFORDABLE).contains(&subject.system.dofs().len()) && !subject.system.pairs().is_empty()
 }
 
-pub(super) fn measure(subject: &Subject) -> Measured {
-    let Subject { system, state, name, .. } = subject;
+pub(super) fn measure(subject: &TestCase) -> Measured {
+    let TestCase { system, state, name, .. } = subject;
     let h = step(subject);
     let states = motion(subject, h / PARTS as f64)?;
     let mut monitor = Monitor::new(system, state, MonitorOptions::default())?;
@@ -98,12 +98,12 @@ pub(super) fn measure(subject: &Subject) -> Measured {
 }
 
 /// The step of the ledger, in s: short enough for every vibration, and for all steps to end before a path has a kink.
-fn step(subject: &Subject) -> f64 {
+fn step(subject: &TestCase) -> f64 {
     convergence::coarsest(subject).min(0.9 * subject.time_to_kink() / STEPS as f64)
 }
 
-fn motion(subject: &Subject, dt: f64) -> Result<Vec<State>, Unfinished> {
-    let Subject { system, state, .. } = subject;
+fn motion(subject: &TestCase, dt: f64) -> Result<Vec<State>, Unfinished> {
+    let TestCase { system, state, .. } = subject;
     let mut stepper = Method::Dop853.stepper(system, state, &ImplicitOptions::default())?;
     let mut states = vec![state.clone()];
     let mut state = state.clone();
@@ -173,7 +173,7 @@ mod tests {
             let motion = Motion::Path { times: vec![0.5, 1.1], offsets: vec![Vector3::zeros(); 2] };
             builder.constrain(Constraint { particles: vec![0], axes: Axes::of(&[0]), motion });
             let (system, state) = builder.build().unwrap();
-            step(&Subject { name: "led".into(), system, state: State { time, ..state }, dt: 1.0 })
+            step(&TestCase { name: "led".into(), system, state: State { time, ..state }, dt: 1.0 })
         };
         assert!((step_at(1.0) - 0.9 * 0.1 / STEPS as f64).abs() < 1e-15);
         assert!((step_at(0.0) - 0.9 * 0.5 / STEPS as f64).abs() < 1e-15);

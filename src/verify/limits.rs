@@ -1,13 +1,13 @@
 //! What the numbers of a scene do not let a check judge.
 
-use super::{Subject, reference};
+use super::{TestCase, reference};
 use crate::system::Motion;
 use nalgebra::Vector3;
 
 /// Steps that are so many times as long as resolving ones: the square of it times u is a tenth of a percent.
 const BEYOND: f64 = 1e5;
 
-impl Subject {
+impl TestCase {
     /// The largest time, in s, in which no path has a kink.
     pub(super) fn time_to_kink(&self) -> f64 {
         let corners = |motion: &Motion| match motion {

@@ -1,7 +1,7 @@
 //! Verification: every number is held to a bound that an analysis gives.
 //!
 //! A [`Check`] is plain data: what was measured, what is allowed and why. Checks know nothing of
-//! [reports](crate::report). A [`Family`] of checks runs on any [`Subject`], a scene with its step; [`verify`] runs all
+//! [reports](crate::report). A [`Family`] of checks runs on any [`TestCase`], a scene with its step; [`verify`] runs all
 //! that apply.
 //!
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `checks`.
@@ -42,16 +42,16 @@ mod range;
 mod reduced;
 mod reference;
 mod refusals;
+mod reproducibility;
 mod residual;
 mod rigid_motion;
 mod runs;
-mod sameness;
 #[cfg(feature = "scene")]
 mod scenes;
 mod solution;
 mod solvers;
 mod step_equations;
-mod subject;
+mod test_case;
 mod v_curve;
 mod verdict;
 mod work_energy;
@@ -80,7 +80,7 @@ pub use scenes::built_in;
 pub use solution::{
     Promise, Solved, backward_errors, condition_is_right, indefinite_backward_error, solutions_agree, tolerance_is_met,
 };
-pub use subject::Subject;
+pub use test_case::TestCase;
 pub use v_curve::v_curve;
 
 use measured::Unfinished;

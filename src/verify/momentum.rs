@@ -9,7 +9,7 @@
 
 use super::measured::Measured;
 use super::runs::{Way, direct};
-use super::{Check, Claim, Subject, U, Unfinished, reference, worst};
+use super::{Check, Claim, TestCase, U, Unfinished, reference, worst};
 use crate::integrate::Method;
 use crate::spring::Stiffness;
 use crate::system::State;
@@ -25,7 +25,7 @@ struct Part {
 }
 
 /// The connected parts of the system.
-fn parts(subject: &Subject) -> Vec<Part> {
+fn parts(subject: &TestCase) -> Vec<Part> {
     let system = &subject.system;
     let mut label: Vec<usize> = (0..system.particles()).collect();
     // Every second particle on the way is hung one higher, so that no way stays long, in whatever order springs come.
@@ -52,15 +52,15 @@ fn parts(subject: &Subject) -> Vec<Part> {
     parts.into_values().map(part).collect()
 }
 
-pub(super) fn has_free_translation(subject: &Subject) -> bool {
+pub(super) fn has_free_translation(subject: &TestCase) -> bool {
     parts(subject).iter().any(|part| !part.axes.is_empty())
 }
 
-pub(super) fn has_free_rotation(subject: &Subject) -> bool {
+pub(super) fn has_free_rotation(subject: &TestCase) -> bool {
     subject.system.dimension() > 1 && parts(subject).iter().any(|part| part.axes.len() == subject.system.dimension())
 }
 
-pub(super) fn linear(subject: &Subject) -> Measured {
+pub(super) fn linear(subject: &TestCase) -> Measured {
     let (gravity, masses) = (subject.system.gravity(), subject.system.masses());
     let parts = parts(subject);
     let momentum = |part: &Part, axis: usize, state: &State| -> f64 {
@@ -76,7 +76,7 @@ pub(super) fn linear(subject: &Subject) -> Measured {
     })
 }
 
-pub(super) fn angular(subject: &Subject) -> Measured {
+pub(super) fn angular(subject: &TestCase) -> Measured {
     let system = &subject.system;
     let (gravity, masses, centre) = (system.gravity(), system.masses(), subject.centre());
     let free: Vec<Part> = parts(subject).into_iter().filter(|part| part.axes.len() == system.dimension()).collect();
@@ -105,7 +105,7 @@ pub(super) fn angular(subject: &Subject) -> Measured {
 
 /// The worst share of what rounding allows over the steps of a run by each way.
 fn measure(
-    subject: &Subject,
+    subject: &TestCase,
     name: &str,
     ways: impl Iterator<Item = Way>,
     error: impl Fn(Method, f64, &State, &State) -> f64,
@@ -130,7 +130,7 @@ fn measure(
 }
 
 /// The change of momentum by one unit of rounding: `n dt u (‖A‖ ‖δx‖ + ‖b‖)`, the forces in b at their magnitudes.
-fn rounding(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
+fn rounding(subject: &TestCase, dt: f64, before: &State, after: &State) -> f64 {
     let system = &subject.system;
     let n = system.particles() as f64;
     let pairs = before.positions.iter().zip(&after.positions);
@@ -151,7 +151,7 @@ fn rounding(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
 mod tests {
     use super::{U, parts, reference, rounding};
     use crate::scene::builtin;
-    use crate::verify::{Subject, fixtures};
+    use crate::verify::{TestCase, fixtures};
     use nalgebra::Vector3;
 
     /// In a quarter of a second one of three particles goes 1/8 m and another, of 1 kg, gets 1/2 m/s; weights are 10 N at most, springs
@@ -159,7 +159,7 @@ mod tests {
     #[test]
     fn units_of_rounding_by_hand() {
         let (system, state) = fixtures::line().build().unwrap();
-        let subject = Subject { name: "line".into(), system, state, dt: 0.25 };
+        let subject = TestCase { name: "line".into(), system, state, dt: 0.25 };
         let mut after = subject.state.clone();
         after.positions[0].x += 0.125;
         after.velocities[1] = Vector3::new(-0.5, 0.0, 0.0);
@@ -175,7 +175,7 @@ mod tests {
     fn long_chains_are_one_part() {
         let mut scene = builtin::chain(100_000).unwrap();
         scene.springs.pairs.reverse();
-        let parts = parts(&Subject::of_scene(&scene).unwrap());
+        let parts = parts(&TestCase::of_scene(&scene).unwrap());
         assert_eq!((parts.len(), parts[0].particles.len()), (1, 100_001));
     }
 }

@@ -5,8 +5,8 @@
 
 use super::measured::Measured;
 use super::runs::{Way, direct};
-use super::{Check, Claim, Subject, U, worst};
-use crate::integrate::MovesBy;
+use super::{Check, Claim, TestCase, U, worst};
+use crate::integrate::PositionUpdate;
 use crate::system::{Dof, Motion, SAME_TIME, State};
 
 const STEPS: usize = 10;
@@ -14,11 +14,11 @@ const STEPS: usize = 10;
 /// Units of rounding that the place on a path may differ by.
 const UNITS: f64 = 8.0;
 
-pub(super) fn has_prescribed(subject: &Subject) -> bool {
+pub(super) fn has_prescribed(subject: &TestCase) -> bool {
     !subject.system.prescribed().is_empty()
 }
 
-pub(super) fn measure(subject: &Subject) -> Measured {
+pub(super) fn measure(subject: &TestCase) -> Measured {
     let mut checks = vec![at_many_times(subject)];
     for way in Way::of(subject) {
         let dt = way.step(subject);
@@ -37,7 +37,7 @@ pub(super) fn measure(subject: &Subject) -> Measured {
 }
 
 /// Before, at, between and after all corners of all paths, far beyond the end included.
-fn many_times(subject: &Subject) -> Vec<f64> {
+fn many_times(subject: &TestCase) -> Vec<f64> {
     let mut times = vec![0.0, subject.dt, 1.0, 1e3];
     for motion in subject.system.prescribed().motions() {
         if let Motion::Path { times: corners, .. } = motion {
@@ -49,7 +49,7 @@ fn many_times(subject: &Subject) -> Vec<f64> {
     times
 }
 
-fn at_many_times(subject: &Subject) -> Check {
+fn at_many_times(subject: &TestCase) -> Check {
     let distances = many_times(subject).into_iter().map(|time| {
         let mut state = State { time, ..subject.state.clone() };
         state.prescribe(&subject.system);
@@ -60,7 +60,7 @@ fn at_many_times(subject: &Subject) -> Check {
 }
 
 /// The largest distance of a prescribed coordinate from its motion at the state's time, in units of rounding.
-fn distance(subject: &Subject, state: &State) -> f64 {
+fn distance(subject: &TestCase, state: &State) -> f64 {
     worst(coordinates(subject).map(|(dof, start, motion)| {
         let offset = offset(motion, state.time, dof.axis);
         let error = (state.positions[dof.particle][dof.axis] - (start + offset)).abs();
@@ -69,11 +69,11 @@ fn distance(subject: &Subject, state: &State) -> f64 {
     }))
 }
 
-fn speed_error(subject: &Subject, way: Way, dt: f64, before: &State, after: &State) -> f64 {
+fn speed_error(subject: &TestCase, way: Way, dt: f64, before: &State, after: &State) -> f64 {
     worst(coordinates(subject).map(|(dof, start, motion)| {
         let velocity = after.velocities[dof.particle][dof.axis];
         let (x, y) = (before.positions[dof.particle][dof.axis], after.positions[dof.particle][dof.axis]);
-        let (expected, unit) = if !(way.method.is_implicit() && way.method.moves_by() == MovesBy::New) {
+        let (expected, unit) = if !(way.method.is_implicit() && way.method.moves_by() == PositionUpdate::New) {
             let expected = velocity_after(motion, after.time, dof.axis);
             (expected, U * expected.abs())
         } else {
@@ -84,7 +84,7 @@ fn speed_error(subject: &Subject, way: Way, dt: f64, before: &State, after: &Sta
     }))
 }
 
-fn coordinates(subject: &Subject) -> impl Iterator<Item = (Dof, f64, &Motion)> {
+fn coordinates(subject: &TestCase) -> impl Iterator<Item = (Dof, f64, &Motion)> {
     let prescribed = subject.system.prescribed();
     prescribed.iter().map(move |(dof, start, motion)| (dof, start, &prescribed.motions()[motion]))
 }

@@ -107,7 +107,7 @@ pub fn refill_is_fresh(operator: &SystemOperator, refilled: &SymmetricMatrix, sc
 mod tests {
     use super::refill_is_fresh;
     use crate::assembly::{SpringPattern, SystemMatrix};
-    use crate::force::Extensions;
+    use crate::force::SpringGeometry;
     use crate::operator::{Combination, SystemOperator};
     use crate::spring::Stiffness;
     use crate::system::SystemBuilder;
@@ -120,7 +120,7 @@ mod tests {
             |system, extensions| SystemOperator::new(system, extensions, Stiffness::Full, Combination::step(0.5));
         let built = [scene, &line()].map(|scene| {
             let (system, state) = scene.clone().build().unwrap();
-            let extensions = Extensions::at(&system, &state.positions).unwrap();
+            let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
             (system, extensions)
         });
         let [given, right] = built.each_ref().map(|(system, extensions)| operator(system, extensions));

@@ -5,7 +5,7 @@
 //! has no digits in any sum. What a family cannot judge on a scene is read from the scene's own numbers, never from what a check has found.
 
 use super::reference::{self, Link};
-use super::{Subject, U};
+use super::{TestCase, U};
 use crate::force::Energy;
 
 /// The share of a spring that the rounding of its ends' coordinates may be: two digits above the square root of rounding, which differences
@@ -30,8 +30,8 @@ const ENERGIES: f64 = 1e-9;
 const WAY: f64 = 1e4;
 
 /// Why differences of forces and sums over springs say nothing; `None` where they do.
-pub(super) fn of_springs(subject: &Subject) -> Option<String> {
-    let Subject { system, state, .. } = subject;
+pub(super) fn of_springs(subject: &TestCase) -> Option<String> {
+    let TestCase { system, state, .. } = subject;
     let links = reference::links(system, &state.positions);
     let reach = |link: &Link| link.ends.iter().map(|&p| state.positions[p].norm()).fold(0.0, f64::max);
     let lost = |link: &Link| 2.0 * U * reach(link) / link.length.min(link.rest_length);
@@ -52,8 +52,8 @@ pub(super) fn of_springs(subject: &Subject) -> Option<String> {
 }
 
 /// Why steps say nothing; `None` where they do.
-pub(super) fn of_steps(subject: &Subject) -> Option<String> {
-    let Subject { system, state, dt, .. } = subject;
+pub(super) fn of_steps(subject: &TestCase) -> Option<String> {
+    let TestCase { system, state, dt, .. } = subject;
     let masses = || reference::movers(system).map(|p| system.masses()[p]);
     let found = of_springs(subject).or_else(|| apart("masses of particles that move", "kg", masses, MASSES));
     if found.is_some() || system.dofs().is_empty() {
@@ -75,11 +75,11 @@ pub(super) fn of_steps(subject: &Subject) -> Option<String> {
 
 /// Why what a run says of its own error cannot be held against it; `None` where it can. A run looks for energy that comes or goes, and what
 /// rounding makes of the energy of everything, held particles included, must be small against what the motion has to exchange.
-pub(super) fn of_estimates(subject: &Subject) -> Option<String> {
+pub(super) fn of_estimates(subject: &TestCase) -> Option<String> {
     if let Some(reason) = of_steps(subject) {
         return Some(reason);
     }
-    let Subject { system, state, .. } = subject;
+    let TestCase { system, state, .. } = subject;
     let weight = |p: usize| system.masses()[p] * system.gravity().norm();
     let heights: f64 = (0..system.particles()).map(|p| weight(p) * state.positions[p].norm()).sum();
     let falls: f64 = reference::movers(system).map(|p| weight(p) * subject.extent()).sum();
@@ -113,7 +113,7 @@ mod tests {
     use crate::system::SystemBuilder;
 
     /// A held particle and two that hang on it in a row, of 1 kg, on springs of k = 100 N that are 1 m long; changed.
-    fn chain(change: impl FnOnce(&mut SystemBuilder)) -> Subject {
+    fn chain(change: impl FnOnce(&mut SystemBuilder)) -> TestCase {
         let mut builder = SystemBuilder::new();
         for y in [0.0, -1.0, -2.0] {
             builder.particle([0.0, y, 0.0], 1.0);
@@ -124,7 +124,7 @@ mod tests {
         builder.hold(0);
         change(&mut builder);
         let (system, state) = builder.build().unwrap();
-        Subject { name: "chain".into(), system, state, dt: 0.01 }
+        TestCase { name: "chain".into(), system, state, dt: 0.01 }
     }
 
     #[test]
@@ -153,7 +153,7 @@ mod tests {
             let found = of_steps(&chain(change)).unwrap_or_default();
             assert!(found.contains(reason), "{reason}: {found}");
         }
-        let long = Subject { dt: 1e7, ..chain(|_| {}) };
+        let long = TestCase { dt: 1e7, ..chain(|_| {}) };
         assert!(of_springs(&long).is_none() && of_steps(&long).unwrap().contains("largest row of A"));
     }
 }

@@ -3,7 +3,7 @@
 //! Where the ends of a spring coincide the force does not exist: all of its components are NaN, and no comparison
 //! passes.
 
-use crate::force::{Energy, Extensions, add_damping_force, add_elastic_force};
+use crate::force::{Energy, SpringGeometry, add_damping_force, add_elastic_force};
 use crate::system::{State, System};
 use nalgebra::Vector3;
 use rand::rngs::Xoshiro256PlusPlus;
@@ -20,14 +20,14 @@ pub fn reduce(system: &System, full: &[Vector3<f64>]) -> Vec<f64> {
 pub fn elastic_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64], &mut [f64]) + use<'s> {
     let mut positions = state.positions.clone();
     let mut force = vec![Vector3::zeros(); system.particles()];
-    let mut extensions = Extensions::at(system, &positions);
+    let mut extensions = SpringGeometry::at(system, &positions);
     move |x, f| {
         system.dofs().scatter(x, &mut positions);
         let updated = match &mut extensions {
             Ok(extensions) => extensions.update(system, &positions),
             // Where even the first configuration was degenerate there is nothing yet to update.
             Err(_) => {
-                extensions = Extensions::at(system, &positions);
+                extensions = SpringGeometry::at(system, &positions);
                 extensions.as_ref().map(|_| ()).map_err(|&degenerate| degenerate)
             }
         };
@@ -44,7 +44,7 @@ pub fn elastic_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64]
 
 /// f_d at the positions of `state` as a function of the free velocities, in N.
 pub fn damping_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64], &mut [f64]) + use<'s> {
-    let extensions = Extensions::at(system, &state.positions);
+    let extensions = SpringGeometry::at(system, &state.positions);
     let mut velocities = state.velocities.clone();
     let mut force = vec![Vector3::zeros(); system.particles()];
     move |v, f| {

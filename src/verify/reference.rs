@@ -3,7 +3,7 @@
 //! Nothing here is shared with the code under test. Vectors are full-length, one 3-vector a particle, prescribed or not;
 //! K^s and the damping block are multiplied out as 3×3 matrices; the order of sums is the order of the springs.
 
-use super::Subject;
+use super::TestCase;
 use crate::spring::Stiffness;
 use crate::system::{Axes, State, System};
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -115,8 +115,8 @@ pub(super) fn pull(links: &[Link], particles: usize) -> Vec<f64> {
 }
 
 /// `A = M/dt² − G/dt − K` over the free degrees of freedom as a dense matrix.
-pub(super) fn dense_step_matrix(subject: &Subject, option: Stiffness, dt: f64) -> DMatrix<f64> {
-    let Subject { system, state, .. } = subject;
+pub(super) fn dense_step_matrix(subject: &TestCase, option: Stiffness, dt: f64) -> DMatrix<f64> {
+    let TestCase { system, state, .. } = subject;
     let n = 3 * system.particles();
     let mut whole = DMatrix::zeros(n, n);
     for (p, mass) in system.masses().iter().enumerate() {
@@ -137,7 +137,7 @@ pub(super) fn dense_step_matrix(subject: &Subject, option: Stiffness, dt: f64) -
 }
 
 /// The largest sum of magnitudes in a row of A: at least `‖A‖∞`. Rows are those of particles that move: what is held is in no matrix, however heavy.
-pub(super) fn step_matrix_norm(subject: &Subject, state: &State, dt: f64) -> f64 {
+pub(super) fn step_matrix_norm(subject: &TestCase, state: &State, dt: f64) -> f64 {
     let system = &subject.system;
     let mut rows: Vec<f64> = system.masses().iter().map(|mass| mass / (dt * dt)).collect();
     for link in links(system, &state.positions) {

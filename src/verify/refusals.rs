@@ -9,8 +9,8 @@
 use super::definiteness::Factored;
 use super::measured::Measured;
 use super::reference::{self, dense_step_matrix, field};
-use super::{Check, Claim, Subject, U, Unfinished, worst};
-use crate::force::{DegenerateSpring, Extensions};
+use super::{Check, Claim, TestCase, U, Unfinished, worst};
+use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::integrate::{ImplicitOptions, LinearBackwardEuler, Status, StepFailure, TimeStepper};
 use crate::linear::{
     CgOutcome, ConjugateGradient, LdltSolver, Preconditioner, PreconditionerKind, Prepare, SolveFailure, SolverChoice,
@@ -32,7 +32,7 @@ fn silent(reported: bool) -> f64 {
 }
 
 /// The shortest step, doubling from the subject's, at which A of the squeezed twin is indefinite beyond rounding.
-fn indefinite_step(twin: &Subject) -> Option<(f64, usize)> {
+fn indefinite_step(twin: &TestCase) -> Option<(f64, usize)> {
     (0..24).map(|doubling| twin.dt * f64::from(1 << doubling)).find_map(|dt| {
         let eigenvalues = dense_step_matrix(twin, Stiffness::Full, dt).symmetric_eigenvalues();
         let scale = eigenvalues.amax();
@@ -44,18 +44,18 @@ fn indefinite_step(twin: &Subject) -> Option<(f64, usize)> {
     })
 }
 
-pub(super) fn applies(subject: &Subject) -> bool {
+pub(super) fn applies(subject: &TestCase) -> bool {
     let squeezes = || subject.squeezed().ok().and_then(|twin| indefinite_step(&twin)).is_some();
     super::definiteness::is_small(subject) && squeezes()
 }
 
-pub(super) fn indefinite(subject: &Subject) -> Measured {
+pub(super) fn indefinite(subject: &TestCase) -> Measured {
     let twin = subject.squeezed()?;
     let Some((dt, negative)) = indefinite_step(&twin) else { return Ok(Vec::new()) };
     let system = &twin.system;
     let n = system.dofs().len();
     let dense = dense_step_matrix(&twin, Stiffness::Full, dt);
-    let extensions = Extensions::at(system, &twin.state.positions)?;
+    let extensions = SpringGeometry::at(system, &twin.state.positions)?;
     let a = SystemOperator::new(system, &extensions, Stiffness::Full, Combination::step(dt));
     let b = reference::free(system, &field(system));
     let check = |name: &str, value: f64, why: &str| Check::new(Claim::Failure, name, &twin.name, value, 0.0, why);
@@ -108,14 +108,14 @@ pub(super) fn indefinite(subject: &Subject) -> Measured {
     Ok(checks)
 }
 
-pub(super) fn has_system(subject: &Subject) -> bool {
+pub(super) fn has_system(subject: &TestCase) -> bool {
     subject.system.dofs().len() > 1 && !subject.system.active_springs().is_empty()
 }
 
-pub(super) fn conjugate_gradients(subject: &Subject) -> Measured {
+pub(super) fn conjugate_gradients(subject: &TestCase) -> Measured {
     let system = &subject.system;
     let n = system.dofs().len();
-    let extensions = Extensions::at(system, &subject.state.positions)?;
+    let extensions = SpringGeometry::at(system, &subject.state.positions)?;
     let a = SystemOperator::new(system, &extensions, Stiffness::Tension, Combination::step(subject.dt));
     let b = reference::free(system, &field(system));
     let mut identity = Preconditioner::Identity;
@@ -161,8 +161,8 @@ fn true_residual(a: &impl LinearOperator, b: &[f64], x: &[f64]) -> f64 {
 }
 
 /// NaN in a state, and coincident ends: the step fails with the right reason, and the state is as it was.
-pub(super) fn broken_states(subject: &Subject) -> Measured {
-    let Subject { system, state, .. } = subject;
+pub(super) fn broken_states(subject: &TestCase) -> Measured {
+    let TestCase { system, state, .. } = subject;
     let mut checks = Vec::new();
     for solver in [SolverChoice::Llt, SolverChoice::Ldlt, SolverChoice::Cg, SolverChoice::CgAssembled] {
         let (mut fast, mut astray) = (state.clone(), state.clone());
@@ -192,14 +192,14 @@ fn seen(system: &System) -> Option<usize> {
     system.active().find_map(|(_, pair, _)| pair.into_iter().find(|&p| !system.dofs().rows(p).is_empty()))
 }
 
-fn stepper(subject: &Subject, solver: SolverChoice) -> Result<LinearBackwardEuler<'_>, Unfinished> {
+fn stepper(subject: &TestCase, solver: SolverChoice) -> Result<LinearBackwardEuler<'_>, Unfinished> {
     let linear = SolverOptions { solver, ..SolverOptions::default() };
     let options = ImplicitOptions { linear, ..ImplicitOptions::default() };
     Ok(LinearBackwardEuler::new(&subject.system, &subject.state, &options)?)
 }
 
 /// Puts the second end of a spring on the first: 0 if the step then fails by naming a spring between the two places.
-fn named(subject: &Subject, stepper: &mut LinearBackwardEuler, spring: usize, [i, j]: [usize; 2]) -> f64 {
+fn named(subject: &TestCase, stepper: &mut LinearBackwardEuler, spring: usize, [i, j]: [usize; 2]) -> f64 {
     let mut collapsed = subject.state.clone();
     collapsed.positions[j] = collapsed.positions[i];
     let before = collapsed.clone();

@@ -13,9 +13,9 @@
 //! Prescribed coordinates take part: what they contribute comes through the coupling to the right-hand side.
 
 use super::measured::Measured;
-use super::{Check, Claim, Entry, Subject, U, reference, worst};
+use super::{Check, Claim, Entry, TestCase, U, reference, worst};
 use crate::assembly::{SpringPattern, SystemMatrix};
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
 use crate::spring::Stiffness;
 use nalgebra::Vector3;
@@ -29,7 +29,7 @@ struct Motion {
     damping: Vec<Vector3<f64>>,
 }
 
-pub(super) fn measure(subject: &Subject) -> Measured {
+pub(super) fn measure(subject: &TestCase) -> Measured {
     let mut checks = Vec::new();
     for option in Stiffness::ALL {
         let k = Products::of(subject, option, Combination::STIFFNESS)?;
@@ -49,8 +49,8 @@ pub(super) fn measure(subject: &Subject) -> Measured {
     Ok(checks)
 }
 
-fn motions(subject: &Subject, option: Stiffness) -> Vec<Motion> {
-    let Subject { system, state, .. } = subject;
+fn motions(subject: &TestCase, option: Stiffness) -> Vec<Motion> {
+    let TestCase { system, state, .. } = subject;
     let dimension = system.dimension();
     let centre = subject.centre();
     let arms: Vec<Vector3<f64>> = state.positions.iter().map(|x| x - centre).collect();
@@ -85,19 +85,19 @@ fn motions(subject: &Subject, option: Stiffness) -> Vec<Motion> {
 
 /// The same matrix twice: assembled, and as an operator.
 struct Products<'s> {
-    subject: &'s Subject,
+    subject: &'s TestCase,
     operator: SystemOperator<'s>,
     matrix: SystemMatrix,
 }
 
 impl<'s> Products<'s> {
     fn of(
-        subject: &'s Subject,
+        subject: &'s TestCase,
         option: Stiffness,
         combination: Combination,
     ) -> Result<Self, super::measured::Unfinished> {
         let system = &subject.system;
-        let extensions = Extensions::at(system, &subject.state.positions)?;
+        let extensions = SpringGeometry::at(system, &subject.state.positions)?;
         let operator = SystemOperator::new(system, &extensions, option, combination);
         let matrix = SystemMatrix::assemble(Arc::new(SpringPattern::of_stiffness(system)?), &operator);
         Ok(Self { subject, operator, matrix })
@@ -111,7 +111,7 @@ impl<'s> Products<'s> {
         expected: &[Vector3<f64>],
         size: impl Fn(&reference::Link) -> f64,
     ) -> Check {
-        let Subject { system, state, .. } = self.subject;
+        let TestCase { system, state, .. } = self.subject;
         let dofs = system.dofs();
         let reduced = |full: &[Vector3<f64>]| {
             let mut rows = vec![0.0; dofs.len()];
@@ -159,12 +159,12 @@ mod tests {
     use crate::system::SystemBuilder;
 
     /// Two particles at (1, 2) and (3, 4), joined; of z nothing is there in a plane.
-    fn pair(dimension: usize) -> Subject {
+    fn pair(dimension: usize) -> TestCase {
         let mut builder = SystemBuilder { dimension, ..SystemBuilder::new() };
         let ends = [builder.particle([1.0, 2.0, 0.0], 1.0), builder.particle([3.0, 4.0, 0.0], 2.0)];
         builder.spring(ends[0], ends[1], Spring { stiffness: 8.0, rest_length: 2.0, damping: 0.5 });
         let (system, state) = builder.build().unwrap();
-        Subject { name: "pair".into(), system, state, dt: 0.1 }
+        TestCase { name: "pair".into(), system, state, dt: 0.1 }
     }
 
     /// The arms are ∓(1, 1, 0): a turn about z by 0.9, and in space about (0.4, −0.9, 0.7).

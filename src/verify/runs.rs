@@ -1,6 +1,6 @@
 //! Running a subject by each of the methods.
 
-use super::{Subject, Unfinished};
+use super::{TestCase, Unfinished};
 use crate::integrate::{Equations, ImplicitOptions, Method, Status, StepFailure, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions};
 use crate::spring::Stiffness;
@@ -21,7 +21,7 @@ impl Way {
 
     /// Every method; those that solve one linear system after the other under every option, as the option is in the
     /// result. On large subjects one implicit way and one explicit one.
-    pub fn of(subject: &Subject) -> impl Iterator<Item = Self> {
+    pub fn of(subject: &TestCase) -> impl Iterator<Item = Self> {
         let affordable = subject.system.dofs().len() <= AFFORDABLE;
         let all = Method::ALL.into_iter().flat_map(|method| {
             let options = if has_option(method) { &Stiffness::ALL[..] } else { &[] };
@@ -45,7 +45,7 @@ impl Way {
     }
 
     /// The subject's step, or one that resolves all motion where only such a step makes sense.
-    pub fn step(self, subject: &Subject) -> f64 {
+    pub fn step(self, subject: &TestCase) -> f64 {
         if self.method.is_implicit() { subject.dt } else { subject.dt.min(subject.resolving_step()) }
     }
 
@@ -57,7 +57,7 @@ impl Way {
     /// The states of a run, the initial one first; `None` where theory allows that a step is refused, and one was.
     pub fn run(
         self,
-        subject: &Subject,
+        subject: &TestCase,
         linear: SolverOptions,
         dt: f64,
         steps: usize,

@@ -1,6 +1,6 @@
 //! The scenes that the program carries to verify itself on.
 
-use super::Subject;
+use super::TestCase;
 use crate::error::Result;
 use crate::scene::Scene;
 
@@ -27,12 +27,12 @@ const SCENES: [&str; 14] = [
 ///
 /// # Errors
 /// None: the suite builds every one of them.
-pub fn built_in() -> Result<Vec<Subject>> {
-    let scenes = SCENES.iter().map(|text| Subject::of_scene(&Scene::from_toml(text)?));
+pub fn built_in() -> Result<Vec<TestCase>> {
+    let scenes = SCENES.iter().map(|text| TestCase::of_scene(&Scene::from_toml(text)?));
     let hard = super::hard_states()?.into_iter().map(|(name, system, state)| {
-        let subject = Subject { name: name.into(), system, state, dt: 0.0 };
+        let subject = TestCase { name: name.into(), system, state, dt: 0.0 };
         let dt = subject.resolving_step();
-        Ok(Subject { dt, ..subject })
+        Ok(TestCase { dt, ..subject })
     });
     scenes.chain(hard).collect()
 }

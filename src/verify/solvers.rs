@@ -1,6 +1,6 @@
 //! Every solver on one step's system, against each other and against two independent libraries.
 
-use super::Subject;
+use super::TestCase;
 use super::check::Check;
 use super::claim::Claim;
 use super::condition::Condition;
@@ -13,7 +13,7 @@ use super::solution::{
 };
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix};
 use crate::error::{Error, Result};
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::integrate::StepMatrices;
 use crate::linear::{Cholesky, PreconditionerKind, Prepare, SolverChoice, SolverOptions, Tolerance, select};
 use crate::operator::{Combination, SystemOperator};
@@ -35,9 +35,9 @@ const DENSE_LIMIT: usize = 400;
 /// Products and refill of A, for every option.
 ///
 /// The refilled matrix held other values before: those of twice the step under another option.
-pub(super) fn assembly(subject: &Subject) -> Measured {
-    let Subject { name, system, state, dt } = subject;
-    let extensions = Extensions::at(system, &state.positions)?;
+pub(super) fn assembly(subject: &TestCase) -> Measured {
+    let TestCase { name, system, state, dt } = subject;
+    let extensions = SpringGeometry::at(system, &state.positions)?;
     let pattern = Arc::new(SpringPattern::of_stiffness(system)?);
     let mut checks = Vec::new();
     for option in Stiffness::ALL {
@@ -62,10 +62,10 @@ pub(super) fn assembly(subject: &Subject) -> Measured {
 /// Under `Full` if that is definite, else under `Tension`. Backward errors of both factorizations, the residuals of
 /// conjugate gradients matrix-free and assembled, their agreement within what the condition allows, and on small scenes
 /// that with nalgebra-sparse's Cholesky and a dense one, and the condition estimate itself.
-pub(super) fn solvers(subject: &Subject) -> Measured {
-    let Subject { name, system, state, dt } = subject;
+pub(super) fn solvers(subject: &TestCase) -> Measured {
+    let TestCase { name, system, state, dt } = subject;
     let dt = *dt;
-    let extensions = Extensions::at(system, &state.positions)?;
+    let extensions = SpringGeometry::at(system, &state.positions)?;
     let (option, matrix, b, mut factor) = definite(system, state, dt)?;
     let operator = SystemOperator::new(system, &extensions, option, Combination::step(dt));
     let scene = format!("{name}, {}", option.name());
@@ -116,7 +116,7 @@ pub(super) fn solvers(subject: &Subject) -> Measured {
 
 /// LDLᵀ on the indefinite A of option `Full`: what it does not refuse must be a solution.
 fn indefinite_check(system: &System, state: &State, dt: f64, scene: &str) -> Result<Option<Check>> {
-    let extensions = Extensions::at(system, &state.positions)?;
+    let extensions = SpringGeometry::at(system, &state.positions)?;
     let step = StepMatrices::assemble(system, state, Stiffness::Full, dt)?;
     let operator = SystemOperator::new(system, &extensions, Stiffness::Full, Combination::step(dt));
     let solved = solve_with(system, &operator, &step.b, SolverChoice::Ldlt, 0.0);
@@ -149,8 +149,8 @@ fn solve_with(
 ) -> Result<Vec<f64>, String> {
     let options = options(solver, tolerance);
     let mut work = Work::default();
-    let mut solver =
-        select(system, &options, crate::linear::Assurance::Definite, &mut work).map_err(|error| error.to_string())?;
+    let mut solver = select(system, &options, crate::linear::DefinitenessGuarantee::Definite, &mut work)
+        .map_err(|error| error.to_string())?;
     let mut x = vec![0.0; b.len()];
     let prepared = solver.prepare(operator, &mut work);
     prepared.and_then(|mut solver| solver.solve(b, &mut x, &mut work)).map_err(|failure| failure.to_string())?;

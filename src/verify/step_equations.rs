@@ -15,8 +15,8 @@
 use super::measured::Measured;
 use super::reference::{self, Link, damping_product, free, links, stiffness_product};
 use super::runs::{Way, direct};
-use super::{Check, Claim, Subject, U, formula_steps, worst};
-use crate::integrate::{Method, MovesBy};
+use super::{Check, Claim, TestCase, U, formula_steps, worst};
+use crate::integrate::{Method, PositionUpdate};
 use crate::linear::{SolverChoice, SolverOptions, Tolerance, norm};
 use crate::spring::Stiffness;
 use crate::system::State;
@@ -52,7 +52,7 @@ impl Residual {
 }
 
 /// Linear backward Euler by every option and solver.
-pub(super) fn linear(subject: &Subject) -> Measured {
+pub(super) fn linear(subject: &TestCase) -> Measured {
     let solvers = [
         (SolverChoice::Llt, "Cholesky"),
         (SolverChoice::Ldlt, "LDLᵀ"),
@@ -87,7 +87,7 @@ pub(super) fn linear(subject: &Subject) -> Measured {
 }
 
 /// All other methods, and that positions follow velocities.
-pub(super) fn others(subject: &Subject) -> Measured {
+pub(super) fn others(subject: &TestCase) -> Measured {
     let mut checks = Vec::new();
     for way in Way::of(subject) {
         if way.method == Method::Bdf2 {
@@ -96,13 +96,13 @@ pub(super) fn others(subject: &Subject) -> Measured {
         }
         let dt = way.step(subject);
         let Some(states) = way.run(subject, direct(), dt, STEPS)? else { continue };
-        if way.method.moves_by() != MovesBy::Other {
+        if way.method.moves_by() != PositionUpdate::Other {
             let moved = states.windows(2).map(|pair| displacement_error(subject, way.method, dt, &pair[0], &pair[1]));
             let why = "in units of rounding of the position: v is the old, the new or the mean velocity, as the method has it";
             let name = format!("x' = x + dt v, {}", way.name());
             checks.push(Check::new(Claim::Solvers, name, &subject.name, worst(moved), 4.0, why));
         }
-        let each = |share: fn(&Subject, f64, &State, &State) -> f64| {
+        let each = |share: fn(&TestCase, f64, &State, &State) -> f64| {
             worst(states.windows(2).map(|pair| share(subject, dt, &pair[0], &pair[1])))
         };
         let value = match way.method {
@@ -125,7 +125,7 @@ pub(super) fn others(subject: &Subject) -> Measured {
     Ok(checks)
 }
 
-fn linear_residual(subject: &Subject, option: Stiffness, dt: f64, before: &State, after: &State) -> Residual {
+fn linear_residual(subject: &TestCase, option: Stiffness, dt: f64, before: &State, after: &State) -> Residual {
     let system = &subject.system;
     let links = links(system, &before.positions);
     let n = system.particles();
@@ -161,15 +161,15 @@ fn max(vectors: &[Vector3<f64>]) -> f64 {
 }
 
 /// `|x' − (x + dt v)|` in units of rounding; v is what the method moves by.
-fn displacement_error(subject: &Subject, method: Method, dt: f64, before: &State, after: &State) -> f64 {
+fn displacement_error(subject: &TestCase, method: Method, dt: f64, before: &State, after: &State) -> f64 {
     worst(subject.system.dofs().iter().map(|dof| {
         let of = |vectors: &[Vector3<f64>]| vectors[dof.particle][dof.axis];
         let (x, y, v, w) = (of(&before.positions), of(&after.positions), of(&before.velocities), of(&after.velocities));
         let d = dt
             * match method.moves_by() {
-                MovesBy::Old => v,
-                MovesBy::Mean => 0.5 * (v + w),
-                MovesBy::New | MovesBy::Other => w,
+                PositionUpdate::Old => v,
+                PositionUpdate::Mean => 0.5 * (v + w),
+                PositionUpdate::New | PositionUpdate::Other => w,
             };
         let unit = U * (x.abs() + y.abs() + dt * (v.abs() + w.abs()));
         if y == x + d { 0.0 } else { (y - (x + d)).abs() / unit }
@@ -177,7 +177,7 @@ fn displacement_error(subject: &Subject, method: Method, dt: f64, before: &State
 }
 
 /// As [`newton_share`] for the implicit midpoint rule: a backward Euler step to the means, of half the length.
-fn midpoint_share(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
+fn midpoint_share(subject: &TestCase, dt: f64, before: &State, after: &State) -> f64 {
     let mean = |x: &[Vector3<f64>], y: &[Vector3<f64>]| x.iter().zip(y).map(|(x, y)| (x + y) * 0.5).collect();
     let mut middle = State {
         positions: mean(&before.positions, &after.positions),
@@ -194,7 +194,7 @@ fn midpoint_share(subject: &Subject, dt: f64, before: &State, after: &State) -> 
 }
 
 /// Residual of the nonlinear equations over what Newton's method leaves.
-fn newton_share(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
+fn newton_share(subject: &TestCase, dt: f64, before: &State, after: &State) -> f64 {
     let forces = Forces::at(subject, after, &after.velocities);
     let (rows, magnitudes) = forces.residual(subject, dt, before, after);
     let reach = reference::magnitude(&forces.links, Link::magnitude, &after.positions);
@@ -202,7 +202,7 @@ fn newton_share(subject: &Subject, dt: f64, before: &State, after: &State) -> f6
     norm(&rows) / (1e-10 * norm(&magnitudes) + norm(&rounding))
 }
 
-fn explicit_share(subject: &Subject, dt: f64, before: &State, after: &State) -> f64 {
+fn explicit_share(subject: &TestCase, dt: f64, before: &State, after: &State) -> f64 {
     let forces = Forces::at(subject, before, &before.velocities);
     let (rows, magnitudes) = forces.residual(subject, dt, before, after);
     norm(&rows) / (UNITS * U * norm(&magnitudes))
@@ -210,7 +210,7 @@ fn explicit_share(subject: &Subject, dt: f64, before: &State, after: &State) -> 
 
 /// The residuals of positions, `M (x' − x − dt v)/dt² − ½ f`, and of velocities over what rounding leaves. Steps over a kink of a
 /// path are passed over, being several, and with them those after, which begin with a force inside one.
-fn verlet_share(subject: &Subject, dt: f64, states: &[State]) -> f64 {
+fn verlet_share(subject: &TestCase, dt: f64, states: &[State]) -> f64 {
     let system = &subject.system;
     let mut kept: Option<Forces> = None;
     let mut is_known = true;
@@ -255,7 +255,7 @@ struct Forces {
 }
 
 impl Forces {
-    fn at(subject: &Subject, state: &State, velocities: &[Vector3<f64>]) -> Self {
+    fn at(subject: &TestCase, state: &State, velocities: &[Vector3<f64>]) -> Self {
         let system = &subject.system;
         let links = links(system, &state.positions);
         let n = system.particles();
@@ -271,7 +271,7 @@ impl Forces {
     }
 
     /// `M (v' − v)/dt − f` on free coordinates, and the magnitudes of its parts on particles that have one.
-    fn residual(&self, subject: &Subject, dt: f64, before: &State, after: &State) -> (Vec<f64>, Vec<f64>) {
+    fn residual(&self, subject: &TestCase, dt: f64, before: &State, after: &State) -> (Vec<f64>, Vec<f64>) {
         let system = &subject.system;
         let inertia = |p: usize| (after.velocities[p] - before.velocities[p]) * (system.masses()[p] / dt);
         let rows: Vec<Vector3<f64>> = (0..system.particles()).map(|p| inertia(p) - self.total[p]).collect();

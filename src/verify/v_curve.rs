@@ -15,7 +15,7 @@ use super::force_error::{ForceError, Link, SECOND, U, block_rounding, truncation
 use super::reduced::{random_vector, reduce};
 use super::reference;
 use crate::figure::{Guide, Plot, Series};
-use crate::force::{DegenerateSpring, Extensions};
+use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::operator::LinearOperator;
 use crate::system::{State, System};
 use nalgebra::Vector3;
@@ -68,7 +68,7 @@ impl VCurve {
         stiffness: &impl LinearOperator,
         steps: &[f64],
     ) -> Result<Self, DegenerateSpring> {
-        let extensions = Extensions::at(system, &state.positions)?;
+        let extensions = SpringGeometry::at(system, &state.positions)?;
         let error = ForceError::new(system, &extensions);
         let directions: Vec<_> =
             (0..directions(system.dofs().len())).map(|seed| Direction::new(system, &error, state, seed)).collect();

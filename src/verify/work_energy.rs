@@ -6,8 +6,8 @@
 
 use super::measured::Measured;
 use super::reference::{self, Link, field};
-use super::{Check, Claim, Subject, U};
-use crate::force::{Energy, Extensions, add_elastic_force, add_weight};
+use super::{Check, Claim, TestCase, U};
+use crate::force::{Energy, SpringGeometry, add_elastic_force, add_weight};
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
@@ -19,8 +19,8 @@ const NODES: [(f64, f64); 4] = [
     (0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
 ];
 
-pub(super) fn measure(subject: &Subject) -> Measured {
-    let Subject { system, state, .. } = subject;
+pub(super) fn measure(subject: &TestCase) -> Measured {
+    let TestCase { system, state, .. } = subject;
     let links = reference::links(system, &state.positions);
     let shortest = links.iter().map(|link| link.length).fold(f64::INFINITY, f64::min);
     let shortest = if shortest.is_finite() { shortest } else { subject.extent() };
@@ -36,7 +36,7 @@ pub(super) fn measure(subject: &Subject) -> Measured {
     let (mut elastic, mut weight) = (0.0, 0.0);
     for (node, share) in NODES.into_iter().flat_map(|(x, share)| [(-x, share), (x, share)]) {
         let positions = at(0.5 + 0.5 * node).positions;
-        let extensions = Extensions::at(system, &positions)?;
+        let extensions = SpringGeometry::at(system, &positions)?;
         let mut force = vec![Vector3::zeros(); w.len()];
         add_elastic_force(system, &extensions, &mut force);
         elastic += 0.5 * share * dot(&force, &w);

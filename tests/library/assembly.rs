@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use proptest::prelude::*;
 use sprung::assembly::triplets::{BlockTriplet, MatrixEntry, assemble};
 use sprung::assembly::{BlockPattern, SpringPattern, SymmetricMatrix, SystemMatrix, assemble_afresh};
-use sprung::force::Extensions;
+use sprung::force::SpringGeometry;
 use sprung::integrate::StepMatrices;
 use sprung::linear::Cholesky;
 use sprung::operator::{BlockDiagonal, Combination, LinearOperator, SystemOperator};
@@ -14,7 +14,7 @@ use sprung::{State, Stiffness, System};
 use std::sync::Arc;
 
 fn operator<'s>(system: &'s System, state: &State, option: Stiffness, combination: Combination) -> SystemOperator<'s> {
-    let extensions = Extensions::at(system, &state.positions).expect("no coincident ends");
+    let extensions = SpringGeometry::at(system, &state.positions).expect("no coincident ends");
     SystemOperator::new(system, &extensions, option, combination)
 }
 

@@ -5,16 +5,16 @@ use faer::Par;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sprung::assembly::{SpringPattern, SystemMatrix};
-use sprung::force::Extensions;
+use sprung::force::SpringGeometry;
 use sprung::inspect::{Inertia, Inspection, Minimality, smallest_set};
-use sprung::integrate::{Softening, StepMatrices};
+use sprung::integrate::{Regularization, StepMatrices};
 use sprung::operator::{Combination, SystemOperator};
 use sprung::work::Work;
 use sprung::{Spring, State, Stiffness, System, SystemBuilder};
 use std::sync::Arc;
 
 fn a_without(system: &System, state: &State, dt: f64, dropped: &[usize]) -> Inertia {
-    let extensions = Extensions::at(system, &state.positions).expect("no collapsed spring");
+    let extensions = SpringGeometry::at(system, &state.positions).expect("no collapsed spring");
     let mut operator = SystemOperator::new(system, &extensions, Stiffness::Full, Combination::step(dt));
     let active = system.active_springs();
     operator.update_each(&extensions, Combination::step(dt), |position| {
@@ -56,7 +56,7 @@ fn where_thousands_curve_downwards_the_set_is_the_smallest() {
         spring.rest_length *= 1.5;
     }
     let (system, state) = builder.build().expect("a valid scene");
-    let extensions = Extensions::at(&system, &state.positions).expect("no collapsed spring");
+    let extensions = SpringGeometry::at(&system, &state.positions).expect("no collapsed spring");
     let mut work = Work::default();
     let set = smallest_set(&system, &extensions, 0.05, Par::Seq, &mut work).expect("a small system");
     let negative = a_without(&system, &state, 0.05, &[]).negative;
@@ -91,7 +91,7 @@ fn shares_of_all_springs_add_up_to_one() {
     }
     let (system, state) = builder.build().expect("a valid scene");
     let inspection = Inspection::at(&system, &state, 0.1, Stiffness::Full, Par::Seq).expect("a small system");
-    let extensions = Extensions::at(&system, &state.positions).expect("no collapsed spring");
+    let extensions = SpringGeometry::at(&system, &state.positions).expect("no collapsed spring");
     let direction = &inspection.directions[0];
     let u = &inspection.spectrum.lowest[0].vector;
     let curvature = |s: usize, at| {
@@ -137,7 +137,7 @@ fn smallest_sets_are_irredundant_and_nearly_always_smallest() {
             continue;
         }
         cases += 1;
-        let extensions = Extensions::at(&system, &state.positions).expect("no collapsed spring");
+        let extensions = SpringGeometry::at(&system, &state.positions).expect("no collapsed spring");
         let set = smallest_set(&system, &extensions, dt, Par::Seq, &mut Work::default()).expect("a small system");
         assert_eq!(set.minimality, Minimality::Irredundant);
         assert!(a_without(&system, &state, dt, &set.springs).is_definite());
@@ -190,8 +190,8 @@ fn the_local_condition_is_enough_on_random_scenes() {
         }
         let (system, state) = builder.build().expect("a valid scene");
         let dt = 10f64.powf(-3.0 + 3.0 * rng.random::<f64>());
-        let extensions = Extensions::at(&system, &state.positions).expect("no collapsed spring");
-        let mut softening = Softening::new(&system);
+        let extensions = SpringGeometry::at(&system, &state.positions).expect("no collapsed spring");
+        let mut softening = Regularization::new(&system);
         let dropped = softening.choose(&system, &extensions, Combination::step(dt));
         let active = system.active_springs();
         let springs: Vec<usize> = (0..active.len())

@@ -2,8 +2,8 @@
 
 use sprung::accuracy::relative_position_error;
 use sprung::integrate::{
-    Adaptivity, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, run_adaptive_monitored,
-    run_monitored,
+    AdaptiveOptions, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Schedule,
+    run_adaptive_monitored, run_monitored,
 };
 use sprung::scene::builtin::{Kind, builtin};
 use sprung::{State, System};
@@ -16,7 +16,7 @@ fn run(system: &System, start: &State, method: Method, duration: f64, rtol: Opti
     let observe = |_, _: &State, _: &Monitor| ControlFlow::Continue(());
     let outcome = if let Some(rtol) = rtol {
         let mut stepper = method.adaptive_stepper(system, &state, &ImplicitOptions::default()).unwrap().unwrap();
-        let how = Adaptivity::new(duration, rtol).unwrap();
+        let how = AdaptiveOptions::new(duration, rtol).unwrap();
         run_adaptive_monitored(&mut *stepper, system, &mut state, &how, &mut monitor, observe)
     } else {
         let mut stepper = method.stepper(system, &state, &ImplicitOptions::default()).unwrap();

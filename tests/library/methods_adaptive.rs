@@ -3,7 +3,7 @@
 use crate::motions::{after, build, case, distance, norm, policies, state_at, with};
 use nalgebra::Vector3;
 use sprung::chart::dop853;
-use sprung::integrate::{Adaptivity, Method, Sampling, Statistics, Status, run_adaptive};
+use sprung::integrate::{AdaptiveOptions, Method, OutputTimes, Statistics, Status, run_adaptive};
 use sprung::integrate::{ImplicitOptions, Outcome};
 use sprung::linear::SolverChoice;
 use sprung::system::Axes;
@@ -11,7 +11,12 @@ use sprung::{Constraint, Motion, Spring, State, Stiffness, System, SystemBuilder
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-fn run(system: &System, start: &State, options: &ImplicitOptions, how: &Adaptivity) -> (State, Outcome, Statistics) {
+fn run(
+    system: &System,
+    start: &State,
+    options: &ImplicitOptions,
+    how: &AdaptiveOptions,
+) -> (State, Outcome, Statistics) {
     run_by(Method::W2, system, start, options, how)
 }
 
@@ -20,7 +25,7 @@ fn run_by(
     system: &System,
     start: &State,
     options: &ImplicitOptions,
-    how: &Adaptivity,
+    how: &AdaptiveOptions,
 ) -> (State, Outcome, Statistics) {
     let mut state = start.clone();
     let mut stepper = method.adaptive_stepper(system, &state, options).unwrap().unwrap();
@@ -40,8 +45,8 @@ const SCENES: [&str; 8] = [
     "stiffer spherical pendulum",
 ];
 
-fn adaptivity(duration: f64, rtol: f64) -> Adaptivity {
-    Adaptivity { duration, rtol, first_step: Some(0.01), sampling: Sampling::Steps, part_of: None }
+fn adaptivity(duration: f64, rtol: f64) -> AdaptiveOptions {
+    AdaptiveOptions { duration, rtol, first_step: Some(0.01), sampling: OutputTimes::Steps, part_of: None }
 }
 
 #[test]
@@ -58,7 +63,7 @@ fn the_error_at_the_end_follows_the_tolerance() {
             });
             for (method, policy) in ways {
                 let ratio = |&rtol: &f64| {
-                    let how = Adaptivity { first_step: None, ..adaptivity(duration, rtol) };
+                    let how = AdaptiveOptions { first_step: None, ..adaptivity(duration, rtol) };
                     let (state, ..) = run_by(method, &system, &start, &with(policy), &how);
                     distance(&state.positions, &end.positions) / norm(&end.positions) / rtol
                 };
@@ -100,7 +105,7 @@ fn stiff_rods_and_pendulums_keep_the_tolerance() {
         let spread = norm(&end.positions.iter().map(|x| x - centroid).collect::<Vec<_>>());
         for method in Method::ALL.into_iter().filter(|method| method.estimates_errors()) {
             for rtol in [1e-2, 1e-3, 1e-4] {
-                let how = Adaptivity { first_step: None, ..adaptivity(1.0, rtol) };
+                let how = AdaptiveOptions { first_step: None, ..adaptivity(1.0, rtol) };
                 let (state, outcome, statistics) = run_by(method, &system, &start, &with(Stiffness::Full), &how);
                 let ratio = distance(&state.positions, &end.positions) / spread / rtol;
                 println!(
@@ -185,7 +190,7 @@ fn samples_between_steps_are_as_good_as_the_steps() {
     let (system, start) = build(&case);
     let mut state = start.clone();
     let mut stepper = Method::W2.adaptive_stepper(&system, &state, &with(Stiffness::Full)).unwrap().unwrap();
-    let how = Adaptivity { sampling: Sampling::Every(0.1), ..adaptivity(0.55, 1e-4) };
+    let how = AdaptiveOptions { sampling: OutputTimes::Every(0.1), ..adaptivity(0.55, 1e-4) };
     let mut times = Vec::new();
     run_adaptive(&mut *stepper, &system, &mut state, &how, |_, sample| {
         times.push(sample.time);
@@ -204,7 +209,7 @@ fn samples_between_steps_are_as_good_as_the_steps() {
     // A whole number of intervals: the end is seen once.
     let mut count = 0;
     let mut state = start.clone();
-    let how = Adaptivity { sampling: Sampling::Every(0.1), ..adaptivity(0.3, 1e-4) };
+    let how = AdaptiveOptions { sampling: OutputTimes::Every(0.1), ..adaptivity(0.3, 1e-4) };
     run_adaptive(&mut *stepper, &system, &mut state, &how, |_, _| {
         count += 1;
         ControlFlow::Continue(())
@@ -222,7 +227,7 @@ fn an_indefinite_first_step_is_tried_again_shorter() {
     let (system, start) = builder.build().unwrap();
     let mut options = with(Stiffness::Full);
     options.linear.solver = SolverChoice::Llt;
-    let how = Adaptivity { first_step: Some(1.0), ..adaptivity(1.0, 1e-3) };
+    let how = AdaptiveOptions { first_step: Some(1.0), ..adaptivity(1.0, 1e-3) };
     let (_, _, statistics) = run(&system, &start, &options, &how);
     assert!(statistics.rejected_steps > 0);
 }
@@ -261,7 +266,7 @@ fn a_particle_falls_from_rest() {
     builder.particle([3.0, 4.0, 5.0], 2.0);
     let (system, start) = builder.build().unwrap();
     for method in methods() {
-        let how = Adaptivity { first_step: None, ..adaptivity(1.0, 1e-3) };
+        let how = AdaptiveOptions { first_step: None, ..adaptivity(1.0, 1e-3) };
         let (state, ..) = run_by(method, &system, &start, &ImplicitOptions::default(), &how);
         let error = (state.positions[0].z - (5.0 - 4.905)).abs() / 4.905;
         assert!(error < 1e-3, "{}: {error:e}", method.name());
@@ -292,7 +297,7 @@ fn two_particles_may_pass_each_other() {
     let exact = -(1.0 - s.cos() + 4.0 * s.sin());
     for method in methods() {
         for rtol in [1e-2, 1e-4] {
-            let how = Adaptivity { first_step: None, ..adaptivity(1.0, rtol) };
+            let how = AdaptiveOptions { first_step: None, ..adaptivity(1.0, rtol) };
             let (state, ..) = run_by(method, &system, &start, &ImplicitOptions::default(), &how);
             let error = (state.positions[1].x / exact - 1.0).abs();
             assert!(error < rtol, "{}, {rtol:e}: {error:e}", method.name());
@@ -337,7 +342,7 @@ fn the_end_is_one_sample() {
         let mut state = State { time: from, ..start.clone() };
         let mut stepper =
             Method::Rodas4.adaptive_stepper(&system, &state, &ImplicitOptions::default()).unwrap().unwrap();
-        let how = Adaptivity::new(duration, 1e-2).unwrap().sampled_every(interval).unwrap();
+        let how = AdaptiveOptions::new(duration, 1e-2).unwrap().sampled_every(interval).unwrap();
         let mut count = 0;
         run_adaptive(&mut *stepper, &system, &mut state, &how, |number, _| {
             count = number;

@@ -1,7 +1,7 @@
 //! Error control of the second-order backward differentiation formula where prescribed paths have kinks.
 
 use nalgebra::Vector3;
-use sprung::integrate::{Adaptivity, ImplicitOptions, Method, Sampling, run_adaptive};
+use sprung::integrate::{AdaptiveOptions, ImplicitOptions, Method, OutputTimes, run_adaptive};
 use sprung::system::Axes;
 use sprung::{Constraint, Motion, Spring, SystemBuilder};
 use std::ops::ControlFlow;
@@ -25,7 +25,8 @@ fn steps_end_at_kinks_and_go_on() {
         let mut state = start.clone();
         let options = ImplicitOptions::default();
         let mut stepper = method.adaptive_stepper(&system, &start, &options).unwrap().unwrap();
-        let how = Adaptivity { duration: 1.0, rtol, first_step: None, sampling: Sampling::Steps, part_of: None };
+        let how =
+            AdaptiveOptions { duration: 1.0, rtol, first_step: None, sampling: OutputTimes::Steps, part_of: None };
         let outcome = run_adaptive(&mut *stepper, &system, &mut state, &how, |_, _| ControlFlow::Continue(()));
         assert!(outcome.end.is_ok(), "{}: {outcome:?}", method.name());
         state

@@ -2,7 +2,7 @@
 
 use crate::motions::{after, build, case, cases, distance, norm, option, policies, rows, state_at, with};
 use nalgebra::Vector3;
-use sprung::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+use sprung::force::{SpringGeometry, add_damping_force, add_elastic_force, add_weight};
 use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy};
 use sprung::system::Axes;
 use sprung::{Constraint, Motion, Spring, State, Stiffness, System, SystemBuilder};
@@ -133,7 +133,7 @@ fn led_pendulum(motion: Motion) -> (System, State) {
 fn runge_kutta(system: &System, state: &mut State, until: f64, steps: usize) {
     let h = (until - state.time) / steps as f64;
     let rate = |x: &State| {
-        let extensions = Extensions::at(system, &x.positions).unwrap();
+        let extensions = SpringGeometry::at(system, &x.positions).unwrap();
         let mut force = vec![Vector3::zeros(); system.particles()];
         add_elastic_force(system, &extensions, &mut force);
         add_damping_force(system, &extensions, &x.velocities, &mut force);

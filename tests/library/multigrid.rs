@@ -5,7 +5,7 @@ use crate::systems::{descriptions, systems, test_vector};
 use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3};
 use proptest::prelude::*;
 use sprung::assembly::{SpringPattern, SystemMatrix};
-use sprung::force::Extensions;
+use sprung::force::SpringGeometry;
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, StiffnessPolicy, TimeStepper};
 use sprung::linear::*;
 use sprung::multigrid::{Multigrid, SetupFailure};
@@ -46,7 +46,7 @@ fn lattice(n: usize, stiffer: f64) -> (System, State) {
 }
 
 fn operator<'s>((system, state): &'s (System, State), option: Stiffness, dt: f64) -> SystemOperator<'s> {
-    let extensions = Extensions::at(system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(system, &state.positions).unwrap();
     SystemOperator::new(system, &extensions, option, Combination::step(dt))
 }
 

@@ -3,14 +3,14 @@
 use crate::systems::{systems, test_vector};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
-use sprung::force::{Extensions, add_damping_force, add_elastic_force};
+use sprung::force::{SpringGeometry, add_damping_force, add_elastic_force};
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::scene::builtin::{cloth, lattice, network};
 use sprung::spring::{Extension, SpringBlock};
 use sprung::{Scene, State, Stiffness, System};
 
 fn operator<'s>(system: &'s System, state: &State, option: Stiffness, combination: Combination) -> SystemOperator<'s> {
-    let extensions = Extensions::at(system, &state.positions).expect("no coincident ends");
+    let extensions = SpringGeometry::at(system, &state.positions).expect("no coincident ends");
     SystemOperator::new(system, &extensions, option, combination)
 }
 
@@ -151,7 +151,7 @@ fn forces_do_not_depend_on_the_number_of_threads() {
     let forces = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let extensions = Extensions::at(&system, &state.positions).unwrap();
+            let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
             let (mut elastic, mut damping) = (vec![Vector3::zeros(); system.particles()], expected.clone());
             damping.fill(Vector3::zeros());
             add_elastic_force(&system, &extensions, &mut elastic);

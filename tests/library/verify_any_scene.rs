@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 use sprung::spring::Extension;
 use sprung::system::{Axes, Constraint, Motion};
-use sprung::verify::{Subject, verify};
+use sprung::verify::{TestCase, verify};
 use sprung::{Spring, SystemBuilder};
 
 /// Numbers from a seed (SplitMix64, Steele, Lea and Flood 2014).
@@ -126,7 +126,7 @@ fn mutate(numbers: &mut Numbers, builder: &mut SystemBuilder, dt: &mut f64) -> S
 }
 
 /// The scene of a seed; `None` where the numbers make none, for coincident ends as a rule.
-fn subject(seed: u64) -> Option<Subject> {
+fn subject(seed: u64) -> Option<TestCase> {
     let mut numbers = Numbers(seed);
     let (mut builder, mut dt) = ordinary(&mut numbers);
     for _ in 0..seed % 3 {
@@ -139,9 +139,9 @@ fn subject(seed: u64) -> Option<Subject> {
         return None;
     }
     let (system, state) = builder.build().ok()?;
-    let subject = Subject { name: format!("scene {seed}"), system, state, dt };
+    let subject = TestCase { name: format!("scene {seed}"), system, state, dt };
     // A third with the step that the suite would choose.
-    Some(if seed.is_multiple_of(5) { Subject { dt: subject.resolving_step(), ..subject } } else { subject })
+    Some(if seed.is_multiple_of(5) { TestCase { dt: subject.resolving_step(), ..subject } } else { subject })
 }
 
 /// Scenes that were once accused falsely: springs that pass each other, kinks within the runs, motions and energies that are rounding, a collapsed spring,

@@ -246,7 +246,7 @@ fn coincident_ends_fail_with_the_spring_named() {
 
 /// All families of derivatives on one subject.
 fn derivatives(name: &str, system: System, state: State) -> Vec<Check> {
-    let subject = Subject { name: name.to_owned(), system, state, dt: 0.01 };
+    let subject = TestCase { name: name.to_owned(), system, state, dt: 0.01 };
     let families = FAMILIES.iter().filter(|f| ["jacobian", "dropped_terms", "derivatives"].contains(&f.name));
     families.flat_map(|family| family.check(&subject)).collect()
 }

@@ -3,7 +3,7 @@
 use crate::faulty::Faulty;
 use nalgebra_sparse::CscMatrix;
 use sprung::assembly::{SpringPattern, SystemMatrix};
-use sprung::force::Extensions;
+use sprung::force::SpringGeometry;
 use sprung::integrate::StepMatrices;
 use sprung::linear::{CgSolver, Cholesky, PreconditionerKind, Prepare};
 use sprung::operator::{Combination, SystemOperator};
@@ -73,7 +73,7 @@ fn scenes() -> Vec<(String, System, State, f64)> {
 fn every_solver_agrees_with_every_other_on_every_scene() {
     let mut failures = Vec::new();
     for (scene, system, state, dt) in scenes() {
-        let subject = Subject { name: scene.clone(), system, state, dt };
+        let subject = TestCase { name: scene.clone(), system, state, dt };
         let checks = family("solvers").check(&subject);
         // What cannot be judged says so in one line.
         assert!(checks.len() >= 8 || checks.iter().any(|check| !check.is_judged), "{scene}");
@@ -123,7 +123,7 @@ impl Step {
         solutions_agree(&self.a, &self.b, &solved, &reference, solve, "free chain")
     }
 
-    fn operator(&self, extensions: &Extensions, option: Stiffness, dt: f64) -> SystemOperator<'_> {
+    fn operator(&self, extensions: &SpringGeometry, option: Stiffness, dt: f64) -> SystemOperator<'_> {
         SystemOperator::new(&self.system, extensions, option, Combination::step(dt))
     }
 }
@@ -174,7 +174,7 @@ fn wrong_solutions_are_caught() {
 fn an_iteration_that_stops_early_is_caught() {
     let mut step = step();
     let solve = |tolerance: f64| {
-        let extensions = Extensions::at(&step.system, &step.state.positions).unwrap();
+        let extensions = SpringGeometry::at(&step.system, &step.state.positions).unwrap();
         let operator = step.operator(&extensions, Stiffness::Full, DT);
         let mut cg = CgSolver::matrix_free(&step.system, PreconditionerKind::Jacobi, tolerance).unwrap();
         let mut work = Work::default();
@@ -195,7 +195,7 @@ fn an_iteration_that_stops_early_is_caught() {
 #[test]
 fn wrong_products_are_caught() {
     let step = step();
-    let extensions = Extensions::at(&step.system, &step.state.positions).unwrap();
+    let extensions = SpringGeometry::at(&step.system, &step.state.positions).unwrap();
     let operator = step.operator(&extensions, Stiffness::Full, DT);
     let check = |fault: fn(usize, usize, f64) -> f64| {
         let mut a = step.a.clone();
@@ -220,7 +220,7 @@ fn wrong_products_are_caught() {
 #[test]
 fn a_single_bit_left_over_in_a_refill_is_caught() {
     let step = step();
-    let extensions = Extensions::at(&step.system, &step.state.positions).unwrap();
+    let extensions = SpringGeometry::at(&step.system, &step.state.positions).unwrap();
     let operator = step.operator(&extensions, Stiffness::Full, DT);
     let pattern = Arc::new(SpringPattern::of_stiffness(&step.system).unwrap());
     let fresh = || SystemMatrix::assemble(pattern.clone(), &operator);
@@ -270,7 +270,7 @@ fn condition_numbers_up_to_1e12_are_met_and_estimated() {
 
 #[test]
 fn what_cannot_be_run_fails_with_the_reason() {
-    let subject = |(system, state), dt| Subject { name: "free chain".into(), system, state, dt };
+    let subject = |(system, state), dt| TestCase { name: "free chain".into(), system, state, dt };
     let (system, mut state) = free_chain(1.0);
     state.positions[1] = state.positions[0];
     let degenerate = subject((system, state), DT);

@@ -4,7 +4,7 @@ use crate::sandbox::Sandbox;
 use base64::Engine;
 use nalgebra::Vector3;
 use serde_json::Value;
-use sprung::figure::{Animation, Cast};
+use sprung::figure::{Animation, SceneTopology};
 use sprung::output::playback;
 use sprung::report::view::{html, within};
 use sprung::scene::builtin;
@@ -23,7 +23,7 @@ fn waving(size: usize) -> (System, impl Fn(usize) -> Vec<Vector3<f64>>) {
 
 fn film(size: usize, frames: usize) -> (System, Animation) {
     let (system, at) = waving(size);
-    let mut animation = Animation::new("waving", Cast::of(&system, &[]));
+    let mut animation = Animation::new("waving", SceneTopology::of(&system, &[]));
     (0..frames).for_each(|frame| animation.push(0.1 * frame as f64, &at(frame)));
     (system, animation)
 }
@@ -117,7 +117,7 @@ fn carried_length(page: &str) -> usize {
 #[test]
 fn large_scenes_are_thinned() {
     let (system, at) = waving(40);
-    let whole = Cast::of(&system, &[[0, 1, 40], [0, 39, 1599]]);
+    let whole = SceneTopology::of(&system, &[[0, 1, 40], [0, 39, 1599]]);
     let mut animation = Animation::with_limits("large", whole, 200, 600);
     animation.push(0.0, &at(3));
     let cast = animation.cast();
@@ -136,7 +136,7 @@ fn large_scenes_are_thinned() {
     assert_eq!(rest.len(), 6);
     let (_, state) = builtin::cloth(40).unwrap().build().unwrap();
     let stretched: Vec<Vector3<f64>> = state.positions.iter().map(|x| 1.25 * x).collect();
-    let mut even = Animation::with_limits("even", Cast::of(&system, &[]), 200, 600);
+    let mut even = Animation::with_limits("even", SceneTopology::of(&system, &[]), 200, 600);
     even.push(0.0, &stretched);
     assert!(even.strains.iter().all(|strain| (strain - 0.25).abs() < 1e-6));
     let page = html(&animation).unwrap();
@@ -151,7 +151,7 @@ fn particles_without_springs_are_thinned_too() {
         builder.particle([f64::from(p), 0.0, 0.0], 1.0);
     }
     let (system, state) = builder.build().unwrap();
-    let mut animation = Animation::with_limits("dust", Cast::of(&system, &[]), 100, 100);
+    let mut animation = Animation::with_limits("dust", SceneTopology::of(&system, &[]), 100, 100);
     animation.push(0.0, &state.positions);
     assert!((50..=100).contains(&animation.positions.len()), "{}", animation.positions.len());
 }
@@ -203,7 +203,7 @@ fn a_folder_without_a_motion_says_how_to_keep_one() {
 fn names_are_text() {
     let scene = Scene { name: "</script><b>&".into(), ..builtin::chain(2).unwrap() };
     let (system, state): (System, State) = scene.build().unwrap();
-    let mut animation = Animation::still(&scene.name, Cast::of(&system, &[]), &state);
+    let mut animation = Animation::still(&scene.name, SceneTopology::of(&system, &[]), &state);
     animation.tracks.push(sprung::figure::Track {
         title: "</script>".into(),
         unit: String::new(),
@@ -236,7 +236,8 @@ fn pages_say_what_they_show() {
     for (said, true_one) in said {
         assert!((said / true_one - 1.0).abs() < 6e-3, "{told}");
     }
-    let still = Animation::still("still", Cast::of(&waving(3).0, &[]), &builtin::cloth(3).unwrap().build().unwrap().1);
+    let still =
+        Animation::still("still", SceneTopology::of(&waving(3).0, &[]), &builtin::cloth(3).unwrap().build().unwrap().1);
     assert!(html(&still).unwrap().contains("No spring is strained."));
 
     let sandbox = Sandbox::new();

@@ -1,6 +1,6 @@
 //! One run done twice: with linear systems solved to the last digit, and as exactly as the motion needs.
 
-use super::study::runs::{Ask, Run, Subject};
+use super::study::runs::{Ask, Run, TestCase};
 use super::study::store::Store;
 use super::study::{random, rows};
 use faer::Par;
@@ -74,7 +74,7 @@ pub fn pairs(seed: u64, store: &Store) -> sprung::Result<Vec<Pair>> {
     let (system, start) = scene.build()?;
     let duration = scene.time.duration.unwrap_or(1.0);
     let Some(reference) = store.reference(&scene, duration)? else { return Ok(Vec::new()) };
-    let subject = Subject { system: &system, start: &start, duration, reference: &reference };
+    let subject = TestCase { system: &system, start: &start, duration, reference: &reference };
     let kind = PRECONDITIONERS[(seed % 2) as usize];
     let mut pairs = Vec::new();
     for method in METHODS {
@@ -92,7 +92,7 @@ pub fn pairs(seed: u64, store: &Store) -> sprung::Result<Vec<Pair>> {
                 )
             };
             let (strict, end, work) = run(Tolerance::Fixed(STRICT))?;
-            let (needed, other_end, less) = run(Tolerance::OfMotion)?;
+            let (needed, other_end, less) = run(Tolerance::Adaptive)?;
             pairs.push(Pair {
                 seed,
                 method,

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Vector3};
 use sprung::integrate::{ImplicitOptions, Method};
 use sprung::linear::{SolverChoice, SolverOptions};
-use sprung::verify::Subject;
+use sprung::verify::TestCase;
 use sprung::{State, Stiffness};
 
 /// A way to step: method, option, and LDLᵀ so that indefinite matrices are no obstacle.
@@ -35,11 +35,11 @@ impl Mode<'_> {
     /// The matrix by which a step from rest at an equilibrium multiplies (q, v dt).
     pub fn amplification(
         &self,
-        subject: &Subject,
+        subject: &TestCase,
         way: Way,
         dt: f64,
     ) -> Result<Matrix2<f64>, Box<dyn std::error::Error>> {
-        let Subject { system, state: rest, .. } = subject;
+        let TestCase { system, state: rest, .. } = subject;
         let linear = SolverOptions { solver: SolverChoice::Ldlt, ..SolverOptions::default() };
         let options = ImplicitOptions { stiffness: way.option.into(), linear };
         let column = |displace: &dyn Fn(&mut State)| -> Result<[f64; 2], Box<dyn std::error::Error>> {

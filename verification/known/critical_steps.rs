@@ -10,7 +10,7 @@ use serde::Deserialize;
 use sprung::Stiffness;
 use sprung::integrate::StepMatrices;
 use sprung::linear::{Cholesky, Ldlt};
-use sprung::verify::{Check, Claim, Subject};
+use sprung::verify::{Check, Claim, TestCase};
 
 #[derive(Deserialize)]
 struct Answer {
@@ -68,7 +68,7 @@ fn measure(problem: &Problem<Answer>) -> Outcome {
     Ok(checks)
 }
 
-fn verdicts(problem: &Problem<Answer>, subject: &Subject, name: &str, side: &Side) -> sprung::Result<Vec<Check>> {
+fn verdicts(problem: &Problem<Answer>, subject: &TestCase, name: &str, side: &Side) -> sprung::Result<Vec<Check>> {
     let n = subject.system.dofs().len();
     let known = &side.inertia;
     let told = side.lambda_min.zip(side.lambda_max).is_none_or(|(least, most)| least.abs() > 2.0 * n as f64 * U * most);

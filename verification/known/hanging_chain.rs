@@ -6,7 +6,7 @@ use crate::collect::Collector;
 use libtest_mimic::Trial;
 use nalgebra::Vector3;
 use serde::Deserialize;
-use sprung::force::{Extensions, add_elastic_force, add_weight};
+use sprung::force::{SpringGeometry, add_elastic_force, add_weight};
 use sprung::integrate::{ImplicitOptions, Method, StiffnessPolicy};
 use sprung::linear::{SolverChoice, SolverOptions};
 use sprung::verify::{Claim, worst};
@@ -29,7 +29,7 @@ pub fn trials(collector: &mut Collector) -> Vec<Trial> {
 fn measure(problem: &Problem<Answer>) -> Outcome {
     let subject = problem.subject()?;
     let (system, state, answer) = (&subject.system, &subject.state, &problem.answer);
-    let extensions = Extensions::at(system, &state.positions)?;
+    let extensions = SpringGeometry::at(system, &state.positions)?;
     let springs: Vec<_> = extensions.iter().zip(system.springs()).collect();
     // What the rounding of a position does to a force.
     let pull = worst(

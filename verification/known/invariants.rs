@@ -7,11 +7,11 @@ use crate::collect::Collector;
 use libtest_mimic::Trial;
 use nalgebra::Vector3;
 use serde::Deserialize;
-use sprung::force::{Extensions, add_elastic_force};
+use sprung::force::{SpringGeometry, add_elastic_force};
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, Method, TimeStepper};
 use sprung::linear::{SolverChoice, SolverOptions};
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
-use sprung::verify::{Check, Claim, Subject, worst};
+use sprung::verify::{Check, Claim, TestCase, worst};
 use sprung::{Spring, Stiffness, SystemBuilder};
 
 #[derive(Deserialize)]
@@ -103,7 +103,7 @@ pub fn trials(collector: &mut Collector) -> Vec<Trial> {
 fn identities(problem: &Problem<Identities>) -> Outcome {
     let subject = problem.subject()?;
     let (system, state, answer) = (&subject.system, &subject.state, &problem.answer);
-    let extensions = Extensions::at(system, &state.positions)?;
+    let extensions = SpringGeometry::at(system, &state.positions)?;
     let mut force = vec![Vector3::zeros(); system.particles()];
     add_elastic_force(system, &extensions, &mut force);
     let why = "relative to the largest component: sums of three springs' terms, some ten roundings each";
@@ -152,7 +152,7 @@ fn pressed(problem: &Problem<Pressed>) -> Outcome {
 }
 
 /// One mass in the middle between two walls, its springs of length l; its rate² across the line is `2k(1/l0 − 1/l)/m`.
-fn between_walls(name: &str, length: f64, rest_length: f64) -> sprung::Result<(Subject, f64)> {
+fn between_walls(name: &str, length: f64, rest_length: f64) -> sprung::Result<(TestCase, f64)> {
     let (stiffness, mass) = (52.0, 0.3);
     let mut builder = SystemBuilder::new();
     let particles = [0.0, 1.0, 2.0].map(|n| builder.particle([n * length, 0.0, 0.0], mass));
@@ -162,11 +162,11 @@ fn between_walls(name: &str, length: f64, rest_length: f64) -> sprung::Result<(S
     builder.hold(particles[0]).hold(particles[2]);
     let (system, state) = builder.build()?;
     let rate = 2.0 * stiffness * (1.0 / rest_length - 1.0 / length) / mass;
-    Ok((Subject { name: name.into(), system, state, dt: 0.01 }, rate))
+    Ok((TestCase { name: name.into(), system, state, dt: 0.01 }, rate))
 }
 
 /// The amplification of the mode across the line.
-fn across(subject: &Subject, way: Way, dt: f64) -> Result<nalgebra::Matrix2<f64>, Box<dyn std::error::Error>> {
+fn across(subject: &TestCase, way: Way, dt: f64) -> Result<nalgebra::Matrix2<f64>, Box<dyn std::error::Error>> {
     let shape = [Vector3::zeros(), Vector3::y(), Vector3::zeros()];
     Mode { shape: &shape, amplitude: 1e-30 }.amplification(subject, way, dt)
 }

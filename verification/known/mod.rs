@@ -22,7 +22,7 @@ use libtest_mimic::Trial;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use sprung::Scene;
-use sprung::verify::{Check, Claim, Subject};
+use sprung::verify::{Check, Claim, TestCase};
 
 /// Checks, or why they could not be carried out.
 type Outcome = Result<Vec<Check>, Box<dyn std::error::Error>>;
@@ -42,8 +42,8 @@ struct File<A> {
 }
 
 impl<A> Problem<A> {
-    fn subject(&self) -> sprung::Result<Subject> {
-        Ok(Subject { name: self.name.clone(), ..Subject::of_scene(&self.scene)? })
+    fn subject(&self) -> sprung::Result<TestCase> {
+        Ok(TestCase { name: self.name.clone(), ..TestCase::of_scene(&self.scene)? })
     }
 
     fn check(&self, name: impl Into<String>, value: f64, bound: f64, why: &str) -> Check {

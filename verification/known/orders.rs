@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 use sprung::integrate::{ImplicitOptions, Method, Schedule, Status, StiffnessPolicy, run};
 use sprung::linear::{SolverChoice, SolverOptions};
-use sprung::verify::{Check, Claim, ErrorCurve, Subject, order_checks};
+use sprung::verify::{Check, Claim, ErrorCurve, TestCase, order_checks};
 use sprung::{State, Stiffness};
 use std::ops::ControlFlow;
 
@@ -22,7 +22,7 @@ const HALVINGS: u32 = 3;
 
 /// Every method towards a known state: the observed order within 0.2 of theory, with the curves; and of methods of order above
 /// two, whose errors are below rounding soon after they are asymptotic, the error itself.
-pub fn towards(subject: &Subject, known: &Known) -> Result<Vec<Check>, Box<dyn std::error::Error>> {
+pub fn towards(subject: &TestCase, known: &Known) -> Result<Vec<Check>, Box<dyn std::error::Error>> {
     let mut curves = Vec::new();
     let (low, high): (Vec<Method>, Vec<Method>) = Method::ALL.into_iter().partition(|method| method.order() <= 2);
     for method in low {
@@ -44,7 +44,7 @@ pub fn towards(subject: &Subject, known: &Known) -> Result<Vec<Check>, Box<dyn s
 }
 
 /// The error of a method of high order at a step that resolves every vibration.
-fn error(subject: &Subject, known: &Known, method: Method) -> Result<Check, Box<dyn std::error::Error>> {
+fn error(subject: &TestCase, known: &Known, method: Method) -> Result<Check, Box<dyn std::error::Error>> {
     let order = method.order();
     let z: f64 = if order <= 4 { 1.0 / 8.0 } else { 1.0 / 4.0 };
     // z = 1/2 is the resolving step.
@@ -71,12 +71,12 @@ fn error(subject: &Subject, known: &Known, method: Method) -> Result<Check, Box<
 }
 
 fn curve(
-    subject: &Subject,
+    subject: &TestCase,
     known: &Known,
     method: Method,
     stiffness: StiffnessPolicy,
 ) -> Result<ErrorCurve, Box<dyn std::error::Error>> {
-    let Subject { system, state, .. } = subject;
+    let TestCase { system, state, .. } = subject;
     let linear = SolverOptions { solver: SolverChoice::Llt, ..SolverOptions::default() };
     let options = ImplicitOptions { stiffness, linear };
     let name = match method.is_implicit() {

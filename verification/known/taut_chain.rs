@@ -12,7 +12,7 @@ use sprung::Stiffness;
 use sprung::force::Energy;
 use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, Method, StepMatrices, TimeStepper};
 use sprung::linear::{SolverChoice, SolverOptions};
-use sprung::verify::{Check, Claim, Subject, worst};
+use sprung::verify::{Check, Claim, TestCase, worst};
 
 #[derive(Deserialize)]
 struct Modes {
@@ -80,7 +80,7 @@ fn of(kind: &'static str) -> impl Fn(&serde_json::Value) -> bool {
 }
 
 /// ω² of all modes under an option, ascending: the eigenvalues of `M^{−1/2}(−K)M^{−1/2}`.
-fn squared_frequencies(subject: &Subject, option: Stiffness) -> sprung::Result<Vec<f64>> {
+fn squared_frequencies(subject: &TestCase, option: Stiffness) -> sprung::Result<Vec<f64>> {
     let matrices = StepMatrices::assemble(&subject.system, &subject.state, option, subject.dt)?;
     let n = subject.system.dofs().len();
     let masses = matrices.m;
@@ -166,7 +166,7 @@ fn modes(problem: &Problem<Modes>) -> Outcome {
 }
 
 /// A shape over the free particles as displacements along an axis.
-fn shape(subject: &Subject, shape: &[f64], axis: usize) -> Vec<Vector3<f64>> {
+fn shape(subject: &TestCase, shape: &[f64], axis: usize) -> Vec<Vector3<f64>> {
     let mut field = vec![Vector3::zeros(); subject.system.particles()];
     let free = (0..field.len()).filter(|&p| subject.system.dofs().free_axes(p).contains(axis));
     for (p, value) in free.collect::<Vec<_>>().into_iter().zip(shape) {

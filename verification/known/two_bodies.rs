@@ -9,7 +9,7 @@ use libtest_mimic::Trial;
 use nalgebra::Vector3;
 use serde::Deserialize;
 use sprung::State;
-use sprung::force::{Energy, Extensions, add_elastic_force, angular_momentum, linear_momentum};
+use sprung::force::{Energy, SpringGeometry, add_elastic_force, angular_momentum, linear_momentum};
 use sprung::verify::{Claim, worst};
 
 #[derive(Deserialize)]
@@ -49,7 +49,7 @@ fn balance(problem: &Problem<Answer>) -> Outcome {
     for state in std::iter::once(subject.state.clone()).chain(circle) {
         let at = |name: &str| format!("{name} at {} s", state.time);
         let mut force = vec![Vector3::zeros(); 2];
-        add_elastic_force(system, &Extensions::at(system, &state.positions)?, &mut force);
+        add_elastic_force(system, &SpringGeometry::at(system, &state.positions)?, &mut force);
         let length = (state.positions[0] - state.positions[1]).norm();
         checks.push(problem.check(at("length"), number(length, answer.length), bound, why));
         checks.push(problem.check(at("tension"), number(force[0].norm(), answer.tension), bound, why));

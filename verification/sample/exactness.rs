@@ -45,7 +45,7 @@ fn tolerances_follow_the_motion_or_stay() {
         (0..20).for_each(|_| stepper.step(&mut state, 0.01).unwrap());
         *stepper.statistics()
     };
-    let (fixed, follows) = (run(Tolerance::Fixed(1e-9)), run(Tolerance::OfMotion));
+    let (fixed, follows) = (run(Tolerance::Fixed(1e-9)), run(Tolerance::Adaptive));
     assert_eq!(fixed.max_tolerance, 1e-9);
     assert!((1e-6..=1e-4).contains(&follows.max_tolerance), "{}", follows.max_tolerance);
     assert!(follows.max_relative_residual <= follows.max_tolerance && follows.max_relative_residual > 1e-9);

@@ -10,7 +10,7 @@ use crate::study::store::{Store, fingerprint};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use sprung::accuracy::relative_position_error;
-use sprung::force::{Extensions, add_damping_force, add_elastic_force, add_weight};
+use sprung::force::{SpringGeometry, add_damping_force, add_elastic_force, add_weight};
 use sprung::{Spring, SystemBuilder};
 use std::collections::BTreeMap;
 
@@ -85,7 +85,7 @@ fn both_writings_of_the_forces_agree() {
             state.positions[c / 3][c % 3] += 0.3 * dx * system.springs()[0].rest_length;
             state.velocities[c / 3][c % 3] += 10.0 * dv * speed;
         }
-        let extensions = Extensions::at(&system, &state.positions).expect("no spring collapses");
+        let extensions = SpringGeometry::at(&system, &state.positions).expect("no spring collapses");
         let mut force = vec![Vector3::zeros(); system.particles()];
         add_elastic_force(&system, &extensions, &mut force);
         add_damping_force(&system, &extensions, &state.velocities, &mut force);

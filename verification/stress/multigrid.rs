@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use sprung::assembly::{SpringPattern, SystemMatrix};
-use sprung::force::Extensions;
+use sprung::force::SpringGeometry;
 use sprung::multigrid::Multigrid;
 use sprung::operator::{Combination, SystemOperator};
 use sprung::{State, Stiffness, System};
@@ -75,7 +75,7 @@ pub fn search(count: u64, seed: u64, only: Option<u64>) -> bool {
 }
 
 fn examine((system, state): &(System, State), dt: f64, largest_dense: usize, placed: bool) -> Option<Found> {
-    let extensions = Extensions::at(system, &state.positions).ok()?;
+    let extensions = SpringGeometry::at(system, &state.positions).ok()?;
     let a = SystemOperator::new(system, &extensions, Stiffness::Tension, Combination::step(dt));
     let pattern = Arc::new(SpringPattern::of_stiffness(system).ok()?);
     let matrix = DMatrix::from(&SystemMatrix::assemble(pattern, &a).matrix().to_coo());

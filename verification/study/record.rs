@@ -1,7 +1,7 @@
 //! Everything that is run on one scene.
 
 use super::random::{self, Traits};
-use super::runs::{Run, Subject, ways};
+use super::runs::{Run, TestCase, ways};
 use super::store::Store;
 use serde::{Deserialize, Serialize};
 use sprung::Scene;
@@ -114,7 +114,7 @@ fn studied(scene: &Scene, store: &Store, wanted: Wanted, more_accuracies: bool) 
         runs: Vec::new(),
     };
     let Some(reference) = reference else { return Ok(record) };
-    let subject = Subject { system: &system, start: &start, duration, reference: &reference };
+    let subject = TestCase { system: &system, start: &start, duration, reference: &reference };
     if wanted.fixed {
         for way in ways() {
             for dt in steps(duration) {

@@ -4,8 +4,8 @@ use super::reference::Reference;
 use serde::{Deserialize, Serialize};
 use sprung::accuracy::{AccuracyOptions, Verdict, relative_position_error, run_to_accuracy};
 use sprung::integrate::{
-    Adaptivity, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Sampling, Schedule, Statistics,
-    Status, StiffnessPolicy, run_adaptive_monitored, run_monitored,
+    AdaptiveOptions, ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, OutputTimes, Schedule,
+    Statistics, Status, StiffnessPolicy, run_adaptive_monitored, run_monitored,
 };
 use sprung::{Error, State, Stiffness, System};
 use std::cell::Cell;
@@ -73,7 +73,7 @@ const MOST_PARTICLE_STEPS: u64 = 1_000_000;
 const MOST_ASKED: u64 = 5_000_000;
 
 /// A scene that runs start from.
-pub struct Subject<'s> {
+pub struct TestCase<'s> {
     /// What moves.
     pub system: &'s System,
     /// Where it starts.
@@ -98,7 +98,7 @@ pub fn ways() -> Vec<Way> {
     ways
 }
 
-impl Subject<'_> {
+impl TestCase<'_> {
     /// A run with steps of dt seconds.
     ///
     /// # Errors
@@ -201,11 +201,11 @@ impl Subject<'_> {
                     .ok_or_else(|| Error::Usage(format!("{} has no error estimate", method.name())))?;
                 // As the command does where no step is given.
                 let first_step = self.duration / 100.0;
-                let how = Adaptivity {
+                let how = AdaptiveOptions {
                     duration: self.duration,
                     rtol,
                     first_step: Some(first_step),
-                    sampling: Sampling::Steps,
+                    sampling: OutputTimes::Steps,
                     part_of: None,
                 };
                 let outcome =

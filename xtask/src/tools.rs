@@ -12,7 +12,7 @@ pub enum Tool {
     /// A thousand random scenes against an independent reference: verification/study.md; ten minutes
     Study(Words),
     /// Linear systems solved as exactly as the motion needs, on the scenes of the study: verification/exactness.md; ten minutes
-    Exactness(Words),
+    LinearTolerance(Words),
     /// What --accuracy answers on random scenes, and what that costs: verification/accuracy.md; a quarter of an hour
     Accuracy(Words),
     /// What --accuracy answers on ready scenes of all sizes, against references by two methods: verification/ready.md; an hour
@@ -22,7 +22,7 @@ pub enum Tool {
     /// Speed against accuracy, and maps of stability: verification/charts; minutes
     Charts(Words),
     /// Methods beside integrators of other libraries: benches/peers/README.md, verification/charts; minutes
-    Peers(Words),
+    Communicator(Words),
     /// `--solver auto` beside the solvers it chooses from: verification/auto.md; an hour
     Auto(Words),
     /// What accompanying a run costs; a minute
@@ -60,7 +60,7 @@ impl Tool {
         };
         match self {
             Self::Study(_) => tool("study"),
-            Self::Exactness(_) => tool("exactness"),
+            Self::LinearTolerance(_) => tool("exactness"),
             Self::Accuracy(_) => tool("accuracy"),
             Self::Ready(_) => tool("ready"),
             Self::Motion(_) => tool("motion"),
@@ -69,7 +69,9 @@ impl Tool {
             Self::MonitorCost(_) => tool("monitor_cost"),
             Self::Stress(_) => tool("stress"),
             Self::Picture(_) => ("cargo", vec!["run", "--release", "--example", "lost_definiteness", "--"]),
-            Self::Peers(_) => ("cargo", vec!["run", "--release", "--manifest-path", "benches/peers/Cargo.toml", "--"]),
+            Self::Communicator(_) => {
+                ("cargo", vec!["run", "--release", "--manifest-path", "benches/peers/Cargo.toml", "--"])
+            }
             Self::Answers(_) => ("python3", vec!["verification/answers/derive/all.py"]),
             Self::Performance(_) => ("python3", vec!["benches/compare/run.py"]),
         }
@@ -77,12 +79,12 @@ impl Tool {
 
     fn words(&self) -> &[String] {
         let (Self::Study(given)
-        | Self::Exactness(given)
+        | Self::LinearTolerance(given)
         | Self::Accuracy(given)
         | Self::Ready(given)
         | Self::Motion(given)
         | Self::Charts(given)
-        | Self::Peers(given)
+        | Self::Communicator(given)
         | Self::Auto(given)
         | Self::MonitorCost(given)
         | Self::Stress(given)

@@ -15,7 +15,7 @@ mod verdict;
 
 use contender::{Contender, Task};
 use curve::{ACCURACIES, Curve, shortest_of_all};
-use scenes::Subject;
+use scenes::TestCase;
 use sprung::accuracy::extent;
 use sprung::chart::Reference;
 use sprung::report::plot;
@@ -55,7 +55,7 @@ fn reference(system: &System, start: &State, duration: f64) -> Result<Reference,
 }
 
 /// Writes scenes as JSON, with all that it takes to tell an error.
-fn export(folder: &Path, subjects: &[Subject]) -> Result<(), Failure> {
+fn export(folder: &Path, subjects: &[TestCase]) -> Result<(), Failure> {
     std::fs::create_dir_all(folder)?;
     for subject in subjects {
         let name = &subject.scene.name;
@@ -75,7 +75,7 @@ fn export(folder: &Path, subjects: &[Subject]) -> Result<(), Failure> {
 }
 
 /// Measures everybody on every scene, and writes the pictures and the results.
-fn measure(here: &Path, verification: &Path, subjects: &[Subject]) -> Result<(), Failure> {
+fn measure(here: &Path, verification: &Path, subjects: &[TestCase]) -> Result<(), Failure> {
     let mujoco = mujoco::Measured::load(&here.join(mujoco::FILE))?;
     let mut all = Vec::new();
     let mut scenes = String::new();

@@ -1,7 +1,7 @@
 //! A mass–spring system as a first-order system of equations, with its exact Jacobian.
 
 use nalgebra::Vector3;
-use sprung::force::{Extensions, add_damping_differential, set_total_force};
+use sprung::force::{SpringGeometry, add_damping_differential, set_total_force};
 use sprung::operator::{Combination, LinearOperator, SystemOperator};
 use sprung::{State, Stiffness, System};
 use std::cell::RefCell;
@@ -36,7 +36,7 @@ pub fn pieces(system: &System, [start, end]: [f64; 2]) -> Vec<[f64; 2]> {
 
 /// The derivatives of forces.
 struct Linearised<'s> {
-    extensions: Extensions,
+    extensions: SpringGeometry,
     full: Vec<Vector3<f64>>,
     reduced: Vec<f64>,
     stiffness: SystemOperator<'s>,
@@ -48,7 +48,7 @@ struct Linearised<'s> {
 impl<'s> Linearised<'s> {
     /// `None` where the ends of a spring coincide.
     fn new(system: &'s System, state: &State) -> Option<Self> {
-        let extensions = Extensions::at(system, &state.positions).ok()?;
+        let extensions = SpringGeometry::at(system, &state.positions).ok()?;
         let operator = |combination| SystemOperator::new(system, &extensions, Stiffness::Full, combination);
         Some(Self {
             full: vec![Vector3::zeros(); system.particles()],

@@ -8,14 +8,14 @@ use std::path::Path;
 const FRAME: f64 = 1.0 / 60.0;
 
 /// A scene, and for how long it is predictable: longer, chains whip and cloths fold.
-pub struct Subject {
+pub struct TestCase {
     pub scene: Scene,
     /// What it is, for the page.
     pub words: &'static str,
     pub frames: u32,
 }
 
-impl Subject {
+impl TestCase {
     /// In s.
     pub fn duration(&self) -> f64 {
         f64::from(self.frames) * FRAME
@@ -23,9 +23,9 @@ impl Subject {
 }
 
 /// All ten, small ones first.
-pub fn all(verification: &Path) -> Result<Vec<Subject>, Failure> {
+pub fn all(verification: &Path) -> Result<Vec<TestCase>, Failure> {
     let load = |name: &str| Scene::load(verification.join("../src/verify/scenes").join(name));
-    let subject = |scene, frames, words| Subject { scene, words, frames };
+    let subject = |scene, frames, words| TestCase { scene, words, frames };
     Ok(vec![
         subject(
             load("stiff_pendulum.toml")?,

@@ -2,7 +2,7 @@
 
 use super::{Inertia, InertiaCounter, InertiaMethod, definite_by_blocks, dense_signs, equilibrated};
 use crate::assembly::SymmetricMatrix;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::inspect::tests::chain;
 use crate::integrate::StepMatrices;
 use crate::linear::PivotSigns;
@@ -122,7 +122,7 @@ fn blocks_prove_definiteness_where_there_are_rows() {
     for (free, rest_length, expected) in [(2, 0.5, Some(4)), (2, 1.25, None), (0, 0.5, None)] {
         let (system, state) = chain(free, rest_length);
         let a = StepMatrices::assemble(&system, &state, Stiffness::Full, 0.1).unwrap().a;
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
         let found = definite_by_blocks(&operator, &a, 100.0);
         assert_eq!(found.map(|inertia| inertia.positive), expected);
@@ -252,7 +252,7 @@ fn dense_pivots_of_both_orders_are_counted() {
 #[test]
 fn what_the_masses_give_must_be_visible() {
     let (system, state) = chain(1, 0.5);
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
     let one = banded(1, 0, |row, column| (row == column) as u8 as f64);
     assert_eq!(definite_by_blocks(&operator, &one, 5e-10), None);

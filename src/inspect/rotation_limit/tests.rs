@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::inspect::tests::chain;
-use crate::system::{ExternalForce, Moment};
+use crate::system::{ExternalForce, StateView};
 use nalgebra::Vector3;
 
 /// A particle between two walls that flies across its springs at 10⁹ m/s: no step that is tried is short enough.
@@ -32,7 +32,7 @@ fn external_forces_turn_springs_too() {
     struct Wind;
 
     impl ExternalForce for Wind {
-        fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+        fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
             force.iter_mut().take(at.positions.len()).for_each(|f| f.y -= 90.0);
         }
     }

@@ -1,7 +1,7 @@
 //! Particles between walls, each with springs pressed from 1.25 m to 1 m: across, every spring takes 10 N/m, and m/dt² is the mass.
 
 use super::{DropSet, is_affordable, smallest_set};
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::inspect::Minimality;
 use crate::spring::Spring;
 use crate::system::{State, System, SystemBuilder};
@@ -26,7 +26,7 @@ fn particles(masses: &[(f64, usize)]) -> (System, State) {
 /// The set for a step of 1 s; symbolic analyses, assemblies, factorizations and solves.
 fn set(masses: &[(f64, usize)]) -> (DropSet, [u64; 4]) {
     let (system, state) = particles(masses);
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let mut work = Work::default();
     let set = smallest_set(&system, &extensions, 1.0, Par::Seq, &mut work).unwrap();
     (set, [work.symbolic_factorizations, work.assemblies, work.factorizations, work.solves])
@@ -98,7 +98,7 @@ fn where_rounding_hides_what_is_enough_all_are_named() {
         builder.spring(free, wall, Spring { stiffness: 50.0, rest_length, damping: 0.0 });
     }
     let (system, state) = builder.build().unwrap();
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let set = smallest_set(&system, &extensions, 1.0, Par::Seq, &mut Work::default()).unwrap();
     let pressed: Vec<usize> = (0..12).filter(|&spring| spring != 5).collect();
     assert_eq!((set.springs, set.minimality, set.tension), (pressed, Minimality::Enough, 11));

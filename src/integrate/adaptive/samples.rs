@@ -1,20 +1,20 @@
 //! What the observer of a run with error control sees.
 
-use super::{AdaptiveStepper, Sampling};
+use super::{AdaptiveStepper, OutputTimes};
 use crate::integrate::is_end;
 use crate::system::{State, System};
 use std::ops::ControlFlow;
 
 /// Hands out states as often as is asked.
 pub(super) struct Samples {
-    sampling: Sampling,
+    sampling: OutputTimes,
     start: f64,
     count: u64,
     sample: State,
 }
 
 impl Samples {
-    pub fn new(sampling: Sampling, state: &State) -> Self {
+    pub fn new(sampling: OutputTimes, state: &State) -> Self {
         Self { sampling, start: state.time, count: 0, sample: state.clone() }
     }
 
@@ -29,7 +29,7 @@ impl Samples {
         observe: &mut impl FnMut(u64, &State) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         // An interval of no length would have no end; one that is not positive is none.
-        if let Sampling::Every(interval) = self.sampling
+        if let OutputTimes::Every(interval) = self.sampling
             && interval > 0.0
         {
             loop {

@@ -1,7 +1,7 @@
 //! What errors are relative to, and how long a first step is.
 
-use super::{Adaptivity, ErrorEstimate};
-use crate::force::{Extensions, set_accelerations};
+use super::{AdaptiveOptions, ErrorEstimate};
+use crate::force::{SpringGeometry, set_accelerations};
 use crate::system::{State, System};
 use nalgebra::Vector3;
 
@@ -35,7 +35,7 @@ pub(super) struct Scales {
 impl Scales {
     /// At the start of a run by a method of order q whose estimate falls as h^(p + 1), and the number of force evaluations that took. Where forces are undefined the first step fails
     /// and says so; here they count as none.
-    pub fn at_start(system: &System, state: &State, how: &Adaptivity, [q, p]: [u32; 2]) -> (Self, u64) {
+    pub fn at_start(system: &System, state: &State, how: &AdaptiveOptions, [q, p]: [u32; 2]) -> (Self, u64) {
         let (rtol, duration) = (how.rtol, how.part_of.unwrap_or(how.duration));
         let power = f64::from(p + 1) / f64::from(q);
         let tolerance = rtol * (rtol / COARSE).min(1.0).powf(power - 1.0);
@@ -93,7 +93,7 @@ impl Scales {
     /// With `‖·‖` the norm of e and `y' = F(y)`: an Euler step of `h₀ = 0.01/(r ‖F‖)` seconds probes how fast F changes,
     /// `F' = ‖F(y + h₀ F) − F(y)‖/h₀`, and `h₁ = (0.01/max(‖F‖, F'))^{1/(p + 1)}` would leave an error of about a hundredth. The step
     /// is `min(100 h₀, h₁)`.
-    pub fn first_step(&self, system: &System, state: &State, how: &Adaptivity, p: u32) -> (f64, u64) {
+    pub fn first_step(&self, system: &System, state: &State, how: &AdaptiveOptions, p: u32) -> (f64, u64) {
         let Some(a) = accelerations(system, state) else { return (how.duration, 1) };
         let rate = self.norm(&state.velocities, &a, state);
         if rate == 0.0 || !rate.is_finite() {
@@ -132,7 +132,7 @@ pub(in crate::integrate) fn joint(fine: f64, coarse: f64) -> f64 {
 
 /// Of all forces; `None` where the ends of a spring coincide.
 fn accelerations(system: &System, state: &State) -> Option<Vec<Vector3<f64>>> {
-    let extensions = Extensions::at(system, state).ok()?;
+    let extensions = SpringGeometry::at(system, state).ok()?;
     let mut accelerations = vec![Vector3::zeros(); system.particles()];
     set_accelerations(system, &extensions, &state.moment(), &mut accelerations);
     Some(accelerations)

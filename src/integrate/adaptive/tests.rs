@@ -1,5 +1,6 @@
 use super::{
-    AdaptiveStepper, Adaptivity, ErrorEstimate, SHORTEST, Samples, Sampling, doubt, hermite, run_adaptive, stiffness,
+    AdaptiveOptions, AdaptiveStepper, ErrorEstimate, OutputTimes, SHORTEST, Samples, doubt, hermite, run_adaptive,
+    stiffness,
 };
 use crate::integrate::{Dop853, Statistics, StepFailure, TimeStepper};
 use crate::linear::SolveFailure;
@@ -45,7 +46,7 @@ fn between_the_ends_of_a_step_motions_are_cubic() {
 fn samples_near_the_end_are_the_end() {
     let (system, state) = particles(&[0.0]);
     let times = |interval: f64, end: f64| {
-        let mut samples = Samples::new(Sampling::Every(interval), &state);
+        let mut samples = Samples::new(OutputTimes::Every(interval), &state);
         let (after, mut seen) = (State { time: end, ..state.clone() }, Vec::new());
         let mut observe = |count: u64, state: &State| {
             seen.push((count, state.time));
@@ -174,8 +175,8 @@ impl AdaptiveStepper for Still {
     }
 }
 
-fn how(duration: f64, first_step: f64) -> Adaptivity {
-    Adaptivity { duration, rtol: 1e-3, first_step: Some(first_step), sampling: Sampling::Steps, part_of: None }
+fn how(duration: f64, first_step: f64) -> AdaptiveOptions {
+    AdaptiveOptions { duration, rtol: 1e-3, first_step: Some(first_step), sampling: OutputTimes::Steps, part_of: None }
 }
 
 /// A step that still fails when it is shorter than 1e-13 of the run ends it, and is told with its number and time.
@@ -252,7 +253,7 @@ fn runs_find_their_first_step() {
     start.velocities[0].y = 1.0;
     let run = |first_step: Option<f64>| {
         let (mut stepper, mut state) = (Still::new(&[1e-4]), start.clone());
-        let how = Adaptivity { first_step, ..how(1.0, 0.25) };
+        let how = AdaptiveOptions { first_step, ..how(1.0, 0.25) };
         run_adaptive(&mut stepper, &system, &mut state, &how, |_, _| ControlFlow::Continue(()));
         (stepper.tried[0], stepper.statistics.work.force_evaluations)
     };
@@ -293,8 +294,8 @@ fn errors_are_worth_energy() {
 
 #[test]
 fn samples_come_at_intervals_that_are_positive() {
-    let how = Adaptivity { first_step: Some(0.25), ..Adaptivity::new(2.0, 1e-3).unwrap() };
-    assert_eq!(how.sampled_every(0.5), Ok(Adaptivity { sampling: Sampling::Every(0.5), ..how }));
+    let how = AdaptiveOptions { first_step: Some(0.25), ..AdaptiveOptions::new(2.0, 1e-3).unwrap() };
+    assert_eq!(how.sampled_every(0.5), Ok(AdaptiveOptions { sampling: OutputTimes::Every(0.5), ..how }));
     for interval in [0.0, -1.0, f64::INFINITY, f64::NAN] {
         assert!(how.sampled_every(interval).is_err(), "{interval}");
     }
@@ -309,7 +310,7 @@ fn few_steps_are_rejected_where_stability_bounds_them() {
     let (system, start) = scene.build().unwrap();
     for rtol in [1e-4, 1e-6] {
         let (mut stepper, mut state) = (Dop853::new(&system, &start).unwrap(), start.clone());
-        let how = Adaptivity::new(scene.time.duration.unwrap(), rtol).unwrap();
+        let how = AdaptiveOptions::new(scene.time.duration.unwrap(), rtol).unwrap();
         let outcome = run_adaptive(&mut stepper, &system, &mut state, &how, |_, _| ControlFlow::Continue(()));
         let rejected = stepper.statistics().rejected_steps;
         assert_eq!(outcome.status().name(), "completed");

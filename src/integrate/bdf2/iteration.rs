@@ -20,8 +20,8 @@
 
 use super::tension::Tensions;
 use crate::force::set_accelerations;
-use crate::integrate::exactness::mass_norm;
 use crate::integrate::implicit::LinearSystem;
+use crate::integrate::linear_tolerance::mass_norm;
 use crate::integrate::newton::{Newton, NewtonOptions};
 use crate::integrate::{PropagatedError, Statistics, StepFailure, StiffnessPolicy};
 use crate::linear::{LinearSolver, SolveFailure};

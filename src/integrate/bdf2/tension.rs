@@ -15,7 +15,7 @@
 //! step it is the tension at the step's start.) Of a cloth that swings down nearly all terms fall out, of a taut string none;
 //! with T ≥ 0 the matrix is positive definite.
 
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::spring::{Extension, Spring};
 use crate::system::{State, System};
 use nalgebra::Vector3;
@@ -48,7 +48,7 @@ impl Tensions {
     }
 
     /// Takes over what a solve leaves: `displacement` is the correction of the positions that have these extensions.
-    pub fn learn(&mut self, system: &System, extensions: &Extensions, displacement: &[Vector3<f64>]) {
+    pub fn learn(&mut self, system: &System, extensions: &SpringGeometry, displacement: &[Vector3<f64>]) {
         for (last, ((_, [i, j], spring), at)) in self.last.iter_mut().zip(extensions.springs(system)) {
             let stretch = at.direction.dot(&(displacement[i] - displacement[j]));
             *last = tension(spring, at) + spring.axial_stiffness() * stretch;
@@ -77,7 +77,7 @@ fn tension(spring: &Spring, at: &Extension) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{TURNING, Tensions};
-    use crate::force::Extensions;
+    use crate::force::SpringGeometry;
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
     use nalgebra::Vector3;
@@ -90,7 +90,7 @@ mod tests {
         builder.particle([3.0, 0.0, 0.0], 1.0);
         builder.spring(0, 1, Spring { stiffness: 30.0, rest_length: 2.0, damping: 0.0 });
         let (system, state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let (spring, at) = (system.springs()[0], extensions.as_slice()[0]);
         let mut tensions = Tensions::new(&system);
         let still = Vector3::zeros();

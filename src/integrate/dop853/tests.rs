@@ -2,10 +2,10 @@ use super::coefficients::{A, C, E3, E5, Row, STAGES};
 use super::tables::{SQUARE, chain, sum, weights};
 use super::{Dop853, END};
 use crate::integrate::oscillator::{Oscillator, Way};
-use crate::integrate::pieces::drawn_with_jerks;
+use crate::integrate::substeps::drawn_with_jerks;
 use crate::integrate::{AdaptiveStepper, TimeStepper};
 use crate::spring::Spring;
-use crate::system::{ExternalForce, Moment, State, System, SystemBuilder};
+use crate::system::{ExternalForce, State, StateView, System, SystemBuilder};
 use nalgebra::{Complex, Vector3};
 
 /// A rooted tree of Butcher's theory: its order, its density γ and its elementary weight of every stage.
@@ -318,7 +318,7 @@ fn steps_of_what_rests_are_not_wrong() {
 struct Numbered;
 
 impl ExternalForce for Numbered {
-    fn add(&self, _: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    fn add(&self, _: &StateView<'_>, force: &mut [Vector3<f64>]) {
         force.iter_mut().enumerate().for_each(|(p, f)| f.x += p as f64);
     }
 }

@@ -4,7 +4,7 @@ use super::{Balance, Monitor, MonitorOptions};
 use crate::force::Energy;
 use crate::integrate::{Outcome, Schedule, Statistics, Status, StepFailure, TimeStepper, run_monitored};
 use crate::spring::Spring;
-use crate::system::{Axes, Constraint, ExternalForce, Moment, Motion, State, System, SystemBuilder};
+use crate::system::{Axes, Constraint, ExternalForce, Motion, State, StateView, System, SystemBuilder};
 use nalgebra::Vector3;
 use std::ops::ControlFlow;
 
@@ -197,7 +197,7 @@ fn the_extent_is_the_spread_or_the_way() {
 struct Lift;
 
 impl ExternalForce for Lift {
-    fn add(&self, _: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    fn add(&self, _: &StateView<'_>, force: &mut [Vector3<f64>]) {
         force.iter_mut().for_each(|f| f.y += 3.0);
     }
 }

@@ -7,17 +7,17 @@
 
 use super::Sides;
 use super::sums::{Block, Damping, Kept, Span, Sums};
+use crate::force::accumulator::Run;
 use crate::force::batch::{BATCH, Batch as Forces, Coincident, List};
-use crate::force::run::Run;
 use crate::spring::{Extension, LawValues, Spring};
-use crate::system::{Moment, System};
+use crate::system::{StateView, System};
 use nalgebra::Vector3;
 
 /// What all blocks of a pass see.
 #[derive(Clone, Copy)]
 pub(super) struct Step<'a> {
     pub system: &'a System,
-    pub at: Moment<'a>,
+    pub at: StateView<'a>,
     /// What the law says of all springs, where it is asked so.
     pub law: &'a LawValues,
     pub dt: f64,
@@ -127,7 +127,7 @@ impl Lists {
     }
 
     #[inline(always)]
-    fn gather(&mut self, slot: usize, at: &Moment<'_>, spring: &Spring, [i, j]: [u32; 2]) {
+    fn gather(&mut self, slot: usize, at: &StateView<'_>, spring: &Spring, [i, j]: [u32; 2]) {
         let (i, j) = (i as usize, j as usize);
         let d = at.positions[i] - at.positions[j];
         let v = at.velocities[i] - at.velocities[j];

@@ -29,7 +29,7 @@
 //! positions stretch, κ the sum of k/l0 at a particle. That much of growth is in doubt and counts for none: an explicit method whose steps
 //! stability bounds lets the fastest vibrations grow until its estimates see them, and so on all the time.
 
-use super::ledger::{Free, Ledger};
+use super::energy_balance::{EnergyBalance, Free};
 use crate::force::set_other_forces;
 use crate::system::{State, System};
 use nalgebra::Vector3;
@@ -137,7 +137,7 @@ pub(super) struct Past {
 pub(super) struct Kept {
     pub steps: u64,
     pub state: State,
-    pub ledger: Ledger,
+    pub ledger: EnergyBalance,
 }
 
 /// Energy that appeared from nowhere.
@@ -150,7 +150,7 @@ pub(super) struct Unstable {
 }
 
 impl Growth {
-    pub fn new(system: &System, ledger: &Ledger, state: &State) -> Self {
+    pub fn new(system: &System, ledger: &EnergyBalance, state: &State) -> Self {
         let (start, noise) = (ledger.free(), Noise::new(system, state));
         let kept = Kept { steps: 0, state: state.clone(), ledger: *ledger };
         Self {
@@ -175,7 +175,7 @@ impl Growth {
     }
 
     /// Goes on at a state, which is then the one that is kept.
-    pub fn continued(past: &Past, ledger: &Ledger, steps: u64, state: &State) -> Self {
+    pub fn continued(past: &Past, ledger: &EnergyBalance, steps: u64, state: &State) -> Self {
         let Past { start, lowest, released, work, gained, above, noise, stored, fall, doubt } = *past;
         let kept = Kept { steps, state: state.clone(), ledger: *ledger };
         Self { start, lowest, released, work, gained, above, noise, stored, fall, doubt, kept }
@@ -187,7 +187,7 @@ impl Growth {
     }
 
     /// What the method took away from the free part until now, in J.
-    pub fn lost(&self, ledger: &Ledger) -> f64 {
+    pub fn lost(&self, ledger: &EnergyBalance) -> f64 {
         let (start, now) = (self.start, ledger.free());
         let change = (now.kinetic - start.kinetic) + (now.potential - start.potential);
         now.work - change - ledger.balance().dissipated
@@ -199,7 +199,7 @@ impl Growth {
     }
 
     /// Enters the state after a number of steps, the last of dt seconds.
-    pub fn enter(&mut self, ledger: &Ledger, steps: u64, state: &State, dt: f64) -> Option<Unstable> {
+    pub fn enter(&mut self, ledger: &EnergyBalance, steps: u64, state: &State, dt: f64) -> Option<Unstable> {
         let (start, now) = (self.start, ledger.free());
         let balance = (now.kinetic - start.kinetic) + (now.potential - start.potential) - now.work + now.certain;
         self.released = self.released.max(start.potential - now.potential);

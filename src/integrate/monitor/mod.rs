@@ -4,28 +4,28 @@
 //! have the same bits whatever the number of threads.
 
 mod batch;
-mod driven;
+mod constraint_work;
+mod energy_balance;
 mod external;
 mod growth;
 mod indicators;
-mod ledger;
 mod particles;
 mod springs;
 mod sums;
 
+pub use energy_balance::Balance;
 pub use indicators::{ErrorIndicators, INACCURATE, Warning, percent, threshold};
-pub use ledger::Balance;
 
-use super::watch::Watch;
+use super::spring_visitor::SpringVisitor;
 use super::{CompletedStep, PropagatedError, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::{Energy, actuation_power};
 use crate::memory;
 use crate::system::{State, System};
-use driven::Drive;
+use constraint_work::ConstraintWork;
+use energy_balance::EnergyBalance;
 use external::External;
 use growth::{Growth, Past, Unstable};
-use ledger::Ledger;
 use nalgebra::Vector3;
 use particles::Particles;
 use serde::{Deserialize, Serialize};
@@ -55,8 +55,8 @@ impl Default for MonitorOptions {
 /// What a monitor knows of a run: enough to go on from a state.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Account {
-    ledger: Ledger,
+pub struct MonitorCheckpoint {
+    ledger: EnergyBalance,
     past: Past,
     steps: u64,
     duration: f64,
@@ -92,13 +92,13 @@ pub struct Monitor<'s> {
     options: MonitorOptions,
     springs: Springs<'s>,
     particles: Particles<'s>,
-    drive: Drive<'s>,
+    drive: ConstraintWork<'s>,
     external: Option<External>,
     /// The power that springs take up by changing their rest lengths, in W.
     power: f64,
-    ledger: Ledger,
+    ledger: EnergyBalance,
     /// At the state before, with its time.
-    before: Ledger,
+    before: EnergyBalance,
     times: [f64; 2],
     growth: Growth,
     steps: u64,
@@ -130,11 +130,11 @@ impl<'s> Monitor<'s> {
     pub fn new(system: &'s System, state: &State, options: MonitorOptions) -> Result<Self> {
         let [springs, particles] = [system.springs().len() as u64, system.particles() as u64];
         memory::ensure(SPRING * springs + PARTICLE * particles, "what accompanies a run")?;
-        let drive = Drive::new(system, state);
+        let drive = ConstraintWork::new(system, state);
         let mut springs = Springs::new(system, state, drive.springs());
         let particles = Particles::new(system);
         let sums = (springs.pass(&state.moment(), 0.0), particles.pass(state));
-        let ledger = Ledger::new(&sums.0, &sums.1, drive.energy(state));
+        let ledger = EnergyBalance::new(&sums.0, &sums.1, drive.energy(state));
         let growth = Growth::new(system, &ledger, state);
         Ok(Self {
             system,
@@ -214,7 +214,7 @@ impl<'s> Monitor<'s> {
     }
 
     /// The account of the springs, for a method that goes through them anyway.
-    pub(super) fn springs(&mut self) -> &mut dyn Watch {
+    pub(super) fn springs(&mut self) -> &mut dyn SpringVisitor {
         &mut self.springs
     }
 
@@ -230,8 +230,8 @@ impl<'s> Monitor<'s> {
     }
 
     /// What it knows of the run so far, to go on with.
-    pub fn account(&self) -> Account {
-        Account {
+    pub fn account(&self) -> MonitorCheckpoint {
+        MonitorCheckpoint {
             ledger: self.ledger,
             past: self.growth.past(),
             steps: self.steps,
@@ -250,10 +250,10 @@ impl<'s> Monitor<'s> {
         system: &'s System,
         [start, state]: [&State; 2],
         steps: u64,
-        account: &Account,
+        account: &MonitorCheckpoint,
         options: MonitorOptions,
     ) -> Result<Self> {
-        let Account { ledger, ref past, steps: done, duration, ref error, predictable_until } = *account;
+        let MonitorCheckpoint { ledger, ref past, steps: done, duration, ref error, predictable_until } = *account;
         let fresh = Self::new(system, state, options)?;
         let growth = Growth::continued(past, &ledger, steps, state);
         let error = error.clone().filter(|error| error.fits(system));

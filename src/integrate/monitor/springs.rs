@@ -14,7 +14,7 @@
 //! steps are those of a ringing that the step has stepped over, and say nothing about what happened between.
 //!
 //! **Velocities at the end.** A method whose last force of a step is that at its end can have this pass made along with it, as a
-//! [`Watch`]. Of the method of Verlet velocities are then not those after the step but what the force is computed with:
+//! [`SpringVisitor`]. Of the method of Verlet velocities are then not those after the step but what the force is computed with:
 //! predicted ones, or, without damping, those of the middle of the step, of which `h Δv` is what the ends move. Predicted rates are
 //! off by an O(h²) that changes slowly: their differences r' − r by O(h³), and c by O(h²), which it is itself, so that the integral
 //! remains right to the fourth order.
@@ -28,9 +28,9 @@ use super::sums::{BLOCK, Block, Span, Sums};
 use crate::error::DegenerateSpring;
 use crate::force::batch::{BATCH, Coincident};
 use crate::force::{coincide, first_degenerate, set_other_forces, set_total_force};
-use crate::integrate::watch::Watch;
+use crate::integrate::spring_visitor::SpringVisitor;
 use crate::spring::LawValues;
-use crate::system::{Axes, Moment, State, System};
+use crate::system::{Axes, State, StateView, System};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -75,7 +75,7 @@ impl<'s> Springs<'s> {
     }
 
     /// Goes on to where a step of dt seconds led to.
-    pub fn pass(&mut self, at: &Moment<'_>, dt: f64) -> Sums {
+    pub fn pass(&mut self, at: &StateView<'_>, dt: f64) -> Sums {
         let law = self.system.law_values(at.positions, at.time);
         let step = Step { law: &law, ..self.step(at, dt) };
         let pass = |(number, block): (usize, &mut Block)| {
@@ -89,7 +89,7 @@ impl<'s> Springs<'s> {
         self.total()
     }
 
-    fn step<'a>(&self, at: &Moment<'a>, dt: f64) -> Step<'a>
+    fn step<'a>(&self, at: &StateView<'a>, dt: f64) -> Step<'a>
     where
         's: 'a,
     {
@@ -106,15 +106,15 @@ impl<'s> Springs<'s> {
     }
 }
 
-impl Watch for Springs<'_> {
-    fn takes_forces(&self, system: &System) -> bool {
+impl SpringVisitor for Springs<'_> {
+    fn computes_forces(&self, system: &System) -> bool {
         std::ptr::eq(self.system, system)
             && !system.has_spring_law()
             && system.peers().is_none()
-            && system.several_shares().is_none()
+            && system.thread_partitions().is_none()
     }
 
-    fn set_force(&mut self, at: &Moment<'_>, dt: f64, force: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
+    fn set_force(&mut self, at: &StateView<'_>, dt: f64, force: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
         if self.has_fixed_without_length(at.positions) {
             set_total_force(self.system, at, force)?;
             self.see(at, dt);
@@ -128,7 +128,7 @@ impl Watch for Springs<'_> {
         Ok(())
     }
 
-    fn see(&mut self, at: &Moment<'_>, dt: f64) {
+    fn see(&mut self, at: &StateView<'_>, dt: f64) {
         self.ahead = Some(self.pass(at, dt));
     }
 }

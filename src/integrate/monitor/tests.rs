@@ -1,6 +1,6 @@
 //! The formulas of the ledger against integrals by hand.
 
-use super::driven::Drive;
+use super::constraint_work::ConstraintWork;
 use super::springs::{Springs, resolved_step};
 use super::{Monitor, MonitorOptions};
 use crate::spring::Spring;
@@ -67,7 +67,7 @@ fn a_led_particle_does_the_work_that_its_spring_takes() {
     builder.constrain(Constraint { particles: vec![1], axes: Axes::of(&[0]), motion });
     let (system, mut state) = builder.build().unwrap();
     state.prescribe(&system);
-    let mut drive = Drive::new(&system, &state);
+    let mut drive = ConstraintWork::new(&system, &state);
     assert_eq!(drive.springs().collect::<Vec<_>>(), [0]);
     approx::assert_relative_eq!(drive.energy(&state).kinetic, 0.5 * 3.0 * 0.09, max_relative = 1e-14);
     let h = 0.05;

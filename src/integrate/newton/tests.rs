@@ -1,7 +1,7 @@
 use super::{NOISE, Newton, NewtonOptions, Point, dot, free_norm, has_no_way};
 use crate::error::DegenerateSpring;
-use crate::integrate::filter::{Filter, Matrix};
-use crate::integrate::merit::Balance;
+use crate::integrate::line_search::Balance;
+use crate::integrate::newton_matrix::{Filter, Matrix};
 use crate::integrate::{ImplicitOptions, NotSolved, StepFailure, StiffnessPolicy};
 use crate::linear::SolveFailure;
 use crate::operator::Combination;

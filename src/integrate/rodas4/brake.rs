@@ -1,6 +1,6 @@
 //! What a step takes from motion across springs.
 
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::system::{Axes, System};
 use nalgebra::Vector3;
 
@@ -10,7 +10,7 @@ pub(in crate::integrate) const BRAKE: f64 = 0.4;
 
 /// The share of the kinetic energy that a step of h seconds from a state with these extensions and velocities takes: `BRAKE Σ U²/K_s / K` with
 /// `U = ½ κ L²`, `L = (h v⊥)²/(2 l)`, `K_s = ½ μ v⊥²`.
-pub(super) fn braked(system: &System, extensions: &Extensions, velocities: &[Vector3<f64>], h: f64) -> f64 {
+pub(super) fn braked(system: &System, extensions: &SpringGeometry, velocities: &[Vector3<f64>], h: f64) -> f64 {
     let inverse = |p: usize| if system.dofs().free_axes(p) == Axes::NONE { 0.0 } else { 1.0 / system.masses()[p] };
     // A spring without a rest length is not stretched by turning.
     let turning = extensions.springs(system).filter(|((.., spring), _)| spring.rest_length > 0.0);

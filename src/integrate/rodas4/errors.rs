@@ -1,7 +1,7 @@
 //! How wrong a step is, by u_6: the header of `rodas4.rs` derives it.
 
 use crate::integrate::adaptive::norm_of_all;
-use crate::integrate::exactness::mass_norm;
+use crate::integrate::linear_tolerance::mass_norm;
 use crate::system::System;
 use nalgebra::Vector3;
 

@@ -2,7 +2,7 @@ use super::Rodas4;
 use super::brake::{BRAKE, braked};
 use super::coefficients::{A, B, C, GAMMA, Row, STAGES};
 use super::errors::{of_positions, of_stages, of_step};
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::integrate::oscillator::{Oscillator, Way};
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
 use crate::linear::{
@@ -179,7 +179,7 @@ fn turning_springs_brake_by_what_they_take() {
     let (system, mut state) = builder.build().unwrap();
     state.velocities[0] = Vector3::new(7.0, 4.0, 0.0);
     state.velocities[1] = Vector3::new(1.0, 0.0, -2.0);
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let h = 0.25;
     let share = |kappa: f64, length: f64, square: f64, mass: f64| {
         let lift = h * h * square / (2.0 * length);

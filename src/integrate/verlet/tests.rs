@@ -1,9 +1,9 @@
 use super::Verlet;
 use crate::error::DegenerateSpring;
-use crate::integrate::pieces::drawn_with_jerks;
-use crate::integrate::{Monitor, MonitorOptions, StepFailure, TimeStepper, Watch};
+use crate::integrate::substeps::drawn_with_jerks;
+use crate::integrate::{Monitor, MonitorOptions, SpringVisitor, StepFailure, TimeStepper};
 use crate::spring::{Spring, SpringLaw, Tension};
-use crate::system::{Moment, State, System, SystemBuilder};
+use crate::system::{State, StateView, System, SystemBuilder};
 use nalgebra::Vector3;
 
 /// A particle on a spring along the first axis, of this frequency and damping ratio, away from rest by 0.1 m.
@@ -146,16 +146,16 @@ fn steps_are_the_same_when_they_are_seen() {
 /// Counts what it sees.
 struct Count(u32);
 
-impl Watch for Count {
-    fn takes_forces(&self, _: &System) -> bool {
+impl SpringVisitor for Count {
+    fn computes_forces(&self, _: &System) -> bool {
         false
     }
 
-    fn set_force(&mut self, _: &Moment<'_>, _: f64, _: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
+    fn set_force(&mut self, _: &StateView<'_>, _: f64, _: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
         unreachable!("it cannot compute forces")
     }
 
-    fn see(&mut self, _: &Moment<'_>, dt: f64) {
+    fn see(&mut self, _: &StateView<'_>, dt: f64) {
         assert_eq!(dt, 0.5);
         self.0 += 1;
     }
@@ -177,16 +177,16 @@ fn a_step_is_seen_once() {
 #[derive(Default)]
 struct Looks(Vec<[f64; 2]>);
 
-impl Watch for Looks {
-    fn takes_forces(&self, _: &System) -> bool {
+impl SpringVisitor for Looks {
+    fn computes_forces(&self, _: &System) -> bool {
         false
     }
 
-    fn set_force(&mut self, _: &Moment<'_>, _: f64, _: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
+    fn set_force(&mut self, _: &StateView<'_>, _: f64, _: &mut [Vector3<f64>]) -> Result<(), DegenerateSpring> {
         Ok(())
     }
 
-    fn see(&mut self, at: &Moment<'_>, dt: f64) {
+    fn see(&mut self, at: &StateView<'_>, dt: f64) {
         self.0.push([at.time, dt]);
     }
 }

@@ -1,7 +1,7 @@
 //! Which solver is chosen, and what finding out may cost.
 
 use super::*;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::linear::fixtures::{chain, operator, right_hand_side};
 use crate::linear::outcome::Evidence;
 use crate::operator::Combination;
@@ -103,7 +103,7 @@ fn indefinite_matrices_are_refused() {
     builder.particle([1.0, 0.0, 0.0], 1.0);
     builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 4.0, damping: 0.0 });
     let (system, state) = builder.build().unwrap();
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let refusal = |dt: f64, method| {
         let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(dt));
         let (mut solver, mut work) = (automatic(&system, true), Work::default());

@@ -1,5 +1,5 @@
 use super::*;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::linear::Prepare;
 use crate::operator::Combination;
 use crate::spring::{Spring, Stiffness};
@@ -28,14 +28,14 @@ fn both_factorizations_report_their_factor() {
 }
 
 /// A particle on a spring from a wall, pressed to half its length, and the matrix of a long step: negative across the spring, twice.
-fn pressed(stiffness: f64) -> (System, Extensions) {
+fn pressed(stiffness: f64) -> (System, SpringGeometry) {
     let mut builder = SystemBuilder::new();
     builder.particle([0.0; 3], 1.0);
     builder.particle([0.5, 0.0, 0.0], 1.0);
     builder.spring(0, 1, Spring { stiffness, rest_length: 1.0, damping: 0.0 });
     builder.hold(0);
     let (system, state) = builder.build().unwrap();
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     (system, extensions)
 }
 
@@ -64,7 +64,7 @@ fn refinement_gives_back_what_small_pivots_lose() {
     builder.particle([0.5, 0.0, 0.0], 1.0 + 1e-7);
     builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 1.0, damping: 0.0 });
     let (system, state) = builder.build().unwrap();
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
     let work = &mut Work::default();
     let mut solver = LdltSolver::new(&system, Par::Seq, work).unwrap();

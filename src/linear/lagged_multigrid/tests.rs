@@ -1,7 +1,7 @@
 //! When coarse levels are made anew, and when they are kept.
 
 use super::*;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::operator::Combination;
 use crate::scene::builtin::cloth;
 use crate::spring::Stiffness;
@@ -44,7 +44,7 @@ fn losses_are_counted_against_new_coarse_levels() {
 #[test]
 fn coarse_levels_last_until_their_price_is_lost() {
     let (system, state) = cloth(3).unwrap().build().unwrap();
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.01));
     for (before, setups, after) in [
         (Coarse::Missing, 1, Coarse::New),
@@ -64,7 +64,7 @@ fn coarse_levels_last_until_their_price_is_lost() {
 #[test]
 fn indefinite_matrices_are_refused() {
     let (system, state) = cloth(3).unwrap().build().unwrap();
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let negative = Combination { mass: -1.0, damping: 0.0, stiffness: 0.0 };
     let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, negative);
     let mut multigrid = aged(Coarse::New);

@@ -45,7 +45,7 @@ fn orderings_are_permutations_and_their_cost_is_that_of_elimination() {
             assert_eq!(counted, by_elimination(&graph, &postorder), "postorder changes no fill");
             assert!(checked(postorder.iter().map(|&v| v as i32).collect(), graph.len()).is_some());
         }
-        let Ordering { forward, inverse, .. } = Glance::of(&pattern).order(&pattern);
+        let Ordering { forward, inverse, .. } = OrderingEstimate::of(&pattern).order(&pattern);
         assert_eq!(forward.len(), pattern.order());
         assert!((0..forward.len()).all(|new| inverse[forward[new] as usize] as usize == new));
     }
@@ -56,7 +56,7 @@ fn orderings_are_permutations_and_their_cost_is_that_of_elimination() {
 fn glances_show_the_least() {
     for scene in [cloth(32), column(200), lattice(6), lattice(10), lattice(16), network(3000, 3)] {
         let (graph, pattern) = graph(scene.unwrap());
-        let glance = Glance::of(&pattern);
+        let glance = OrderingEstimate::of(&pattern);
         let ((entries, flops), may_gain, expected) = (glance.least(), glance.may_gain, glance.method());
         let Ordering { method, forward, .. } = glance.order(&pattern);
         assert_eq!((method, method == OrderingMethod::NestedDissection), (expected, may_gain));
@@ -110,14 +110,14 @@ fn odd_graphs_are_ordered() {
         let pattern = BlockPattern::new(&crate::DofMap::unconstrained(particles), edges.into_iter()).unwrap();
         let graph = ParticleGraph::new(&pattern);
         assert!(particles == 0 || graph.minimum_degree().is_some() && graph.nested_dissection().is_some());
-        assert_eq!(Glance::of(&pattern).order(&pattern).forward.len(), 3 * particles);
+        assert_eq!(OrderingEstimate::of(&pattern).order(&pattern).forward.len(), 3 * particles);
     }
 }
 
 #[test]
 fn lattices_are_dissected() {
     let (_, pattern) = graph(lattice(14).unwrap());
-    assert_eq!(Glance::of(&pattern).order(&pattern).method, OrderingMethod::NestedDissection);
+    assert_eq!(OrderingEstimate::of(&pattern).order(&pattern).method, OrderingMethod::NestedDissection);
 }
 
 /// What is not dissected would not take a tenth less work; what is like a volume is, and takes that much less.
@@ -132,7 +132,7 @@ fn surfaces_are_not_dissected_and_would_not_gain_by_it() {
         let gain = 1.0 - dissection.flops / minimum_degree.flops;
         assert_eq!(gain > 0.1, is_volume, "{} vertices: {gain}", graph.len());
         let method = if is_volume { OrderingMethod::NestedDissection } else { OrderingMethod::MinimumDegree };
-        let glance = Glance::of(&pattern);
+        let glance = OrderingEstimate::of(&pattern);
         assert!(glance.took() > Duration::ZERO);
         assert_eq!(glance.order(&pattern).method, method);
     }
@@ -150,7 +150,7 @@ fn a_dissection_must_be_cheaper() {
         assert_eq!(flops, f64::from(690 * 691 / 6 * 1381));
         assert!(flops > DISSECTION_FLOPS);
     }
-    assert_eq!(Glance::of(&pattern).order(&pattern).method, OrderingMethod::MinimumDegree);
+    assert_eq!(OrderingEstimate::of(&pattern).order(&pattern).method, OrderingMethod::MinimumDegree);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use super::super::prolongator::Prolongator;
 use super::super::sparse::Rows;
 use super::super::{Hierarchy, LevelSize};
 use super::Stage;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::operator::{Combination, LinearOperator as _, SystemOperator};
 use crate::spring::{Spring, Stiffness};
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
@@ -281,7 +281,7 @@ fn check<const D: usize, const M: usize>(
     expected_levels: usize,
 ) {
     assert_eq!(system.dimension(), D);
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.1));
     let mut hierarchy = Hierarchy::<D, M>::new(&system, largest_dense).unwrap();
     hierarchy.finest.place(&state.positions);

@@ -3,7 +3,7 @@
 //! Successive quads often share their first ends, whose rows of w and of the sum then stay in registers. Here `s = B (w_j − w_i)`, which is added to the others and
 //! taken from the first.
 
-use super::quad::{InARow, NO_ROW, Quad};
+use super::batch4::{InARow, NO_ROW, SpringBatch4};
 use crate::operator::lanes::Lanes;
 
 /// Four first ends that successive quads share.
@@ -31,7 +31,7 @@ impl<L: Lanes> Row<L> {
 
     /// Adds the products of a quad.
     #[inline(always)]
-    pub fn add(&mut self, quad: &Quad<InARow>, w: &[f64], y: &mut [f64]) {
+    pub fn add(&mut self, quad: &SpringBatch4<InARow>, w: &[f64], y: &mut [f64]) {
         let lanes = self.lanes;
         let [i, j] = quad.ends.rows;
         if i != self.row {

@@ -4,7 +4,7 @@
 //! it, only their other ends are looked at one by one.
 
 use super::Springs;
-use super::quad::{AnyEnds, BY_MATRIX, NO_ROW, Quad};
+use super::batch4::{AnyEnds, BY_MATRIX, NO_ROW, SpringBatch4};
 use crate::operator::lanes::Lanes;
 
 /// The end that successive springs share: its first row, its part of w and its sum so far.
@@ -28,7 +28,7 @@ impl<L: Lanes, const N: usize> Run<L, N> {
 
     /// Adds the products of four springs.
     #[inline(always)]
-    pub fn add_four(&mut self, quad: &Quad<AnyEnds>, springs: &Springs, w: &[f64], y: &mut [f64]) {
+    pub fn add_four(&mut self, quad: &SpringBatch4<AnyEnds>, springs: &Springs, w: &[f64], y: &mut [f64]) {
         if self.lanes.all_equal(&quad.ends[0]) && quad.ends[0][0] != BY_MATRIX {
             self.add_of_one_end(quad, springs.sign, w, y);
         } else {
@@ -38,7 +38,7 @@ impl<L: Lanes, const N: usize> Run<L, N> {
 
     /// Adds the products of four springs that share their first end.
     #[inline(always)]
-    fn add_of_one_end(&mut self, quad: &Quad<AnyEnds>, sign: f64, w: &[f64], y: &mut [f64]) {
+    fn add_of_one_end(&mut self, quad: &SpringBatch4<AnyEnds>, sign: f64, w: &[f64], y: &mut [f64]) {
         let lanes = self.lanes;
         let [[i, ..], to] = &quad.ends;
         if *i != self.row {
@@ -54,7 +54,7 @@ impl<L: Lanes, const N: usize> Run<L, N> {
 
     /// Adds the products of any four springs.
     #[inline(always)]
-    fn add(&mut self, quad: &Quad<AnyEnds>, springs: &Springs, w: &[f64], y: &mut [f64]) {
+    fn add(&mut self, quad: &SpringBatch4<AnyEnds>, springs: &Springs, w: &[f64], y: &mut [f64]) {
         let lanes = self.lanes;
         let [from, to] = &quad.ends;
         let mut row = self.row;

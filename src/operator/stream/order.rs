@@ -9,7 +9,7 @@
 //! a stretch those in a row come first, four particles after the other, and then the rest. So every row adds up its springs in one order,
 //! whatever part of them is taken.
 
-use super::quad::NO_ROW;
+use super::batch4::NO_ROW;
 use crate::system::{Axes, System};
 
 /// Particles of a stretch, of those that move.
@@ -25,7 +25,7 @@ pub type Four = [u32; 4];
 #[derive(Debug, Default)]
 pub struct Stretch {
     /// Those in a row, with the rows that the first and the other ends begin with, [`NO_ROW`] where the others are held.
-    pub in_a_row: Vec<([u32; 2], Four)>,
+    pub contiguous: Vec<([u32; 2], Four)>,
     /// Any others.
     pub others: Vec<Four>,
 }
@@ -179,10 +179,10 @@ fn of_stretch(moving: &Moving, entries: &mut [Entry]) -> Stretch {
                 _ => four[entry.lane as usize] = entry.position,
             }
         }
-        stretch.in_a_row.push((rows, four));
+        stretch.contiguous.push((rows, four));
     }
     let mut by_distance = Vec::new();
-    for row in stretch.in_a_row.chunk_by_mut(|a, b| a.0[0] == b.0[0]) {
+    for row in stretch.contiguous.chunk_by_mut(|a, b| a.0[0] == b.0[0]) {
         by_distance.clear();
         by_distance.extend_from_slice(row);
         spread(&by_distance, row);

@@ -1,15 +1,15 @@
 //! Consecutive particles and the springs that end in them, four by four.
 
 use super::Springs;
+use super::batch4::{AnyEnds, BY_MATRIX, InARow, NO_ROW, SpringBatch4, Streamed};
 use super::order::{self, Four, NO_SPRING, Stretch, ends, pair};
-use super::quad::{AnyEnds, BY_MATRIX, InARow, NO_ROW, Quad, Streamed};
-use crate::system::{Axes, Share, System};
+use crate::system::{Axes, System, ThreadPartition};
 use std::ops::Range;
 
 /// Quads and the positions of their springs.
 #[derive(Debug, Clone)]
 pub struct Quads<E> {
-    pub quads: Vec<Quad<E>>,
+    pub quads: Vec<SpringBatch4<E>>,
     positions: Vec<Four>,
 }
 
@@ -17,7 +17,7 @@ pub struct Quads<E> {
 #[derive(Debug, Clone)]
 pub struct Part {
     pub rows: Range<usize>,
-    pub in_a_row: Quads<InARow>,
+    pub contiguous: Quads<InARow>,
     pub others: Quads<AnyEnds>,
     pub stretches: Vec<Progress>,
 }
@@ -26,7 +26,7 @@ pub struct Part {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Progress {
     /// Quads in a row.
-    pub in_a_row: usize,
+    pub contiguous: usize,
     /// Other quads.
     pub others: usize,
     /// Rows of the part that have their first term, which they must have before springs are added.
@@ -42,23 +42,23 @@ pub struct Growing<'a> {
 
 impl<'a> Growing<'a> {
     /// Without springs, and with room for all that can end in these particles: lists that grow leave holes in the memory.
-    pub fn new(system: &'a System, Share { particles, springs }: &Share) -> Self {
+    pub fn new(system: &'a System, ThreadPartition { particles, springs }: &ThreadPartition) -> Self {
         let rows = system.dofs().first_row(particles.start)..system.dofs().first_row(particles.end);
         let stretches = order::most_stretches(system);
         // At least two springs in a row are a quad; others are four by four, but for the last of every stretch.
-        let in_a_row = Quads::with_capacity(springs.len() / 2);
+        let contiguous = Quads::with_capacity(springs.len() / 2);
         let others = Quads::with_capacity(springs.len() / 4 + stretches);
-        let part = Part { rows, in_a_row, others, stretches: Vec::with_capacity(stretches) };
+        let part = Part { rows, contiguous, others, stretches: Vec::with_capacity(stretches) };
         Self { system, particles: particles.clone(), part }
     }
 
     /// Adds those springs of a stretch that end in these particles.
     pub fn add(&mut self, stretch: &Stretch) {
         let mut reach = self.part.stretches.last().copied().unwrap_or_default();
-        for &(rows, four) in &stretch.in_a_row {
+        for &(rows, four) in &stretch.contiguous {
             if let Some(own) = self.own(&four) {
                 reach.rows = reach.rows.max(own);
-                self.part.in_a_row.push(InARow { rows, by_matrix: 0 }, four);
+                self.part.contiguous.push(InARow { rows, by_matrix: 0 }, four);
             }
         }
         for four in &stretch.others {
@@ -69,7 +69,7 @@ impl<'a> Growing<'a> {
                 self.part.others.push([ends.map(|[first, _]| first), ends.map(|[_, other]| other)], *four);
             }
         }
-        (reach.in_a_row, reach.others) = (self.part.in_a_row.quads.len(), self.part.others.quads.len());
+        (reach.contiguous, reach.others) = (self.part.contiguous.quads.len(), self.part.others.quads.len());
         self.part.stretches.push(reach);
     }
 
@@ -85,7 +85,7 @@ impl<'a> Growing<'a> {
     /// The part, when all stretches have been added.
     pub fn finish(self) -> Part {
         let mut part = self.part;
-        part.in_a_row.shrink();
+        part.contiguous.shrink();
         part.others.shrink();
         part
     }
@@ -95,7 +95,7 @@ impl Part {
     /// Recomputes the numbers from the blocks of the active springs, without allocating.
     pub fn update(&mut self, springs: &Springs) {
         let Springs { system, blocks, sign } = *springs;
-        for (quad, four) in self.in_a_row.each() {
+        for (quad, four) in self.contiguous.each() {
             quad.ends.by_matrix = 0;
             for (n, &position) in four.iter().enumerate() {
                 let streamed = blocks.get(position as usize).map(|block| Streamed::of(block, sign));
@@ -142,7 +142,7 @@ impl<E> Quads<E> {
     }
 
     fn push(&mut self, ends: E, four: Four) {
-        self.quads.push(Quad::new(ends));
+        self.quads.push(SpringBatch4::new(ends));
         self.positions.push(four);
     }
 
@@ -151,13 +151,13 @@ impl<E> Quads<E> {
         self.positions.shrink_to_fit();
     }
 
-    fn each(&mut self) -> impl Iterator<Item = (&mut Quad<E>, &Four)> {
+    fn each(&mut self) -> impl Iterator<Item = (&mut SpringBatch4<E>, &Four)> {
         self.quads.iter_mut().zip(&self.positions)
     }
 
     /// Some quads, and as many, `ahead` of them, as far as there are any: some of these may be quads that have been already.
     #[inline(always)]
-    pub fn with_those_ahead(&self, some: Range<usize>, ahead: usize) -> (&[Quad<E>], &[Quad<E>]) {
+    pub fn with_those_ahead(&self, some: Range<usize>, ahead: usize) -> (&[SpringBatch4<E>], &[SpringBatch4<E>]) {
         let first = (some.start + ahead).min(self.quads.len() - some.len());
         (&self.quads[some], &self.quads[first..])
     }

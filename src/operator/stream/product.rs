@@ -1,10 +1,10 @@
 //! The product of one part, stretch by stretch. Rows get their first term just before springs add to them, while they are in the cache.
 
 use super::Springs;
+use super::batch4::{InARow, SpringBatch4};
 use super::contiguous::Row;
 use super::gathered::Run;
 use super::part::{Part, Progress, Quads};
-use super::quad::{InARow, Quad};
 use crate::operator::lanes::Lanes;
 use crate::operator::prefetch;
 use std::ops::Range;
@@ -34,13 +34,13 @@ impl<L: Lanes, const N: usize> pulp::NullaryFnOnce for Product<'_, L, N> {
         let mut begun = Progress::default();
         for reach in &part.stretches {
             begin(begun.rows..reach.rows, diagonal, own, y);
-            let (quads, ahead) = part.in_a_row.with_those_ahead(begun.in_a_row..reach.in_a_row, AHEAD);
+            let (quads, ahead) = part.contiguous.with_those_ahead(begun.contiguous..reach.contiguous, AHEAD);
             let mut row = Row::new(lanes, rows.start, springs.sign);
-            for ((n, quad), ahead) in (begun.in_a_row..).zip(quads).zip(ahead) {
+            for ((n, quad), ahead) in (begun.contiguous..).zip(quads).zip(ahead) {
                 ask_for(ahead);
                 row.add(quad, w, y);
                 if quad.ends.by_matrix != 0 {
-                    add_by_matrix(n, &part.in_a_row, springs, w, rows.start, y);
+                    add_by_matrix(n, &part.contiguous, springs, w, rows.start, y);
                 }
             }
             row.end(y);
@@ -59,7 +59,7 @@ impl<L: Lanes, const N: usize> pulp::NullaryFnOnce for Product<'_, L, N> {
 
 /// Asks for the memory of a quad.
 #[inline(always)]
-fn ask_for<E>(quad: &Quad<E>) {
+fn ask_for<E>(quad: &SpringBatch4<E>) {
     prefetch(&quad.g[0]);
     prefetch(&quad.g[2]);
     prefetch(&quad.ends);

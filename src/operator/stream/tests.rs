@@ -1,7 +1,7 @@
 //! Which springs are streamed, and products by hand-made shares.
 
 use super::*;
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::operator::{Combination, SystemOperator};
 use crate::spring::{Spring, Stiffness};
 use crate::system::{Axes, Constraint, Motion, State, SystemBuilder};
@@ -21,14 +21,14 @@ fn chain(springs: &[(f64, f64)]) -> (System, State) {
 }
 
 /// Consecutive particles, so many for every share.
-fn shares(system: &System, particles: &[usize]) -> Vec<Share> {
+fn shares(system: &System, particles: &[usize]) -> Vec<ThreadPartition> {
     let mut start = 0;
     let mut share = |count: usize| {
         let particles = start..start + count;
         start += count;
         let ends_here = |position: &u32| system.pair(*position as usize).iter().any(|end| particles.contains(end));
         let springs = (0..system.springs().len() as u32).filter(ends_here).collect();
-        Share { particles, springs }
+        ThreadPartition { particles, springs }
     };
     particles.iter().map(|&count| share(count)).collect()
 }
@@ -45,12 +45,12 @@ fn by_matrix(system: &System, blocks: &[SpringBlock]) -> Vec<u32> {
     update(&mut stream, system, blocks);
     let part = &stream.parts[0];
     let mut found = Vec::new();
-    for (number, quad) in part.in_a_row.quads.iter().enumerate() {
-        let springs = part.in_a_row.positions(number).into_iter().enumerate();
+    for (number, quad) in part.contiguous.quads.iter().enumerate() {
+        let springs = part.contiguous.positions(number).into_iter().enumerate();
         found.extend(springs.filter(|(n, _)| quad.ends.by_matrix & (1 << n) != 0).map(|(_, position)| position));
     }
     let ends = part.others.quads.iter().flat_map(|quad| std::iter::zip(quad.ends[0], quad.ends[1]));
-    found.extend(ends.filter(|ends| ends.0 == quad::BY_MATRIX).map(|ends| ends.1));
+    found.extend(ends.filter(|ends| ends.0 == batch4::BY_MATRIX).map(|ends| ends.1));
     found
 }
 
@@ -59,7 +59,7 @@ fn by_matrix(system: &System, blocks: &[SpringBlock]) -> Vec<u32> {
 #[test]
 fn only_short_springs_go_through_their_matrix() {
     let (system, state) = chain(&[(0.6, 0.0), (1.0, 3.0), (0.4, 0.0), (2.5, 1.0)]);
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let damping = |factor: f64| Combination { damping: factor, ..Combination::MASS };
     for (combination, expected) in [
         (Combination::STIFFNESS, vec![2]),
@@ -96,7 +96,7 @@ fn blocks_of_both_signs_may_be_mixed() {
 #[test]
 fn products_are_the_same_to_the_bit_for_any_shares() {
     let (system, state) = chain(&[(1.1, 0.2); 8]);
-    let extensions = Extensions::at(&system, &state.positions).unwrap();
+    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
     let w: Vec<f64> = (0..27).map(|row| (row as f64 * 12.9898).sin()).collect();
     let product = |particles: &[usize]| {
@@ -130,7 +130,7 @@ fn one_by_one(system: &System, blocks: &[SpringBlock], diagonal: &[f64], w: &[f6
     };
     let springs = |four: &order::Four| four.iter().copied().filter(|&p| p != order::NO_SPRING).collect::<Vec<_>>();
     for stretch in order::stretches(system) {
-        for quads in stretch.in_a_row.chunk_by(|a, b| a.0[0] == b.0[0]) {
+        for quads in stretch.contiguous.chunk_by(|a, b| a.0[0] == b.0[0]) {
             let mut sums = vec![0.0; y.len()];
             for position in quads.iter().flat_map(|(_, four)| springs(four)) {
                 let ([first, other], s) = product(position);
@@ -174,14 +174,14 @@ fn tangle(dimension: usize) -> (System, State) {
 fn four_springs_at_a_time_are_each_by_itself() {
     for dimension in 1..=3 {
         let (system, state) = tangle(dimension);
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let operator = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.1));
         let rows = system.dofs().len();
         let mut stream = SpringStream::new(&system, &shares(&system, &[system.particles()]));
         update(&mut stream, &system, operator.blocks());
         let part = &stream.parts[0];
         assert!(part.stretches.len() == 5 && by_matrix(&system, operator.blocks()).is_empty());
-        assert_eq!(part.in_a_row.quads.len() > 200, dimension == 3, "{}", part.in_a_row.quads.len());
+        assert_eq!(part.contiguous.quads.len() > 200, dimension == 3, "{}", part.contiguous.quads.len());
         assert!(part.others.quads.len() > 70, "{}", part.others.quads.len());
         let w: Vec<f64> = (0..rows).map(|row| (row as f64 * 12.9898).sin()).collect();
         let diagonal: Vec<f64> = (0..rows).map(|row| 1.0 + row as f64).collect();
@@ -211,7 +211,7 @@ fn four_springs_at_a_time_are_each_by_itself() {
 #[test]
 fn springs_of_both_kinds_may_be_mixed() {
     let (system, state) = tangle(3);
-    let mut extensions = Extensions::at(&system, &state.positions).unwrap();
+    let mut extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     // Where particles are drawn together, springs are shorter than half their rest length.
     let mut positions = state.positions.clone();
     positions.iter_mut().take(100).for_each(|x| *x *= 0.03);
@@ -253,17 +253,17 @@ fn check_order(system: &System) -> [usize; 2] {
     let mut seen = vec![0; system.active_springs().len()];
     let mut count = [0; 2];
     for stretch in order::stretches(system) {
-        for (rows, four) in &stretch.in_a_row {
+        for (rows, four) in &stretch.contiguous {
             for (lane, &position) in four.iter().enumerate().filter(|(_, position)| **position != order::NO_SPRING) {
                 for (end, &row) in order::ends(system, position).into_iter().zip(rows) {
                     let row = row as usize + 3 * lane;
-                    let is_held = rows[1] == quad::NO_ROW && system.dofs().rows(end).is_empty();
+                    let is_held = rows[1] == batch4::NO_ROW && system.dofs().rows(end).is_empty();
                     assert!(is_held || system.dofs().rows(end) == (row..row + 3), "{rows:?} {four:?}");
                 }
                 seen[position as usize] += 1;
                 count[0] += 1;
             }
-            let fours = rows.iter().filter(|&&row| row != quad::NO_ROW).map(|&row| row as usize);
+            let fours = rows.iter().filter(|&&row| row != batch4::NO_ROW).map(|&row| row as usize);
             assert!(fours.flat_map(|row| (row..row + 12).step_by(3)).all(|row| system.dofs().dof(row).axis == 0));
         }
         for position in stretch.others.iter().flatten().filter(|position| **position != order::NO_SPRING) {

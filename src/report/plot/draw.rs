@@ -2,9 +2,9 @@
 
 use super::{Key, Layout, STRIP};
 use crate::figure::{Guide, Look, Mark, Series};
+use crate::report::axis::Ruler;
 use crate::report::canvas::{self, Align, Drawn, LINE, Marker, Point, Sheet, WIDTH};
 use crate::report::palette::{self, Colour};
-use crate::report::ruler::Ruler;
 
 /// More points than this are not marked one by one where a line joins them.
 const MARKED: usize = 60;

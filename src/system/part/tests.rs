@@ -1,6 +1,6 @@
 //! Systems cut in parts, each on a thread of its own, against the whole.
 
-use super::Peers;
+use super::Communicator;
 use crate::spring::Spring;
 use crate::system::{State, System, SystemBuilder};
 use nalgebra::Vector3;
@@ -41,7 +41,7 @@ impl Seat {
     }
 }
 
-impl Peers for Seat {
+impl Communicator for Seat {
     fn sum(&self, numbers: &mut [f64]) {
         self.fold(numbers, |a, b| a + b);
     }

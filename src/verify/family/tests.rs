@@ -5,7 +5,7 @@ use crate::spring::Spring;
 use crate::system::SystemBuilder;
 
 /// Two particles in a plane, joined or not, the first one held or both.
-fn pair(joined: bool, held: &[usize]) -> Subject {
+fn pair(joined: bool, held: &[usize]) -> TestCase {
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
     let ends = [builder.particle([0.0; 3], 1.0), builder.particle([1.5, 0.5, 0.0], 2.0)];
     if joined {
@@ -15,17 +15,17 @@ fn pair(joined: bool, held: &[usize]) -> Subject {
         builder.hold(particle);
     });
     let (system, state) = builder.build().unwrap();
-    Subject { name: "pair".into(), system, state, dt: 0.01 }
+    TestCase { name: "pair".into(), system, state, dt: 0.01 }
 }
 
-fn applying(subject: &Subject) -> Vec<&'static str> {
+fn applying(subject: &TestCase) -> Vec<&'static str> {
     FAMILIES.iter().filter(|family| (family.applies)(subject)).map(|family| family.name).collect()
 }
 
 /// Between held particles a spring neither pulls nor moves anything; without one there is nothing to differentiate.
 #[test]
 fn families_apply_where_there_is_something_to_check() {
-    let lacks = |subject: &Subject, names: &[&str]| names.iter().all(|name| !applying(subject).contains(name));
+    let lacks = |subject: &TestCase, names: &[&str]| names.iter().all(|name| !applying(subject).contains(name));
     let moving =
         ["assembly", "solvers", "linear_steps", "other_steps", "always_definite", "on_demand", "inertia", "ledger"];
     let pulled = ["jacobian", "dropped_terms", "derivatives", "conjugate_gradients", "broken_states"];
@@ -40,7 +40,7 @@ fn families_apply_where_there_is_something_to_check() {
     assert!(lacks(&apart, &pulled) && lacks(&apart, &jointed) && lacks(&apart, &both) && lacks(&apart, &["ledger"]));
     // Where there is nothing there is nothing to find wrong.
     let (system, state) = SystemBuilder::new().build().unwrap();
-    let empty = Subject { name: "empty".into(), system, state, dt: 0.01 };
+    let empty = TestCase { name: "empty".into(), system, state, dt: 0.01 };
     assert!(lacks(&empty, &["equilibrium", "rigid_motion"]) && verify(&empty).all_passed());
     assert!(moving[..7].iter().all(|name| applying(&apart).contains(name)));
     // One coordinate alone is no system of equations.
@@ -70,7 +70,7 @@ fn nothing_turns_along_a_line() {
         let ends = [builder.particle([0.0; 3], 1.0), builder.particle([1.5, 0.0, 0.0], 2.0)];
         builder.spring(ends[0], ends[1], Spring { stiffness: 8.0, rest_length: 1.0, damping: 0.1 });
         let (system, state) = builder.build().unwrap();
-        applying(&Subject { name: "pair".into(), system, state, dt: 0.01 }).contains(&"angular_momentum")
+        applying(&TestCase { name: "pair".into(), system, state, dt: 0.01 }).contains(&"angular_momentum")
     };
     assert_eq!([turns(1), turns(2), turns(3)], [false, true, true]);
 }

@@ -16,7 +16,7 @@ fn a_corner_parts_two_steps() {
         let motion = Motion::Path { times: corners.to_vec(), offsets: vec![Vector3::zeros(); corners.len()] };
         builder.constrain(Constraint { particles: vec![0], axes: Axes::ALL, motion });
         let (system, state) = builder.build().unwrap();
-        is_parted(&Subject { name: "led".into(), system, state, dt: 0.5 }, 1.0, 0.5)
+        is_parted(&TestCase { name: "led".into(), system, state, dt: 0.5 }, 1.0, 0.5)
     };
     let alone = |corner: f64| parted(&[corner, 100.0]);
     assert_eq!([1.0, 1.2, 1.5 - 1e-9, 0.7, 0.5 + 1e-9, 1.0 - 1e-9].map(alone), [true; 6]);
@@ -45,7 +45,7 @@ fn the_equations_of_a_step_by_hand() {
     let mut builder = fixtures::line();
     builder.hold(2);
     let (system, state) = builder.build().unwrap();
-    let subject = Subject { name: "line".into(), system, state, dt: 0.5 };
+    let subject = TestCase { name: "line".into(), system, state, dt: 0.5 };
     let prediction = line([1.0, 4.0, 9.0], [1.0, -2.0, 4.0]);
     let formula = Formula { tau: 0.5, base: line([1.0, 4.0, 9.0], [0.0, -1.0, 4.0]), prediction };
     let (rows, sizes) = residual(&subject, &formula, &formula.prediction);
@@ -75,7 +75,7 @@ fn what_is_left_is_measured_by_rounding_where_nothing_was_there_before() {
     builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 2.0, damping: 0.0 });
     builder.hold(1);
     let (system, state) = builder.build().unwrap();
-    let subject = Subject { name: "pair".into(), system, state: state.clone(), dt: 0.5 };
+    let subject = TestCase { name: "pair".into(), system, state: state.clone(), dt: 0.5 };
     let mut after = state.clone();
     after.positions[0].x = 1.5;
     let formula = Formula { tau: 0.5, base: state.clone(), prediction: state };
@@ -101,7 +101,7 @@ fn steps_meet_their_own_equations() {
     }
     builder.hold(0);
     let (system, state) = builder.build().unwrap();
-    let subject = Subject { name: "chain".into(), system, state, dt: 0.1 };
+    let subject = TestCase { name: "chain".into(), system, state, dt: 0.1 };
     for stiffness in [StiffnessPolicy::Always(crate::spring::Stiffness::Tension), StiffnessPolicy::OnDemand] {
         let found = checks(&subject, Way { method: Method::Bdf2, stiffness }).unwrap();
         assert_eq!(found.len(), if stiffness == StiffnessPolicy::OnDemand { 2 } else { 3 });

@@ -26,12 +26,12 @@ fn the_reach_of_a_motion_by_hand() {
     assert_eq!(reach(&path(), 50.0, 0), 300.0 + 50.0 * 3.0);
 }
 
-fn led(motion: Motion) -> Subject {
+fn led(motion: Motion) -> TestCase {
     let mut builder = SystemBuilder::new();
     builder.particle([1.0, 0.0, 0.0], 1.0);
     builder.constrain(Constraint { particles: vec![0], axes: Axes::of(&[0]), motion });
     let (system, state) = builder.build().unwrap();
-    Subject { name: "led".into(), system, state, dt: 0.5 }
+    TestCase { name: "led".into(), system, state, dt: 0.5 }
 }
 
 /// A particle that is led at 2 m/s has gone 3 m in ½ s and says that it has 7 m/s: 1 m/s more than it had on the way, 5 m/s more than

@@ -6,13 +6,13 @@ use crate::system::SystemBuilder;
 
 /// A particle of 1 kg, 1 m from a held one, on a spring of k = 100 N that is 4 m long at rest: A is 1/dt² + 25 N/m along it, and twice
 /// 1/dt² − 75 N/m across.
-fn pushed(dt: f64) -> Subject {
+fn pushed(dt: f64) -> TestCase {
     let mut builder = SystemBuilder::new();
     let (anchor, bob) = (builder.particle([0.0; 3], 1.0), builder.particle([1.0, 0.0, 0.0], 1.0));
     builder.spring(anchor, bob, Spring { stiffness: 100.0, rest_length: 4.0, damping: 0.0 });
     builder.hold(anchor);
     let (system, state) = builder.build().unwrap();
-    Subject { name: "pushed".into(), system, state, dt }
+    TestCase { name: "pushed".into(), system, state, dt }
 }
 
 /// Positive at 0.1 s, −50 N/m at twice that. A value a little above or below zero, for the largest, is not clearly negative.
@@ -45,7 +45,7 @@ fn a_system_has_several_coordinates_and_a_spring() {
         }
         builder.hold(anchor);
         let (system, state) = builder.build().unwrap();
-        has_system(&Subject { name: "pair".into(), system, state, dt: 0.1 })
+        has_system(&TestCase { name: "pair".into(), system, state, dt: 0.1 })
     };
     assert_eq!([system(1, true), system(2, true), system(3, true), system(3, false)], [false, true, true, false]);
 }
@@ -68,7 +68,7 @@ fn the_residual_is_relative_to_the_right_hand_side() {
 /// Whatever the solver, a state that is no number fails as one, and a collapsed spring is named.
 #[test]
 fn broken_states_of_a_pendulum_are_reported() {
-    let subject = Subject { dt: 0.01, ..pushed(0.01) };
+    let subject = TestCase { dt: 0.01, ..pushed(0.01) };
     let checks = broken_states(&subject).unwrap();
     assert_eq!(checks.len(), 4 * 2 + 1);
     assert!(checks.iter().all(Check::passed));
@@ -85,7 +85,7 @@ fn steps_at_which_an_eigenvalue_is_lost_in_rounding_are_passed_over() {
         builder.hold(anchor);
     }
     let (system, state) = builder.build().unwrap();
-    assert_eq!(indefinite_step(&Subject { name: "pushed".into(), system, state, dt: 0.1 }), Some((0.2, 4)));
+    assert_eq!(indefinite_step(&TestCase { name: "pushed".into(), system, state, dt: 0.1 }), Some((0.2, 4)));
 }
 
 /// Every solver has its turn, on a particle that can move.

@@ -13,11 +13,11 @@ const DT: f64 = 0.5;
 /// ```text
 /// k/l0 = 2 and 3        f_el = 2, 1, −3        f_d = −1.5, 7.5, −6        m gravity = −4, −2, −10
 /// ```
-fn line(motion: Motion) -> Subject {
+fn line(motion: Motion) -> TestCase {
     let mut builder = fixtures::line();
     builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[0]), motion });
     let (system, _) = builder.build().unwrap();
-    Subject { name: "line".into(), system, state: state(0.0, [1.0, 4.0, 9.0], [1.0, -2.0, 4.0]), dt: DT }
+    TestCase { name: "line".into(), system, state: state(0.0, [1.0, 4.0, 9.0], [1.0, -2.0, 4.0]), dt: DT }
 }
 
 fn state(time: f64, positions: [f64; 3], velocities: [f64; 3]) -> State {
@@ -165,7 +165,7 @@ fn positions_that_are_exact_have_no_error() {
 }
 
 /// A chain that bends and swings, with unlike masses and springs.
-fn chain(particles: usize) -> Subject {
+fn chain(particles: usize) -> TestCase {
     let mut builder = SystemBuilder::new();
     builder.gravity(0.5, -9.0, 0.25);
     for n in 0..particles {
@@ -178,7 +178,7 @@ fn chain(particles: usize) -> Subject {
     }
     builder.hold(0);
     let (system, state) = builder.build().unwrap();
-    Subject { name: "chain".into(), system, state, dt: 0.2 }
+    TestCase { name: "chain".into(), system, state, dt: 0.2 }
 }
 
 /// Conjugate gradients stop at their tolerance, and leave thousands of times what a factorization does.

@@ -41,7 +41,7 @@ fn energies_of_a_chain_are_the_work_of_its_forces() {
     }
     builder.hold(0);
     let (system, state) = builder.build().unwrap();
-    let checks = measure(&Subject { name: "chain".into(), system, state, dt: 0.1 }).unwrap();
+    let checks = measure(&TestCase { name: "chain".into(), system, state, dt: 0.1 }).unwrap();
     let names: Vec<&str> = checks.iter().map(|check| check.name.as_str()).collect();
     assert_eq!(names, ["elastic energy is work", "gravitational energy is work"]);
     assert!(checks.iter().all(|check| check.passed() && check.bound == 30.0 + 6.0 + 5.0));

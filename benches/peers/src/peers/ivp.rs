@@ -17,12 +17,12 @@ impl FirstOrderSystem for Motion<'_> {
 }
 
 /// Keeps the state reached, and ends a run that takes too long.
-struct Watch<'p> {
+struct SpringVisitor<'p> {
     reached: Vec<f64>,
     patience: &'p Patience,
 }
 
-impl SolOut for Watch<'_> {
+impl SolOut for SpringVisitor<'_> {
     fn solout(&mut self, _: f64, _: &mut f64, y: &mut [f64], _: Option<&StepInterpolant<'_>>) -> ControlFlag {
         self.reached.copy_from_slice(y);
         if self.patience.lasts() { ControlFlag::Continue } else { ControlFlag::Interrupt }
@@ -39,7 +39,7 @@ pub fn solve(
 ) -> Result<Vec<f64>, Failure> {
     let method = DOP853 { max_steps: usize::MAX, stiff_test: usize::MAX, dense_output: false, ..DOP853::default() };
     let [relative, absolute] = [tolerance.relative, tolerance.absolute].map(methods::Tolerance::Scalar);
-    let mut watch = Watch { reached: y.to_vec(), patience };
+    let mut watch = SpringVisitor { reached: y.to_vec(), patience };
     let outcome = method.solve(motion, from, y, to, relative, absolute, Some(&mut watch));
     match outcome.map_err(|error| format!("{error:?}"))?.status {
         Status::Success => Ok(watch.reached),

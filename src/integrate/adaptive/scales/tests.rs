@@ -1,7 +1,7 @@
 use super::{Scales, joint, spread};
-use crate::integrate::{Adaptivity, ErrorEstimate, Sampling};
+use crate::integrate::{AdaptiveOptions, ErrorEstimate, OutputTimes};
 use crate::spring::Spring;
-use crate::system::{ExternalForce, Moment, State, System, SystemBuilder};
+use crate::system::{ExternalForce, State, StateView, System, SystemBuilder};
 use nalgebra::Vector3;
 
 /// Particles of 1 kg at these places on the first axis, under a gravity along it.
@@ -14,8 +14,8 @@ fn particles(places: &[f64], gravity: f64) -> (System, State) {
     builder.build().unwrap()
 }
 
-fn how(duration: f64) -> Adaptivity {
-    Adaptivity { duration, rtol: 1e-3, first_step: None, sampling: Sampling::Steps, part_of: None }
+fn how(duration: f64) -> AdaptiveOptions {
+    AdaptiveOptions { duration, rtol: 1e-3, first_step: None, sampling: OutputTimes::Steps, part_of: None }
 }
 
 fn close(a: f64, b: f64) -> bool {
@@ -62,7 +62,7 @@ fn steps_may_do_less_where_errors_add_up() {
             assert!((found / (factor * counts.powf(power) * plain) - 1.0).abs() < 1e-12, "{orders:?} {ways}: {found}");
         }
     }
-    let coarse = Adaptivity { rtol: 0.5, ..how(1.0) };
+    let coarse = AdaptiveOptions { rtol: 0.5, ..how(1.0) };
     assert!(close(Scales::at_start(&system, &state, &coarse, [2, 2]).0.tolerance, 0.5));
 }
 
@@ -163,7 +163,7 @@ fn what_turning_springs_take_makes_the_motion_lag() {
 struct Pull(f64);
 
 impl ExternalForce for Pull {
-    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
         for ((f, x), v) in force.iter_mut().zip(at.positions).zip(at.velocities) {
             f.y += self.0 * (2.0 * at.time - x.y - 3.0 * v.y);
         }
@@ -219,7 +219,7 @@ fn probes_that_leave_all_numbers_are_the_first_step() {
 struct Beyond;
 
 impl ExternalForce for Beyond {
-    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
         force.iter_mut().for_each(|f| f.z += if at.time > 0.0 { 1e200 } else { 0.0 });
     }
 }

@@ -1,5 +1,5 @@
 use super::External;
-use crate::system::{Axes, Constraint, ExternalForce, Moment, SystemBuilder};
+use crate::system::{Axes, Constraint, ExternalForce, StateView, SystemBuilder};
 use nalgebra::Vector3;
 
 /// Grows with time, and differs from particle to particle and from axis to axis.
@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 struct Hand;
 
 impl ExternalForce for Hand {
-    fn add(&self, at: &Moment<'_>, force: &mut [Vector3<f64>]) {
+    fn add(&self, at: &StateView<'_>, force: &mut [Vector3<f64>]) {
         for (p, f) in force.iter_mut().enumerate() {
             *f += Vector3::new(3.0, 5.0, -4.0) * (at.time + p as f64);
         }

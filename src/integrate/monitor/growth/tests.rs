@@ -1,5 +1,5 @@
-use super::super::driven::{Exchange, Led};
-use super::super::ledger::Ledger;
+use super::super::constraint_work::{DrivenEnergy, Exchange};
+use super::super::energy_balance::EnergyBalance;
 use super::super::{particles, sums};
 use super::{Growth, Noise, Unstable};
 use crate::spring::Spring;
@@ -30,15 +30,15 @@ impl Has {
         (sums::Sums { elastic: self.elastic, ..sums::Sums::default() }, particles)
     }
 
-    fn start(&self) -> Ledger {
+    fn start(&self) -> EnergyBalance {
         let (springs, particles) = self.sums();
-        Ledger::new(&springs, &particles, Led::default())
+        EnergyBalance::new(&springs, &particles, DrivenEnergy::default())
     }
 
-    fn after(&self, start: &Self) -> Ledger {
+    fn after(&self, start: &Self) -> EnergyBalance {
         let (mut ledger, (springs, particles)) = (start.start(), self.sums());
         let Self { work, dissipated, certain, .. } = *self;
-        ledger.enter(&springs, &particles, Led::default(), &Exchange { work, dissipated, certain });
+        ledger.enter(&springs, &particles, DrivenEnergy::default(), &Exchange { work, dissipated, certain });
         ledger
     }
 }

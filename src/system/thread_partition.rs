@@ -13,7 +13,7 @@ const LEAST_SPRINGS: usize = 8192;
 
 /// Consecutive particles and the springs that end in them.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Share {
+pub(crate) struct ThreadPartition {
     pub particles: Range<usize>,
     /// Positions among the active springs, ascending.
     pub springs: Arc<[u32]>,
@@ -22,10 +22,10 @@ pub(crate) struct Share {
 /// The shares of a system for the numbers of threads that have asked, each made once: how many were asked for, and what there is, which
 /// may be less where many springs end in one particle.
 #[derive(Debug, Default)]
-pub(super) struct Shares(Mutex<Vec<(usize, Arc<[Share]>)>>);
+pub(super) struct ThreadPartitions(Mutex<Vec<(usize, Arc<[ThreadPartition]>)>>);
 
 /// A copy may become another system, and makes its own.
-impl Clone for Shares {
+impl Clone for ThreadPartitions {
     fn clone(&self) -> Self {
         Self::default()
     }
@@ -34,19 +34,19 @@ impl Clone for Shares {
 impl System {
     /// All particles, a share for each of the current threads where that pays; about as many springs end in each. The first call
     /// on so many threads allocates.
-    pub(crate) fn shares(&self) -> Arc<[Share]> {
+    pub(crate) fn shares(&self) -> Arc<[ThreadPartition]> {
         let count = count(self);
         let mut known = self.shares.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, shares)) = known.iter().find(|(asked, _)| *asked == count) {
             return shares.clone();
         }
-        let shares: Arc<[Share]> = shares(self, count).into();
+        let shares: Arc<[ThreadPartition]> = shares(self, count).into();
         known.push((count, shares.clone()));
         shares
     }
 
     /// The shares, where there is more than one.
-    pub(crate) fn several_shares(&self) -> Option<Arc<[Share]>> {
+    pub(crate) fn thread_partitions(&self) -> Option<Arc<[ThreadPartition]>> {
         (count(self) > 1).then(|| self.shares())
     }
 }
@@ -56,14 +56,14 @@ fn count(system: &System) -> usize {
     if worth > 1 { worth.min(rayon::current_num_threads()) } else { 1 }
 }
 
-fn shares(system: &System, count: usize) -> Vec<Share> {
+fn shares(system: &System, count: usize) -> Vec<ThreadPartition> {
     let share = |particles: Range<usize>| {
         let ends_here = |pair: [usize; 2]| pair.iter().any(|end| particles.contains(end));
         let active = (0u32..).zip(system.active());
         // Room for all: a list that grows leaves holes in the memory.
         let mut springs = Vec::with_capacity(system.active_springs().len());
         springs.extend(active.filter(|(_, (_, pair, _))| ends_here(*pair)).map(|(at, _)| at));
-        Share { particles, springs: springs.into() }
+        ThreadPartition { particles, springs: springs.into() }
     };
     cut(system, count).into_iter().map(share).collect()
 }
@@ -129,7 +129,7 @@ mod tests {
                 [(1, 1), (2 * LEAST_SPRINGS - 1, 1), (2 * LEAST_SPRINGS, 2), (4 * LEAST_SPRINGS, 3)]
             {
                 let system = chain(springs, &[]);
-                let several = system.several_shares();
+                let several = system.thread_partitions();
                 assert_eq!(
                     (count(&system), several.map_or(1, |shares| shares.len())),
                     (expected, expected),

@@ -4,7 +4,7 @@
 use crate::error::DegenerateSpring;
 use crate::parallel::try_pieces;
 use crate::spring::{Extension, LawValues, Spring};
-use crate::system::{Derivatives, Moment, State, System};
+use crate::system::{Derivatives, State, StateView, System};
 use nalgebra::{Matrix3, Vector3};
 
 /// Where all particles are, and at which time and how fast where that matters: positions alone are those of a system at rest at time zero.
@@ -33,8 +33,8 @@ impl<'a, const N: usize> From<&'a [Vector3<f64>; N]> for Configuration<'a> {
     }
 }
 
-impl<'a> From<&Moment<'a>> for Configuration<'a> {
-    fn from(at: &Moment<'a>) -> Self {
+impl<'a> From<&StateView<'a>> for Configuration<'a> {
+    fn from(at: &StateView<'a>) -> Self {
         Self { time: at.time, positions: at.positions, velocities: Some(at.velocities) }
     }
 }
@@ -56,7 +56,7 @@ impl<'a> Configuration<'a> {
 ///
 /// # Examples
 /// ```
-/// use sprung::force::{Extensions, add_elastic_force};
+/// use sprung::force::{SpringGeometry, add_elastic_force};
 /// use sprung::nalgebra::Vector3;
 ///
 /// # use sprung::{Spring, SystemBuilder};
@@ -66,14 +66,14 @@ impl<'a> Configuration<'a> {
 /// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
 /// # builder.hold(0);
 /// let (system, state) = builder.build()?;
-/// let extensions = Extensions::at(&system, &state)?;
+/// let extensions = SpringGeometry::at(&system, &state)?;
 /// let mut force = vec![Vector3::zeros(); system.particles()];
 /// add_elastic_force(&system, &extensions, &mut force);
 /// assert_eq!(force[1], Vector3::new(10.0, 0.0, 0.0)); // half its rest length: it pushes with k/2
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone)]
-pub struct Extensions {
+pub struct SpringGeometry {
     values: Vec<Extension>,
     /// Of springs that have to be asked for, those that they are at these lengths and this time; empty where springs are the same at all.
     tangents: Vec<Spring>,
@@ -83,7 +83,7 @@ pub struct Extensions {
     external: Vec<Derivatives>,
 }
 
-impl Extensions {
+impl SpringGeometry {
     /// At a configuration: a state, a moment, or positions.
     ///
     /// # Errors
@@ -146,7 +146,7 @@ impl Extensions {
         self.external.fill(Derivatives::default());
         let at_rest = if at.velocities.is_none() { vec![Vector3::zeros(); at.positions.len()] } else { Vec::new() };
         let velocities = at.velocities.unwrap_or(&at_rest);
-        let moment = Moment { time: at.time, positions: at.positions, velocities };
+        let moment = StateView { time: at.time, positions: at.positions, velocities };
         for (derivatives, drag) in self.external.iter_mut().zip(&system.loads().drag) {
             derivatives.damping -= Matrix3::from_diagonal_element(*drag);
         }

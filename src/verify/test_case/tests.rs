@@ -8,7 +8,7 @@ fn spring(stiffness: f64, rest_length: f64, damping: f64) -> Spring {
 }
 
 /// Particles of 2, 1 and 4 kg at x = 1, 3 and 8 m of the plane, joined by these springs; the first held, the last one led along x.
-fn row(springs: [Spring; 2]) -> Subject {
+fn row(springs: [Spring; 2]) -> TestCase {
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
     builder.gravity(0.0, -9.0, 0.0);
     for (x, mass) in [(1.0, 2.0), (3.0, 1.0), (8.0, 4.0)] {
@@ -22,7 +22,7 @@ fn row(springs: [Spring; 2]) -> Subject {
     let motion = Motion::Velocity(Vector3::new(2.0, 0.0, 0.0));
     builder.constrain(Constraint { particles: vec![2], axes: Axes::of(&[0]), motion });
     let (system, state) = builder.build().unwrap();
-    Subject { name: "row".into(), system, state, dt: 0.1 }
+    TestCase { name: "row".into(), system, state, dt: 0.1 }
 }
 
 /// The springs are 2 and 5 m long. The stiffness of each is k over the shorter of length and rest length: 8/2 and 6/3 N/m, together
@@ -43,7 +43,7 @@ fn without_a_rate_the_step_is_a_second() {
     let mut builder = SystemBuilder::new();
     builder.particle([1.0, 2.0, 3.0], 1.0);
     let (system, state) = builder.build().unwrap();
-    let lone = Subject { name: "lone".into(), system, state, dt: 0.1 };
+    let lone = TestCase { name: "lone".into(), system, state, dt: 0.1 };
     assert_eq!((lone.resolving_step(), lone.extent()), (1.0, 1.0));
     let mut collapsed = row([spring(8.0, 4.0, 0.0); 2]);
     collapsed.state.positions[1] = collapsed.state.positions[0];
@@ -59,7 +59,7 @@ fn the_size_is_the_largest_distance_from_the_mean() {
 #[test]
 fn twins_have_other_rest_lengths_and_nothing_else() {
     let row = row([spring(8.0, 3.0, 0.25), spring(6.0, 3.0, 0.0)]);
-    let lengths = |twin: &Subject| twin.system.springs().iter().map(|s| s.rest_length).collect::<Vec<_>>();
+    let lengths = |twin: &TestCase| twin.system.springs().iter().map(|s| s.rest_length).collect::<Vec<_>>();
     assert_eq!(lengths(&row.relaxed().unwrap()), [2.0, 5.0]);
     assert_eq!(lengths(&row.stretched().unwrap()), [1.6, 3.0]);
     assert_eq!(lengths(&row.squeezed().unwrap()), [3.0, 6.25]);
@@ -93,9 +93,9 @@ fn a_scene_says_its_step_or_leaves_it() {
     let text = include_str!("../scenes/two_springs.toml");
     let mut scene = crate::scene::Scene::from_toml(text).unwrap();
     scene.time.dt = Some(0.0625);
-    assert_eq!(Subject::of_scene(&scene).unwrap().dt, 0.0625);
+    assert_eq!(TestCase::of_scene(&scene).unwrap().dt, 0.0625);
     scene.time.dt = None;
-    let subject = Subject::of_scene(&scene).unwrap();
+    let subject = TestCase::of_scene(&scene).unwrap();
     assert!(subject.dt > 0.0 && subject.dt == subject.resolving_step());
     assert!(crate::verify::built_in().unwrap().iter().all(|subject| subject.dt > 0.0));
 }

@@ -5,7 +5,7 @@
 
 use super::measured::Measured;
 use super::runs::{Way, differences, direct};
-use super::{Check, Claim, Subject, Unfinished};
+use super::{Check, Claim, TestCase, Unfinished};
 use crate::error::Error;
 use crate::integrate::{Method, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions};
@@ -13,12 +13,12 @@ use faer::Par;
 
 const STEPS: usize = 10;
 
-pub(super) fn is_flat(subject: &Subject) -> bool {
+pub(super) fn is_flat(subject: &TestCase) -> bool {
     subject.system.dimension() < 3
 }
 
 /// A planar or one-dimensional scene against its twin in space.
-pub(super) fn in_space(subject: &Subject) -> Measured {
+pub(super) fn in_space(subject: &TestCase) -> Measured {
     let twin = subject.in_space()?;
     let mut checks = Vec::new();
     for way in Way::of(subject) {
@@ -33,7 +33,7 @@ pub(super) fn in_space(subject: &Subject) -> Measured {
 }
 
 /// The same run twice, and by two threads.
-pub(super) fn repeated(subject: &Subject) -> Measured {
+pub(super) fn repeated(subject: &TestCase) -> Measured {
     let mut checks = Vec::new();
     let why = "nothing but the scene and the options decides a result: not one bit may differ";
     for way in Way::of(subject) {

@@ -8,7 +8,7 @@
 //! the fourth order where steps resolve the motion (see `springs` and `driven`). So the imbalance is what the method added
 //! (positive: energy from nowhere) or took away (negative: its own dissipation), and the quadrature's O(dt⁴).
 
-use super::driven::{Exchange, Led};
+use super::constraint_work::{DrivenEnergy, Exchange};
 use super::particles::{self, Carried};
 use super::sums;
 use crate::force::Energy;
@@ -28,13 +28,13 @@ pub struct Balance {
 
 /// The account of a run so far.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(super) struct Ledger {
+pub(super) struct EnergyBalance {
     pub initial: Energy,
     pub energy: Energy,
     /// Energy of the moving coordinates themselves, at the start and now.
-    led: [Led; 2],
+    led: [DrivenEnergy; 2],
     /// Energy of the centre of mass of a scene that nothing holds.
-    carried: Led,
+    carried: DrivenEnergy,
     /// Work of constraints on springs.
     work: f64,
     dissipated: f64,
@@ -57,16 +57,16 @@ pub(super) struct Free {
     pub magnitude: f64,
 }
 
-impl Ledger {
+impl EnergyBalance {
     /// At a state with the given sums.
-    pub fn new(springs: &sums::Sums, particles: &particles::Sums, led: Led) -> Self {
+    pub fn new(springs: &sums::Sums, particles: &particles::Sums, led: DrivenEnergy) -> Self {
         let energy = energy(springs, particles);
         let carried = carried(&particles.carried);
         Self { initial: energy, energy, led: [led; 2], carried, work: 0.0, dissipated: 0.0, certain: 0.0 }
     }
 
     /// Enters a step.
-    pub fn enter(&mut self, springs: &sums::Sums, particles: &particles::Sums, led: Led, exchange: &Exchange) {
+    pub fn enter(&mut self, springs: &sums::Sums, particles: &particles::Sums, led: DrivenEnergy, exchange: &Exchange) {
         self.energy = energy(springs, particles);
         self.led[1] = led;
         self.carried = carried(&particles.carried);
@@ -103,8 +103,8 @@ fn energy(springs: &sums::Sums, particles: &particles::Sums) -> Energy {
     Energy { kinetic: particles.kinetic, elastic: springs.elastic, gravitational: 0.0 - particles.weight }
 }
 
-fn carried(of: &Carried) -> Led {
-    Led { kinetic: of.kinetic, gravitational: 0.0 - of.weight }
+fn carried(of: &Carried) -> DrivenEnergy {
+    DrivenEnergy { kinetic: of.kinetic, gravitational: 0.0 - of.weight }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
-use super::super::driven::{Exchange, Led};
+use super::super::constraint_work::{DrivenEnergy, Exchange};
 use super::super::particles::{self, Carried};
 use super::super::sums;
-use super::{Balance, Free, Ledger};
+use super::{Balance, EnergyBalance, Free};
 use crate::force::Energy;
 
 fn springs(elastic: f64, dissipated: f64, certain: f64) -> sums::Sums {
@@ -16,14 +16,14 @@ fn particles([kinetic, weight]: [f64; 2], carried: [f64; 2]) -> particles::Sums 
     sums
 }
 
-fn led(kinetic: f64, gravitational: f64) -> Led {
-    Led { kinetic, gravitational }
+fn led(kinetic: f64, gravitational: f64) -> DrivenEnergy {
+    DrivenEnergy { kinetic, gravitational }
 }
 
 /// A start and two steps, entered and added up by hand.
 #[test]
 fn energy_goes_where_the_steps_say() {
-    let mut ledger = Ledger::new(&springs(3.0, 0.0, 0.0), &particles([10.0, 6.0], [2.0, 1.5]), led(1.0, 0.5));
+    let mut ledger = EnergyBalance::new(&springs(3.0, 0.0, 0.0), &particles([10.0, 6.0], [2.0, 1.5]), led(1.0, 0.5));
     let initial = Energy { kinetic: 10.0, elastic: 3.0, gravitational: -6.0 };
     assert_eq!((ledger.initial, ledger.energy, ledger.balance()), (initial, initial, Balance::default()));
     // Without what is led and what the centre of mass carries: 10 − 1 − 2, and 3 + (−6 − 0.5 + 1.5).

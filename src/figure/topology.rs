@@ -33,7 +33,7 @@ impl Binding {
 /// What stays the same while a scene moves. Lists of one length belong together: bindings to particles, rest lengths and
 /// stiffnesses to pairs.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Cast {
+pub struct SceneTopology {
     /// Number of modelled axes: 1, 2 or 3.
     pub dimension: usize,
     /// Gravitational acceleration, in m/s²; upwards is where it comes from.
@@ -50,7 +50,7 @@ pub struct Cast {
     pub triangles: Vec<[u32; 3]>,
 }
 
-impl Cast {
+impl SceneTopology {
     /// Of a system, and the triangles of the mesh that it was made from.
     pub fn of(system: &System, triangles: &[[u32; 3]]) -> Self {
         Self {

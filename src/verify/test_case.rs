@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 /// Some properties hold only where nothing is compressed, or held, or moving. A *twin* is the same system with just that
 /// changed, so that they can be checked on the masses, springs and shape of any scene.
 #[derive(Debug, Clone)]
-pub struct Subject {
+pub struct TestCase {
     /// The scene's name.
     pub name: String,
     /// The system.
@@ -27,7 +27,7 @@ pub struct Subject {
 /// squeezed one: far enough from 1 that no option's transverse term is near zero.
 const STRETCH: f64 = 1.25;
 
-impl Subject {
+impl TestCase {
     /// A scene, built; without a `dt` of its own the step is the [`resolving_step`](Self::resolving_step). Loads, drag, gravity that changes, and that
     /// springs do not push or change their rest lengths, is left out: checks do not judge it.
     ///

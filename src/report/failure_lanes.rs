@@ -1,8 +1,8 @@
 //! Rails: where failures stand that have no place on an axis, with a lane for every cause.
 
+use super::axis::Ruler;
 use super::canvas::{self, Align, Drawn, Sheet};
 use super::palette::{self, Colour};
-use super::ruler::Ruler;
 use crate::figure::{Mark, Plot, Series};
 
 /// Width of a lane: half of it for the name, half for the crosses, so that neither covers the other.

@@ -34,7 +34,7 @@ const MOST: f64 = 1e-3;
 
 /// What is known of the errors of steps, and what follows for solvers.
 #[derive(Debug, Clone)]
-pub(super) struct Exactness {
+pub(super) struct LinearTolerance {
     /// Whether errors are of use.
     follows: bool,
     /// The smallest relative residual that is asked for.
@@ -47,13 +47,13 @@ pub(super) struct Exactness {
     asked: f64,
 }
 
-impl Exactness {
+impl LinearTolerance {
     /// Nothing known.
     pub fn new(system: &System, tolerance: Tolerance) -> Self {
         let [lightest, _] = system.free_masses();
         let strictest = tolerance.strictest();
         Self {
-            follows: tolerance == Tolerance::OfMotion,
+            follows: tolerance == Tolerance::Adaptive,
             strictest,
             lightest: lightest.sqrt(),
             error: None,
@@ -116,9 +116,9 @@ pub(super) fn mass_norm(system: &System, d: impl Fn(usize) -> Vector3<f64>) -> f
 
 #[cfg(test)]
 mod tests {
-    use super::{Exactness, MOST, SHARE, mass_norm};
+    use super::{LinearTolerance, MOST, SHARE, mass_norm};
     use crate::assembly::{SpringPattern, SystemMatrix};
-    use crate::force::Extensions;
+    use crate::force::SpringGeometry;
     use crate::linear::{Cholesky, Tolerance};
     use crate::operator::{Combination, SystemOperator};
     use crate::spring::{Spring, Stiffness};
@@ -145,7 +145,7 @@ mod tests {
     #[test]
     fn a_share_of_the_error_is_asked_for() {
         let (system, _) = chain();
-        let mut exactness = Exactness::new(&system, Tolerance::OfMotion);
+        let mut exactness = LinearTolerance::new(&system, Tolerance::Adaptive);
         assert_eq!(exactness.ask(8.0, 5.0), 1e-10);
         assert_eq!(exactness.improvable(7.0), 0.0);
         exactness.learn(3.0);
@@ -169,7 +169,7 @@ mod tests {
     #[test]
     fn a_fixed_tolerance_stays() {
         let (system, _) = chain();
-        let mut exactness = Exactness::new(&system, Tolerance::Fixed(1e-5));
+        let mut exactness = LinearTolerance::new(&system, Tolerance::Fixed(1e-5));
         exactness.learn(1e9);
         assert_eq!((exactness.ask(1.0, 1.0), exactness.follows()), (1e-5, false));
     }
@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn residuals_bound_errors() {
         let (system, state) = chain();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         for (tau, tight) in [(1e-3, 0.99), (0.1, 0.5), (10.0, 0.0)] {
             let combination = Combination::step(tau);
             let operator = SystemOperator::new(&system, &extensions, Stiffness::Tension, combination);

@@ -5,12 +5,12 @@
 //! scene, and it begins again. The founder stands for its group and moves as it does. All springs from one group to another become
 //! one line, whose strain is their mean; springs within a group are not shown.
 
-use super::{Binding, Cast};
+use super::{Binding, SceneTopology};
 use nalgebra::Vector3;
 
 /// Which particles stand for which.
 #[derive(Debug, Clone)]
-pub struct Thinning {
+pub struct Decimation {
     /// The particles that are shown, by their numbers in the scene.
     pub founders: Vec<u32>,
     /// The group of every particle.
@@ -25,9 +25,9 @@ pub struct Thinning {
 
 const NONE: u32 = u32::MAX;
 
-impl Thinning {
+impl Decimation {
     /// Of a scene with more particles or springs than wanted; `None` for another.
-    pub(super) fn of(cast: &Cast, particles: usize, springs: usize) -> Option<Self> {
+    pub(super) fn of(cast: &SceneTopology, particles: usize, springs: usize) -> Option<Self> {
         let count = cast.bindings.len();
         if count <= particles && cast.pairs.len() <= springs {
             return None;
@@ -44,7 +44,7 @@ impl Thinning {
         }
     }
 
-    fn with(cast: &Cast, wanted: usize) -> Self {
+    fn with(cast: &SceneTopology, wanted: usize) -> Self {
         let count = cast.bindings.len();
         let mut founders: Vec<u32> = (0..count as u32).collect();
         let mut group = founders.clone();
@@ -77,7 +77,7 @@ impl Thinning {
     }
 
     /// What is shown of a scene.
-    pub(super) fn cast(&self, whole: &Cast) -> Cast {
+    pub(super) fn cast(&self, whole: &SceneTopology) -> SceneTopology {
         let bindings = self.founders.iter().filter_map(|&p| whole.bindings.get(p as usize).copied()).collect();
         let mut triangles: Vec<[u32; 3]> =
             whole.triangles.iter().map(|corners| corners.map(|p| at(&self.group, p))).collect();
@@ -85,7 +85,7 @@ impl Thinning {
         triangles.sort_unstable();
         triangles.dedup();
         let mean = |values: &[f64]| -> Vec<f64> { self.mean_of_springs(values).map(f64::from).collect() };
-        Cast {
+        SceneTopology {
             dimension: whole.dimension,
             gravity: whole.gravity,
             bindings,

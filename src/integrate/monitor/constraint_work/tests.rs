@@ -1,4 +1,4 @@
-use super::{Drive, End, Exchange, Led, Step};
+use super::{ConstraintWork, DrivenEnergy, End, Exchange, Step};
 use crate::spring::Spring;
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
 use nalgebra::Vector3;
@@ -70,7 +70,7 @@ fn a_spring_that_is_drawn_takes_its_tension_times_the_way() {
             state.velocities[1].x = u - rate(t);
             state
         };
-        Drive::new(&system, &at(0.0)).pass(&at(h), h)
+        ConstraintWork::new(&system, &at(0.0)).pass(&at(h), h)
     };
     let tension = |t: f64| 12.0 * (length(t) - 0.5);
     let h: f64 = 0.02;
@@ -98,7 +98,7 @@ fn led_coordinates_have_energy_of_their_own() {
     let (system, mut state) = led();
     state.positions[0] = Vector3::new(0.25, 3.0, 7.0);
     state.velocities[0] = Vector3::new(0.5, 3.0, 7.0);
-    let led = Drive::new(&system, &state).energy(&state);
-    assert_eq!(led, Led { kinetic: 1.5 * 0.25, gravitational: 3.0 * 4.0 * 0.25 });
+    let led = ConstraintWork::new(&system, &state).energy(&state);
+    assert_eq!(led, DrivenEnergy { kinetic: 1.5 * 0.25, gravitational: 3.0 * 4.0 * 0.25 });
     assert_eq!(led.total(), 3.375);
 }

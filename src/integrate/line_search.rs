@@ -1,6 +1,6 @@
 //! When a step of Newton's line search is good enough, and when its residual is.
 
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::system::{Axes, State, System};
 use nalgebra::Vector3;
 
@@ -52,7 +52,7 @@ impl Balance {
     /// forces, y those of roundings.
     pub fn of(
         system: &System,
-        extensions: &Extensions,
+        extensions: &SpringGeometry,
         [state, trial]: [&State; 2],
         dt: f64,
         sums: &mut [Vector3<f64>],
@@ -85,7 +85,7 @@ impl Balance {
 #[cfg(test)]
 mod tests {
     use super::{Balance, Point};
-    use crate::force::Extensions;
+    use crate::force::SpringGeometry;
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
     use nalgebra::Vector3;
@@ -135,7 +135,7 @@ mod tests {
         builder.spring(0, 1, Spring { stiffness: 100.0, rest_length: 2.0, damping: 4.0 });
         builder.spring(1, 2, Spring { stiffness: 30.0, rest_length: 5.0, damping: 3.0 });
         let (system, mut state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         let mut trial = state.clone();
         trial.velocities[1] = Vector3::new(3.0, 4.0, 0.0);
         trial.velocities[2] = Vector3::new(0.0, -3.0, 0.0);

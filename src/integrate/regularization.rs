@@ -15,15 +15,15 @@
 //! Every term less leaves more, so the terms that stay are the longest row that holds, from the smallest on: found by one pass
 //! over the terms in order, whatever their number.
 
-use crate::force::Extensions;
+use crate::force::SpringGeometry;
 use crate::operator::Combination;
 use crate::spring::Stiffness;
-use crate::system::{Axes, Peers, System};
+use crate::system::{Axes, Communicator, System};
 use nalgebra::{Cholesky, Matrix3, Vector3};
 
 /// A choice of transverse terms to drop; allocated once for a system.
 #[derive(Debug, Clone)]
-pub struct Softening {
+pub struct Regularization {
     /// Of every active spring: `Full`, or `Tension` where its term is dropped.
     options: Vec<Stiffness>,
     /// What every active spring's transverse term takes from each of its ends that can move: 2c, or c from the only one.
@@ -35,7 +35,7 @@ pub struct Softening {
     ascending: Vec<u32>,
 }
 
-impl Softening {
+impl Regularization {
     /// Nothing dropped.
     pub fn new(system: &System) -> Self {
         let active = system.active_springs().len();
@@ -62,7 +62,7 @@ impl Softening {
 
     /// Chooses for the matrix `combination` at the given extensions, without allocating; returns the number of terms that
     /// are dropped.
-    pub fn choose(&mut self, system: &System, extensions: &Extensions, combination: Combination) -> usize {
+    pub fn choose(&mut self, system: &System, extensions: &SpringGeometry, combination: Combination) -> usize {
         for (position, ((_, ends, spring), at)) in extensions.springs(system).enumerate() {
             let transverse = spring.stiffness_block(at, Stiffness::Full).transverse * -combination.stiffness;
             let both_move = ends.iter().all(|&end| system.dofs().free_axes(end) != Axes::NONE);
@@ -87,8 +87,8 @@ impl Softening {
     fn choose_together(
         &mut self,
         system: &System,
-        peers: &dyn Peers,
-        extensions: &Extensions,
+        peers: &dyn Communicator,
+        extensions: &SpringGeometry,
         mass_factor: f64,
     ) -> usize {
         let number = |position: usize| peers.spring(system.active_springs()[position] as usize) as f64;
@@ -136,7 +136,7 @@ impl Softening {
     }
 
     /// Drops terms at one particle until the rest is small against its mass; returns their number.
-    fn relieve(&mut self, particle: usize, free: Axes, mass: f64, extensions: &Extensions) -> usize {
+    fn relieve(&mut self, particle: usize, free: Axes, mass: f64, extensions: &SpringGeometry) -> usize {
         let Self { options, taken, starts, springs, ascending } = self;
         let springs = &springs[starts[particle] as usize..starts[particle + 1] as usize];
         let extensions = extensions.as_slice();
@@ -181,15 +181,15 @@ fn is_positive(matrix: &Matrix3<f64>, free: Axes) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::{Softening, is_positive};
-    use crate::force::Extensions;
+    use super::{Regularization, is_positive};
+    use crate::force::SpringGeometry;
     use crate::operator::Combination;
     use crate::spring::{Spring, Stiffness};
     use crate::system::{Axes, Constraint, Motion, System, SystemBuilder};
     use nalgebra::Matrix3;
 
     /// Particle 0 in the middle, joined to one particle on each of the first axes; a spring of length 1 takes c = k(1 − 1/2).
-    fn star(stiffnesses: &[f64], held: &[usize]) -> (System, Extensions) {
+    fn star(stiffnesses: &[f64], held: &[usize]) -> (System, SpringGeometry) {
         let mut builder = SystemBuilder::new();
         builder.particle([0.0; 3], 1.0);
         for (s, &stiffness) in stiffnesses.iter().enumerate() {
@@ -202,13 +202,13 @@ mod tests {
             builder.hold(p);
         }
         let (system, state) = builder.build().unwrap();
-        let extensions = Extensions::at(&system, &state.positions).unwrap();
+        let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
         (system, extensions)
     }
 
     /// Which terms go when the mass term of particle 0 is `mass`.
-    fn dropped((system, extensions): &(System, Extensions), mass: f64) -> Vec<bool> {
-        let mut softening = Softening::new(system);
+    fn dropped((system, extensions): &(System, SpringGeometry), mass: f64) -> Vec<bool> {
+        let mut softening = Regularization::new(system);
         let count = softening.choose(system, extensions, Combination { mass, damping: 0.0, stiffness: -1.0 });
         let dropped: Vec<bool> = softening.options().iter().map(|&option| option == Stiffness::Tension).collect();
         assert_eq!(count, dropped.iter().filter(|&&dropped| dropped).count());
@@ -266,7 +266,7 @@ mod tests {
                 builder.spring(0, end, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
             }
             let (system, state) = builder.build().unwrap();
-            let system = (system.clone(), Extensions::at(&system, &state.positions).unwrap());
+            let system = (system.clone(), SpringGeometry::at(&system, &state.positions).unwrap());
             assert_eq!(dropped(&system, mass), expected, "{free:?} {mass}");
         }
     }
@@ -287,7 +287,7 @@ mod tests {
             builder.constrain(Constraint { particles: vec![0], axes, motion: Motion::Held });
             builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
             let (system, state) = builder.build().unwrap();
-            let system = (system.clone(), Extensions::at(&system, &state.positions).unwrap());
+            let system = (system.clone(), SpringGeometry::at(&system, &state.positions).unwrap());
             assert_eq!(dropped(&system, mass), [expected], "{free:?} {mass}");
         }
     }
@@ -305,7 +305,7 @@ mod tests {
             builder.spring(0, spoke, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
         }
         let (system, state) = builder.build().unwrap();
-        let system = (system.clone(), Extensions::at(&system, &state.positions).unwrap());
+        let system = (system.clone(), SpringGeometry::at(&system, &state.positions).unwrap());
         // Each takes 10: half of them are too much by the half.
         let dropped = dropped(&system, 5.0 * f64::from(u32::try_from(spokes).unwrap()) + 5.0);
         assert_eq!(dropped.iter().filter(|&&dropped| dropped).count(), spokes / 2);
@@ -321,7 +321,7 @@ mod tests {
     #[test]
     fn the_combination_scales_both_sides() {
         let (system, extensions) = star(&[20.0], &[]);
-        let mut softening = Softening::new(&system);
+        let mut softening = Regularization::new(&system);
         let mut choose =
             |mass, stiffness| softening.choose(&system, &extensions, Combination { mass, damping: 0.0, stiffness });
         assert_eq!([choose(60.1, -3.0), choose(59.9, -3.0), choose(10.1, -0.5), choose(9.9, -0.5)], [0, 1, 0, 1]);
@@ -339,7 +339,7 @@ mod tests {
         builder.hold(1);
         builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
         let (system, state) = builder.build().unwrap();
-        let system = (system.clone(), Extensions::at(&system, &state.positions).unwrap());
+        let system = (system.clone(), SpringGeometry::at(&system, &state.positions).unwrap());
         assert_eq!(dropped(&system, 2.51), [false]);
         assert_eq!(dropped(&system, 2.49), [true]);
     }

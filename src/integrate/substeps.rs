@@ -8,7 +8,7 @@ const SLACK: f64 = 1e-12;
 
 /// A part of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Piece {
+pub(super) struct Substep {
     /// When it begins, in s.
     pub start: f64,
     /// When it ends, in s.
@@ -17,7 +17,7 @@ pub(super) struct Piece {
     pub ends_at_kink: bool,
 }
 
-impl Piece {
+impl Substep {
     /// The first piece of what is left, from `start`, of a step of `step` seconds that ends at `end`; `None` where nothing is.
     pub fn next(prescribed: &Prescribed, start: f64, end: f64, step: f64) -> Option<Self> {
         if start >= end {
@@ -58,7 +58,7 @@ pub(super) fn drawn_with_jerks() -> (crate::system::System, crate::system::State
 
 #[cfg(test)]
 mod tests {
-    use super::Piece;
+    use super::Substep;
     use crate::system::{Axes, Constraint, Motion, System, SystemBuilder};
     use nalgebra::Vector3;
 
@@ -77,7 +77,7 @@ mod tests {
         let system = with_kinks();
         let pieces = |start: f64, step: f64| {
             let (mut at, mut pieces) = (start, Vec::new());
-            while let Some(piece) = Piece::next(system.prescribed(), at, start + step, step) {
+            while let Some(piece) = Substep::next(system.prescribed(), at, start + step, step) {
                 assert_eq!((piece.start, piece.middle()), (at, at + 0.5 * piece.length()));
                 at = piece.end;
                 pieces.push((piece.length(), piece.ends_at_kink));

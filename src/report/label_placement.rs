@@ -9,7 +9,7 @@ pub(super) const BADGE: f64 = 17.0;
 const GAP: f64 = 4.0;
 
 /// What is there already: springs, arrows, held and free particles as lines, and the badges that were placed.
-pub(super) struct Taken {
+pub(super) struct LabelPlacement {
     lines: Vec<[[f64; 2]; 2]>,
     /// Middle and half width of every badge.
     badges: Vec<[f64; 3]>,
@@ -17,7 +17,7 @@ pub(super) struct Taken {
     leaders: Vec<[[f64; 2]; 2]>,
 }
 
-impl Taken {
+impl LabelPlacement {
     /// By lines, before any badge is placed.
     pub fn by(lines: Vec<[[f64; 2]; 2]>) -> Self {
         Self { lines, badges: Vec::new(), leaders: Vec::new() }
@@ -97,7 +97,7 @@ mod tests {
     #[test]
     fn badges_stand_beside_lines_and_each_other() {
         let end = |i: i32| [60.0 + 70.0 * f64::from(i), 200.0];
-        let mut taken = Taken::by((0..9).map(|i| [end(i), end(i + 1)]).collect());
+        let mut taken = LabelPlacement::by((0..9).map(|i| [end(i), end(i + 1)]).collect());
         for i in 0..9 {
             let place = taken.place([95.0 + 70.0 * f64::from(i), 200.0], 20.0, 400.0);
             assert!(!taken.lines.iter().any(|line| meets(line, place, [20.0, BADGE])), "{place:?} covers a spring");

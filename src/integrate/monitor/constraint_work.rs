@@ -56,7 +56,7 @@ impl Lead {
 }
 
 /// All moving prescribed coordinates and their springs.
-pub(super) struct Drive<'s> {
+pub(super) struct ConstraintWork<'s> {
     system: &'s System,
     coordinates: Vec<Coordinate>,
     lead: Lead,
@@ -67,12 +67,12 @@ pub(super) struct Drive<'s> {
 
 /// Energy of the moving coordinates themselves, in J.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Led {
+pub(super) struct DrivenEnergy {
     pub kinetic: f64,
     pub gravitational: f64,
 }
 
-impl Led {
+impl DrivenEnergy {
     pub fn total(&self) -> f64 {
         self.kinetic + self.gravitational
     }
@@ -89,7 +89,7 @@ pub(super) struct Exchange {
     pub certain: f64,
 }
 
-impl<'s> Drive<'s> {
+impl<'s> ConstraintWork<'s> {
     pub fn new(system: &'s System, state: &State) -> Self {
         let motions = system.prescribed().motions();
         let moving = system.prescribed().iter().filter(|&(_, _, motion)| motions[motion] != Motion::Held);
@@ -133,9 +133,9 @@ impl<'s> Drive<'s> {
     }
 
     /// `Σ ½ m v²` and `−Σ m g x` over the moving coordinates, in J.
-    pub fn energy(&self, state: &State) -> Led {
+    pub fn energy(&self, state: &State) -> DrivenEnergy {
         let gravity = self.system.gravity();
-        let mut led = Led::default();
+        let mut led = DrivenEnergy::default();
         let own = self.system.own_particles();
         for c in self.coordinates.iter().filter(|c| c.particle < own) {
             let (x, v) = (state.positions[c.particle][c.axis], state.velocities[c.particle][c.axis]);
@@ -144,7 +144,7 @@ impl<'s> Drive<'s> {
             led.gravitational -= mass * gravity[c.axis] * x;
         }
         let [kinetic, gravitational] = self.system.total([led.kinetic, led.gravitational]);
-        Led { kinetic, gravitational }
+        DrivenEnergy { kinetic, gravitational }
     }
 
     /// Goes on to a state that a step of dt seconds led to.

@@ -5,7 +5,7 @@ use crate::spring::SpringBlock;
 
 /// Four springs; of some there may be none, which are all zeros.
 #[derive(Debug, Clone, Copy)]
-pub struct Quad<E> {
+pub struct SpringBatch4<E> {
     /// g, in √(N/m), by axes.
     pub g: [[f64; 4]; 3],
     /// α, in N/m.
@@ -31,7 +31,7 @@ pub const BY_MATRIX: u32 = u32::MAX;
 /// No row: rows are fewer, and so are the differences of two.
 pub const NO_ROW: u32 = u32::MAX - 1;
 
-impl<E> Quad<E> {
+impl<E> SpringBatch4<E> {
     pub fn new(ends: E) -> Self {
         Self { g: [[0.0; 4]; 3], transverse: [0.0; 4], ends }
     }
