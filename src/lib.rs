@@ -50,9 +50,13 @@
 //! | [`eigen`] | extreme eigenpairs of matrices and pencils, with error bounds and counts |
 //! | [`integrate`] | time stepping methods, the run loop, and the matrices of one step |
 //! | [`inspect`] | definiteness: inertia, spectrum, critical steps, and the springs behind negative curvature |
+//! | [`modes`] | normal modes, counted |
+//! | [`equilibrium`] | static equilibrium, its inertia and its gradient |
+//! | [`mechanisms`] | motions that stretch no spring, and states of self-stress |
 //! | [`accuracy`] | the cheapest way to a given accuracy, and what a scene does not need |
 //! | [`plan`] | the method, steps and solver of a run where they are not given |
 //! | [`simulation`] | one entry to all runs |
+//! | [`gradient`] | gradients through motions |
 //! | [`verify`] | checks as plain data: value, bound, and why the bound |
 //! | [`chart`] | speed against accuracy, and maps of stability |
 //! | [`report`] | checks and pictures as HTML, SVG, JSON, JUnit and text |
@@ -78,14 +82,18 @@ pub mod assembly;
 #[cfg(feature = "report")]
 pub mod chart;
 pub mod eigen;
+pub mod equilibrium;
 pub mod error;
 pub mod figure;
 pub mod force;
+pub mod gradient;
 pub mod inspect;
 pub mod integrate;
 pub mod interrupt;
 pub mod linear;
+pub mod mechanisms;
 pub mod memory;
+pub mod modes;
 pub mod multigrid;
 pub mod operator;
 #[cfg(feature = "report")]
@@ -95,6 +103,7 @@ pub mod plan;
 mod registers;
 #[cfg(feature = "report")]
 pub mod report;
+mod rigid;
 #[cfg(feature = "scene")]
 pub mod scene;
 pub mod simulation;

@@ -86,6 +86,12 @@ impl SymmetricMatrix {
         }
     }
 
+    /// The matrix times a number.
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
+        let values = self.values.iter().map(|value| factor * value).collect();
+        Self { pattern: self.pattern.clone(), values }
+    }
+
     /// Adds `value` to all diagonal entries.
     pub fn shift(&mut self, value: f64) {
         for particle in 0..self.dofs().particles() {
