@@ -142,7 +142,7 @@ fn damping_response_and_effective_mass_of_one_mass() {
     let mode = &found.modes[0];
     assert!((mode.damping_ratio.unwrap() - b / (2.0 * (kappa * mass).sqrt())).abs() < 1e-14);
     assert!((mode.frequency().unwrap() - (kappa / mass).sqrt() / TAU).abs() < 1e-14);
-    assert_eq!(mode.effective_mass, [mass, 0.0, 0.0]);
+    assert!((mode.effective_mass[0] - mass).abs() < 1e-14 && mode.effective_mass[1..] == [0.0; 2]);
     let frequencies = [0.0, 0.5, 0.8, 3.0];
     for (x, f) in found.harmonic_response(&[4.0], &frequencies).unwrap().iter().zip(frequencies) {
         let w = TAU * f;
