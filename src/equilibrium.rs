@@ -19,7 +19,8 @@
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{Accuracy, End, Pencil, ShiftInvert};
 use crate::error::{Error, Invalid, Result, check_length};
-use crate::force::{SpringGeometry, add_elastic_force, add_external_forces, add_weight};
+use crate::force::{SpringGeometry, add_elastic_differential, add_elastic_force, add_external_forces, add_weight};
+use crate::gradient::{Parameters, Point};
 use crate::integrate::Matrices;
 use crate::linear::{Cholesky, Ldlt, dot};
 use crate::operator::LinearOperator;
@@ -498,29 +499,13 @@ fn norm_of(a: &SymmetricMatrix) -> f64 {
     a.norm_inf(&mut vec![0.0; a.order()])
 }
 
-/// The derivatives of a cost J by what a scene consists of.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Sensitivity {
-    /// ∂J/∂k for every spring.
-    pub stiffness: Vec<f64>,
-    /// ∂J/∂l0 for every spring; zero for springs without a rest length, whose law is another.
-    pub rest_lengths: Vec<f64>,
-    /// ∂J/∂m for every particle.
-    pub masses: Vec<f64>,
-    /// ∂J/∂g.
-    pub gravity: Vector3<f64>,
-    /// ∂J/∂f, the force on every particle; along free coordinates.
-    pub loads: Vec<Vector3<f64>>,
-    /// ∂J/∂x of held coordinates; zero along free ones.
-    pub positions: Vec<Vector3<f64>>,
-}
-
 impl Equilibrium {
-    /// The derivatives of a cost by parameters, from its derivatives `∂J/∂x` by the positions at the equilibrium.
+    /// The derivatives of a cost by parameters, from its derivatives `∂J/∂x` by the positions at the equilibrium. Of positions, those of held coordinates
+    /// count; damping and velocities are zero.
     ///
     /// # Errors
     /// An end that is no isolated equilibrium: −K is singular there; springs with a law of the caller's own; vectors of another length.
-    pub fn gradient(&self, system: &System, positions: &[Vector3<f64>]) -> Result<Sensitivity> {
+    pub fn gradient(&self, system: &System, positions: &[Vector3<f64>]) -> Result<Parameters> {
         check_length("positions", positions.len(), system.particles())?;
         if matches!(self.stability, Stability::None | Stability::NotConverged) || self.inertia.zero > 0 {
             return Err(Error::Unsupported(
@@ -543,26 +528,11 @@ impl Equilibrium {
         let geometry = SpringGeometry::at(system, &self.state)?;
         let mut full = vec![Vector3::zeros(); system.particles()];
         dofs.scatter(&adjoint, &mut full);
-        let mut result = Sensitivity {
-            stiffness: vec![0.0; system.springs().len()],
-            rest_lengths: vec![0.0; system.springs().len()],
-            masses: full.iter().map(|u| u.dot(&system.gravity())).collect(),
-            gravity: full.iter().zip(system.masses()).map(|(u, mass)| u * *mass).sum(),
-            loads: full.clone(),
-            positions: vec![Vector3::zeros(); system.particles()],
-        };
-        for ((number, [i, j], spring), at) in geometry.springs(system) {
-            let between = full[i] - full[j];
-            let along = at.direction.dot(&between);
-            result.stiffness[number] = -spring.strain(at) * along;
-            if spring.rest_length > 0.0 {
-                result.rest_lengths[number] = spring.stiffness * at.length / spring.rest_length.powi(2) * along;
-            }
-            // ∂f_i/∂x_j = K^s = −∂f_i/∂x_i.
-            let moved = spring.stiffness_block(at, Stiffness::Full).apply(&between);
-            result.positions[i] -= moved;
-            result.positions[j] += moved;
-        }
+        let at_rest = vec![Vector3::zeros(); system.particles()];
+        let mut result = Parameters::zeros(system);
+        let point = Point { geometry: &geometry, velocities: &at_rest, time: self.state.time };
+        result.add_force_adjoint(system, &point, &full);
+        add_elastic_differential(system, &geometry, &full, &mut result.positions);
         // Held coordinates move f by their stiffness, and J directly.
         for (p, (total, direct)) in result.positions.iter_mut().zip(positions).enumerate() {
             let free = dofs.free_axes(p);

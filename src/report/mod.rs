@@ -23,6 +23,7 @@ mod palette;
 pub mod plot;
 mod projection;
 pub mod spy;
+pub mod statics;
 mod text;
 pub mod tiles;
 pub mod view;
