@@ -16,6 +16,10 @@
 //!
 //! **Gradient.** For a cost J with `∂J/∂x = x̄` at the equilibrium, `−K λ = x̄` and `dJ/dp = λᵀ ∂f/∂p` for a parameter p (implicit function theorem).
 
+mod load_path;
+
+pub use load_path::{CriticalKind, CriticalLoad, LoadPath, load_path};
+
 use crate::assembly::SymmetricMatrix;
 use crate::eigen::{Accuracy, End, Pencil, ShiftInvert};
 use crate::error::{Error, Invalid, Result, check_length};

@@ -92,6 +92,12 @@ impl SymmetricMatrix {
         Self { pattern: self.pattern.clone(), values }
     }
 
+    /// The sum with a matrix on the same pattern.
+    pub(crate) fn plus(mut self, other: &Self) -> Self {
+        self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);
+        self
+    }
+
     /// Adds `value` to all diagonal entries.
     pub fn shift(&mut self, value: f64) {
         for particle in 0..self.dofs().particles() {

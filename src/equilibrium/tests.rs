@@ -215,3 +215,67 @@ fn options_that_cannot_be_used_are_errors() {
     let found = find(&system, &state);
     assert!(found.gradient(&system, &[]).is_err());
 }
+
+/// A shallow truss of two bars, pushed down at its top: the load of the textbook, P = 2k (1 − (a/l0)^{2/3})^{3/2}, is a limit point.
+#[test]
+fn a_shallow_truss_snaps_through_at_the_load_of_the_textbook() {
+    let (k, half, height) = (1000.0, 1.0, 0.3);
+    let length = f64::hypot(half, height);
+    let limit = 2.0 * k * (1.0 - (half / length).powf(2.0 / 3.0)).powf(1.5);
+    let build = |load: f64| {
+        let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+        builder.particle([-half, 0.0, 0.0], 1.0);
+        builder.particle([half, 0.0, 0.0], 1.0);
+        builder.particle([0.0, height, 0.0], 1.0);
+        builder.spring(0, 2, spring(k, length));
+        builder.spring(1, 2, spring(k, length));
+        builder.hold(0).hold(1);
+        let (system, state) = builder.build().unwrap();
+        let forces = vec![Vector3::zeros(), Vector3::zeros(), Vector3::new(0.0, -load, 0.0)];
+        (system.with_loads(Loads { forces, ..Loads::default() }).unwrap(), state)
+    };
+    let (system, state) = build(1.7 * limit);
+    let path = load_path(&system, &state, 10).unwrap();
+    assert_eq!(path.critical.len(), 1, "{:?}", path.critical);
+    assert_eq!(path.critical[0].kind, CriticalKind::LimitPoint);
+    assert!((path.critical[0].factor * 1.7 - 1.0).abs() < 1e-8, "{}", path.critical[0].factor * 1.7);
+    assert!(path.steps[path.steps.len() - 1].1.state.positions[2].y < -height);
+    let (system, state) = build(0.99 * limit);
+    assert!(load_path(&system, &state, 10).unwrap().critical.is_empty());
+}
+
+/// A column of two bars braced by a spring across buckles sideways where the brace is too soft, 2P/l = κ: a bifurcation, which linear buckling
+/// estimates well.
+#[test]
+fn a_braced_column_bifurcates() {
+    let (k, brace) = (1e4, 50.0);
+    let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
+    for x in [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 2.0, 0.0], [1.0, 1.0, 0.0]] {
+        builder.particle(x, 1.0);
+    }
+    builder.spring(0, 1, spring(k, 1.0));
+    builder.spring(1, 2, spring(k, 1.0));
+    builder.spring(1, 3, spring(brace, 1.0));
+    builder.hold(0).hold(3);
+    builder.constrain(Constraint { axes: crate::system::Axes::of(&[0]), ..Constraint::hold([2]) });
+    let (system, state) = builder.build().unwrap();
+    let load = 40.0;
+    let forces = vec![Vector3::zeros(), Vector3::zeros(), Vector3::new(0.0, -load, 0.0), Vector3::zeros()];
+    let system = system.with_loads(Loads { forces, ..Loads::default() }).unwrap();
+    let path = load_path(&system, &state, 5).unwrap();
+    assert_eq!((path.critical.len(), path.critical[0].kind), (1, CriticalKind::Bifurcation));
+    // Bars of length 1 − P/k: 2P/(1 − P/k) equals the stiffness of the brace across, whose own bar has sunk by P/k.
+    let sideways = |factor: f64| {
+        let p = factor * load;
+        let (l, sunk) = (1.0 - p / k, p / k);
+        let across = f64::hypot(1.0, sunk);
+        let tension = brace * (across - 1.0);
+        let n = 1.0 / across;
+        let stiffness = brace * n * n + tension / across * (1.0 - n * n);
+        stiffness - 2.0 * p / l
+    };
+    let found = path.critical[0].factor;
+    assert!(sideways(found).abs() < 0.05, "{found} {}", sideways(found));
+    assert!((path.linear_buckling.unwrap() - found).abs() < 0.02 * found, "{:?} {found}", path.linear_buckling);
+    assert!(path.critical[0].direction[0].abs() > 0.9);
+}
