@@ -62,8 +62,11 @@ pub struct LoadPath {
 }
 
 /// Width of the interval to which critical factors are located, and the largest number of them between two steps.
-const LOCATED: f64 = 1e-10;
+const LOCATED: f64 = 4e-9;
 const CRITICAL: usize = 20;
+
+/// Residual of the equilibria: well below LOCATED, so that none is found beyond a limit point by what its force leaves over.
+const TOLERANCE: f64 = 1e-12;
 
 /// A step this many times longer than the tangent says may have jumped.
 const JUMP: f64 = 3.0;
@@ -115,7 +118,8 @@ struct Path<'s> {
 
 impl Path<'_> {
     fn at(&self, load: f64, from: &State) -> Result<Equilibrium> {
-        let options = EquilibriumOptions { load, leave_saddles: false, ..EquilibriumOptions::default() };
+        let options =
+            EquilibriumOptions { load, tolerance: TOLERANCE, leave_saddles: false, ..EquilibriumOptions::default() };
         equilibrium(self.system, from, options)
     }
 

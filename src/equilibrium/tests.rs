@@ -250,17 +250,18 @@ fn a_shallow_truss_snaps_through_at_the_load_of_the_textbook() {
 fn a_braced_column_bifurcates() {
     let (k, brace) = (1e4, 50.0);
     let mut builder = SystemBuilder { dimension: 2, ..SystemBuilder::new() };
-    for x in [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 2.0, 0.0], [1.0, 1.0, 0.0]] {
+    for x in [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 2.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]] {
         builder.particle(x, 1.0);
     }
     builder.spring(0, 1, spring(k, 1.0));
     builder.spring(1, 2, spring(k, 1.0));
-    builder.spring(1, 3, spring(brace, 1.0));
-    builder.hold(0).hold(3);
+    builder.spring(1, 3, spring(brace / 2.0, 1.0));
+    builder.spring(1, 4, spring(brace / 2.0, 1.0));
+    builder.hold(0).hold(3).hold(4);
     builder.constrain(Constraint { axes: crate::system::Axes::of(&[0]), ..Constraint::hold([2]) });
     let (system, state) = builder.build().unwrap();
     let load = 40.0;
-    let forces = vec![Vector3::zeros(), Vector3::zeros(), Vector3::new(0.0, -load, 0.0), Vector3::zeros()];
+    let forces = vec![Vector3::zeros(), Vector3::zeros(), Vector3::new(0.0, -load, 0.0), Vector3::zeros(), Vector3::zeros()];
     let system = system.with_loads(Loads { forces, ..Loads::default() }).unwrap();
     let path = load_path(&system, &state, 5).unwrap();
     assert_eq!((path.critical.len(), path.critical[0].kind), (1, CriticalKind::Bifurcation));
