@@ -22,8 +22,12 @@ pub fn typeset(page: &str) -> Result<String> {
     let (mut text, mut end) = (String::with_capacity(2 * page.len()), 0);
     for (latex, display, range) in formulas(page) {
         text += &page[end..range.start];
-        text += &mathml(&latex, display)?;
-        end = range.end;
+        let after = &page[range.end..];
+        let mark = after.len() - after.trim_start_matches([',', '.', ';', ':', ')']).len();
+        let formula = mathml(&latex, display)?;
+        // No line begins with the mark after a formula.
+        text += &if mark > 0 { format!("<span class=\"formula\">{formula}{}</span>", &after[..mark]) } else { formula };
+        end = range.end + mark;
     }
     Ok(text + &page[end..])
 }
@@ -44,7 +48,7 @@ fn mathml(latex: &str, display_mode: DisplayMode) -> Result<String> {
     let mut mathml = String::new();
     let config = RenderConfig { display_mode, ..RenderConfig::default() };
     push_mathml(&mut mathml, events.into_iter().map(Ok::<_, std::fmt::Error>), config)?;
-    Ok(hidden_from_markdown(&mathml))
+    Ok(hidden_from_markdown(&mathml.replace("&nbsp;", "\u{a0}")))
 }
 
 /// Markup on one line, whose text Markdown cannot take for its own: no `*`, `|` or `'` between tags.
@@ -90,9 +94,10 @@ mod tests {
 
     #[test]
     fn formulas_become_one_line_of_mathml() {
-        let page = "Let $a_i^* = \\frac{1}{2}$ hold.\n\n$$\nf'(x) = |x|\n$$\n\nKeep `$x$`.\n";
+        let page = "Let $a_i^* = \\frac{1}{2}$, hold.\n\n$$\nf'(x) = |x|\n$$\n\nKeep `$x$`.\n";
         let typeset = typeset(page).unwrap();
-        assert!(typeset.starts_with("Let <math"), "{typeset}");
+        assert!(typeset.starts_with("Let <span class=\"formula\"><math"), "{typeset}");
+        assert!(typeset.contains("</math>,</span> hold."), "{typeset}");
         assert!(typeset.contains("<mfrac>") && typeset.contains("display=\"block\""), "{typeset}");
         assert!(typeset.ends_with("\n\nKeep `$x$`.\n"), "{typeset}");
         assert_eq!(typeset.lines().count(), 5);
