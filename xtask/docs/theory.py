@@ -114,7 +114,7 @@ def step():
                        {"line": None, "mark": shape, "colour": colour}))
         theory = [(z * n, (1 + z * z) ** -n) for n in range(count + 1)]
         series.append(("", theory, {"colour": colour}))
-    plot(CHAPTERS / "step.svg", "Energy of an undamped vibration: steps, and (1 + ω²dt²)⁻ⁿ", "ω t", "energy over that at the start",
+    plot(CHAPTERS / "step.svg", "Energy of a vibration: steps, and (1 + ω²dt²)⁻ⁿ as lines", "ω t", "energy over that at the start",
          series, xlimits=(0, 8), ylimits=(0, 1.02))
 
 
@@ -249,7 +249,7 @@ def stability():
         series.append((name, [(row["time"], 1000 * row["gravitational"]) for row in rows], {}))
     _, _, rows = run(cloth, "--duration", 0.5, "--dt", 0.005, "--method", "dop853", "--rtol", 1e-6)
     series.append(("the true motion", [(row["time"], 1000 * row["gravitational"]) for row in rows], {"line": "dashed"} | GREY))
-    plot(CHAPTERS / "stability-cloth.svg", "Weight energy of a cloth that swings down, steps of 5 ms", "time, s", "mJ", series, xlimits=(0, 0.5))
+    plot(CHAPTERS / "stability-cloth.svg", "A cloth swings down, in steps of 5 ms", "time, s", "energy of the weight, mJ", series, xlimits=(0, 0.5))
 
 
 def comparable(line):
