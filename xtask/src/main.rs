@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Tools for those who work on sprung
 #[derive(Debug, Parser)]
 enum Command {
-    /// Build the guide into target/guide/book: theory pages from the headers of modules, then mdBook
+    /// Build the guide into target/guide/book: formulas as MathML, pages of the repository, mdBook
     Guide,
     /// Check that every relative link in every page leads to a file, and every anchor to a heading
     Links,
