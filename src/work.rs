@@ -1,8 +1,8 @@
-//! Counters of work: what a computation did, whatever machine it ran on.
+//! Counters of work, which do not depend on the machine.
 
 use serde::{Deserialize, Serialize};
 
-/// How often each expensive thing was done. Tests lock these numbers; charts put them beside time.
+/// The number of times each expensive operation was done.
 ///
 /// # Examples
 /// ```
@@ -18,30 +18,30 @@ pub struct Work {
     pub force_evaluations: u64,
     /// Computations of the spring blocks of A, assembled or not.
     pub assemblies: u64,
-    /// Orderings, with symbolic analysis where factorizations may pay.
+    /// Orderings and symbolic analyses.
     pub symbolic_factorizations: u64,
     /// Numeric factorizations, refused ones included.
     pub factorizations: u64,
     /// Linear systems solved, failed ones included.
     pub solves: u64,
-    /// Of these, those by conjugate gradients.
+    /// Solves by conjugate gradients.
     pub iterative_solves: u64,
     /// Products with A inside conjugate gradients.
     pub cg_iterations: u64,
-    /// Of these, those without a preconditioner.
+    /// Iterations without a preconditioner.
     pub plain_iterations: u64,
-    /// Of all, those preconditioned with multigrid.
+    /// Iterations preconditioned with multigrid.
     pub multigrid_iterations: u64,
     /// Solves by conjugate gradients that started from earlier solutions.
     pub warm_starts: u64,
-    /// Computations of the coarse levels of multigrid, refused ones included.
+    /// Set-ups of the coarse levels of multigrid, refused ones included.
     pub multigrid_setups: u64,
     /// Newton iterations of nonlinear methods.
     pub newton_iterations: u64,
 }
 
 impl Work {
-    /// Adds what another computation did.
+    /// Adds the counters of another computation.
     pub fn add(&mut self, other: &Self) {
         let Self {
             force_evaluations,

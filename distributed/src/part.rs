@@ -50,7 +50,7 @@ impl Communicator for Halo {
         ranks::largest(numbers);
     }
 
-    fn refresh(&self, vectors: &mut [Vector3<f64>]) {
+    fn halo_exchange(&self, vectors: &mut [Vector3<f64>]) {
         let pack = |list: &Vec<u32>| list.iter().flat_map(|&p| vectors[p as usize].iter().copied()).collect();
         let sent: Vec<(usize, Vec<f64>)> = self.sends.iter().map(|(rank, list)| (*rank, pack(list))).collect();
         let room = |(rank, list): &(usize, Vec<u32>)| (*rank, vec![0.0; 3 * list.len()]);
