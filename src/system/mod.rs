@@ -4,8 +4,6 @@ mod builder;
 mod change;
 mod constraint;
 mod dofs;
-#[cfg(test)]
-pub(crate) mod fixtures;
 mod loads;
 mod partition;
 mod state;
@@ -305,6 +303,9 @@ fn active_springs(pairs: &[[u32; 2]], dofs: &DofMap) -> Vec<u32> {
     let is_free = |&p: &u32| dofs.free_axes(p as usize) != Axes::NONE;
     (0u32..).zip(pairs).filter(|(_, pair)| pair.iter().any(is_free)).map(|(s, _)| s).collect()
 }
+
+#[cfg(test)]
+pub(crate) mod fixtures;
 
 #[cfg(test)]
 mod tests {

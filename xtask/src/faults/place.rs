@@ -1,7 +1,7 @@
 //! Places in the source by the name of a function and the text of an expression in it, so that edits elsewhere, moves between files and
 //! line breaks leave them alone.
 
-use crate::circles::{collect as files_below, module};
+use crate::cycles::{collect as files_below, module};
 use anyhow::{Context, Result, ensure};
 use std::collections::BTreeMap;
 use std::fs;
@@ -158,7 +158,7 @@ fn marks(text: &str) -> Vec<(usize, char)> {
 #[cfg(test)]
 mod tests {
     use super::{Place, Source};
-    use crate::circles::module;
+    use crate::cycles::module;
     use std::collections::BTreeMap;
     use std::path::Path;
 
