@@ -71,22 +71,6 @@ pub struct Spring {
 /// The part of the stiffness block that enters the system matrix: options I, II and III of the lecture notes.
 ///
 /// Forces do not depend on it. Under `Tension` and `Axial` every block is positive semidefinite.
-///
-/// # Examples
-/// ```
-/// use nalgebra::Vector3;
-/// use sprung::spring::Extension;
-/// use sprung::{Spring, Stiffness};
-///
-/// let spring = Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 };
-/// let d = Vector3::new(1.0, 0.0, 0.0);
-/// let extension = Extension::between(&d, &Vector3::zeros()).ok_or("coincident ends")?;
-/// let block = |option| spring.stiffness_block(&extension, option).matrix();
-/// // k/l0 along the spring; k (1/l0 − 1/l) across it, which is negative under compression and dropped by `tension`.
-/// assert_eq!(block(Stiffness::Full).diagonal(), Vector3::new(10.0, -10.0, -10.0));
-/// assert_eq!(block(Stiffness::Tension).diagonal(), Vector3::new(10.0, 0.0, 0.0));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stiffness {
     /// The exact `K^s`. Indefinite for a compressed spring (`l < l0`).

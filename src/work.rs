@@ -3,15 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 /// The number of times each expensive operation was done.
-///
-/// # Examples
-/// ```
-/// use sprung::work::Work;
-///
-/// let mut work = Work { factorizations: 1, ..Work::default() };
-/// work.add(&Work { factorizations: 2, solves: 5, ..Work::default() });
-/// assert_eq!((work.factorizations, work.solves), (3, 5));
-/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Work {
     /// Evaluations of f_el (with f_d and gravity where the method needs them).

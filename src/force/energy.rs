@@ -8,23 +8,6 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// The energies of a state, in J.
-///
-/// # Examples
-/// ```
-/// use sprung::force::Energy;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// state.velocities[1].y = 2.0;
-/// let energy = Energy::of(&system, &state);
-/// assert_eq!((energy.kinetic, energy.elastic, energy.total()), (2.0, 5.0, 7.0));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Energy {
     /// `Σ ½ m v²`, prescribed particles included.
@@ -70,21 +53,6 @@ pub fn linear_momentum(system: &System, state: &State) -> Vector3<f64> {
 }
 
 /// `Σ m x × v` about the origin, in kg·m²/s.
-///
-/// # Examples
-/// ```
-/// use nalgebra::Vector3;
-/// use sprung::SystemBuilder;
-/// use sprung::force::{angular_momentum, linear_momentum};
-///
-/// let mut builder = SystemBuilder::new();
-/// let p = builder.particle([2.0, 0.0, 0.0], 3.0);
-/// builder.velocities[p] = Vector3::new(0.0, 5.0, 0.0);
-/// let (system, state) = builder.build()?;
-/// assert_eq!(linear_momentum(&system, &state), Vector3::new(0.0, 15.0, 0.0));
-/// assert_eq!(angular_momentum(&system, &state), Vector3::new(0.0, 0.0, 30.0));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub fn angular_momentum(system: &System, state: &State) -> Vector3<f64> {
     let moving = state.positions.iter().zip(&state.velocities);
     system.masses().iter().zip(moving).map(|(m, (x, v))| x.cross(v) * *m).sum()

@@ -52,25 +52,6 @@ impl<'a> Configuration<'a> {
 }
 
 /// Direction n and length l of every active spring, in the order of [`System::active_springs`].
-///
-/// # Examples
-/// ```
-/// use sprung::force::{SpringGeometry, add_elastic_force};
-/// use sprung::nalgebra::Vector3;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, state) = builder.build()?;
-/// let extensions = SpringGeometry::at(&system, &state)?;
-/// let mut force = vec![Vector3::zeros(); system.particles()];
-/// add_elastic_force(&system, &extensions, &mut force);
-/// assert_eq!(force[1], Vector3::new(10.0, 0.0, 0.0)); // compressed to half its rest length: k/2
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone)]
 pub struct SpringGeometry {
     values: Vec<Extension>,

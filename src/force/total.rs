@@ -69,25 +69,6 @@ fn for_each_partition<E: Send>(
 ///
 /// # Errors
 /// A spring with coincident ends; `force` is then incomplete.
-///
-/// # Examples
-/// ```
-/// use nalgebra::Vector3;
-/// use sprung::force::set_total_force;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// # builder.gravity(0.0, -9.81, 0.0);
-/// let (system, state) = builder.build()?;
-/// let mut force = vec![Vector3::zeros(); system.particles()];
-/// set_total_force(&system, &state.moment(), &mut force)?;
-/// assert_eq!(force[1], Vector3::new(10.0, -9.81, 0.0));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub fn set_total_force(
     system: &System,
     at: &StateView<'_>,

@@ -155,11 +155,8 @@ impl SystemBuilder {
         check_length("particles.velocities", self.velocities.len(), n, "particles")?;
         check_length("particles.masses", self.masses.len(), n, "particles")?;
         self.check_vector("gravity", None, &self.gravity)?;
-        for (i, x) in self.positions.iter().enumerate() {
-            self.check_vector("particles.positions", Some(i), x)?;
-        }
-        for (i, v) in self.velocities.iter().enumerate() {
-            self.check_vector("particles.velocities", Some(i), v)?;
+        for (key, list) in [("particles.positions", &self.positions), ("particles.velocities", &self.velocities)] {
+            list.iter().enumerate().try_for_each(|(i, vector)| self.check_vector(key, Some(i), vector))?;
         }
         self.masses.iter().enumerate().try_for_each(|(i, &m)| check_positive("particles.masses", i, m))
     }

@@ -13,21 +13,6 @@ impl System {
     ///
     /// # Errors
     /// [`Invalid`](crate::error::Invalid) for the first value that breaks a rule of the scene format, with its key and index.
-    ///
-    /// # Examples
-    /// ```
-    /// # use sprung::{Spring, SystemBuilder};
-    /// # let mut builder = SystemBuilder::new();
-    /// # builder.particle([0.0, 0.0, 0.0], 1.0);
-    /// # builder.particle([1.0, 0.0, 0.0], 1.0);
-    /// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-    /// # builder.hold(0);
-    /// # let (system, _) = builder.build()?;
-    /// let twice = |spring: &Spring| Spring { stiffness: 2.0 * spring.stiffness, ..*spring };
-    /// let stiffer = system.with_springs(system.springs().iter().map(twice).collect())?;
-    /// assert_eq!(stiffer.springs()[0].stiffness, 40.0);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     pub fn with_springs(&self, springs: Vec<Spring>) -> Result<Self> {
         check_length("springs.stiffness", springs.len(), self.springs.len(), "springs")?;
         springs.iter().enumerate().try_for_each(|(s, spring)| builder::check_spring(s, spring))?;
@@ -38,22 +23,6 @@ impl System {
 
     /// The system without some of its springs. The others keep their order and are renumbered; behaviour and actuation stay with their springs, and a
     /// spring law still receives the original numbers. Numbers that do not exist are ignored.
-    ///
-    /// # Examples
-    /// ```
-    /// # use sprung::{Spring, SystemBuilder};
-    /// # let mut builder = SystemBuilder::new();
-    /// # builder.particle([0.0, 0.0, 0.0], 1.0);
-    /// # builder.particle([1.0, 0.0, 0.0], 1.0);
-    /// # builder.particle([2.0, 0.0, 0.0], 1.0);
-    /// # let spring = Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 };
-    /// # builder.spring(0, 1, spring);
-    /// # builder.spring(1, 2, spring);
-    /// # let (system, _) = builder.build()?;
-    /// let torn = system.without_springs(&[0]);
-    /// assert_eq!(torn.pairs(), [[1, 2]]);
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     pub fn without_springs(&self, removed: &[usize]) -> Self {
         let removed: BTreeSet<usize> = removed.iter().copied().collect();
         let numbers: Vec<usize> = (0..self.springs.len()).filter(|spring| !removed.contains(spring)).collect();
@@ -75,19 +44,6 @@ impl System {
 
     /// The system with some prescribed coordinates released. Coordinates that are free or do not exist are ignored. A released particle keeps its velocity
     /// in the state, which is that of its motion.
-    ///
-    /// # Examples
-    /// ```
-    /// # use sprung::SystemBuilder;
-    /// # use sprung::system::Dof;
-    /// # let mut builder = SystemBuilder::new();
-    /// # builder.particle([0.0, 0.0, 0.0], 1.0);
-    /// # builder.hold(0);
-    /// # let (system, _) = builder.build()?;
-    /// let free = system.with_released(&[0, 1, 2].map(|axis| Dof { particle: 0, axis }));
-    /// assert_eq!((system.dofs().len(), free.dofs().len()), (0, 3));
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
     pub fn with_released(&self, released: &[Dof]) -> Self {
         let released: BTreeSet<(usize, usize)> = released.iter().map(|dof| (dof.particle, dof.axis)).collect();
         let is_released = |dof: &Dof| released.contains(&(dof.particle, dof.axis));

@@ -4,15 +4,6 @@ use nalgebra::Vector3;
 use std::sync::Arc;
 
 /// A set of axes.
-///
-/// # Examples
-/// ```
-/// use sprung::system::Axes;
-///
-/// let plane = Axes::first(2);
-/// assert!(plane.contains(0) && plane.contains(1) && !plane.contains(2));
-/// assert_eq!(Axes::ALL.without(plane), Axes::of(&[2]));
-/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Axes(u8);
 

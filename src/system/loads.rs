@@ -11,15 +11,6 @@ use std::ops::{Add, Mul, Sub};
 pub(crate) const SAME_TIME: f64 = 1e-12;
 
 /// A piecewise linear function of time, constant before its first time and after its last.
-///
-/// # Examples
-/// ```
-/// use sprung::system::Curve;
-///
-/// let curve = Curve { times: vec![1.0, 3.0], values: vec![10.0, 14.0] };
-/// assert_eq!([0.0, 2.0, 9.0].map(|t| curve.at(t)), [10.0, 12.0, 14.0]);
-/// assert_eq!([0.0, 2.0, 9.0].map(|t| curve.rate(t)), [0.0, 2.0, 0.0]);
-/// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Curve<T> {
     /// Increasing, in s.

@@ -5,24 +5,6 @@ use crate::error::Invalid;
 use nalgebra::Vector3;
 
 /// Positions and velocities of all particles at one time.
-///
-/// # Examples
-/// ```
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// state.velocities[1].y = 0.5;
-/// let mut saved = state.clone();
-/// state.positions[1].x = 1.25;
-/// saved.copy_from(&state); // allocates nothing
-/// assert_eq!(saved, state);
-/// assert!(state.is_finite());
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// t, in s.
