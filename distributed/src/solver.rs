@@ -304,7 +304,7 @@ impl<'p> PetscSolver<'p> {
                 full.as_mut_slice()[..size].copy_from_slice(value);
             }
         })?;
-        self.halo.refresh(&mut self.full);
+        self.halo.halo_exchange(&mut self.full);
         dofs.gather(&self.full, x);
         let relative_residual = self.residual(a, b, x);
         let iterations = work.cg_iterations - before;
