@@ -12,7 +12,7 @@ use sprung::System;
 use sprung::linear::{Definiteness, Evidence, Held, LinearSolver, NotConverged, Solution, SolveFailure};
 use sprung::nalgebra::Vector3;
 use sprung::operator::{LinearOperator, SystemOperator};
-use sprung::system::{Dof, Communicator};
+use sprung::system::{Communicator, Dof};
 use sprung::work::Work;
 use std::sync::Arc;
 
