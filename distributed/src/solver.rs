@@ -12,7 +12,7 @@ use sprung::System;
 use sprung::linear::{Definiteness, Evidence, Held, LinearSolver, NotConverged, Solution, SolveFailure};
 use sprung::nalgebra::Vector3;
 use sprung::operator::{LinearOperator, SystemOperator};
-use sprung::system::{Dof, Communicator};
+use sprung::system::{Communicator, Dof};
 use sprung::work::Work;
 use std::sync::Arc;
 
@@ -304,7 +304,7 @@ impl<'p> PetscSolver<'p> {
                 full.as_mut_slice()[..size].copy_from_slice(value);
             }
         })?;
-        self.halo.refresh(&mut self.full);
+        self.halo.halo_exchange(&mut self.full);
         dofs.gather(&self.full, x);
         let relative_residual = self.residual(a, b, x);
         let iterations = work.cg_iterations - before;

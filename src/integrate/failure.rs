@@ -118,7 +118,7 @@ impl StepFailure {
     /// The outcome of all parts of a system: done where it is done in each of them, else a failure that one of them met. Solvers
     /// agree by themselves.
     pub(super) fn of_any(system: &System, here: Result<(), Self>) -> Result<(), Self> {
-        let Some(peers) = system.peers() else { return here };
+        let Some(peers) = system.communicator() else { return here };
         // The spring of the lowest number, by the largest of the opposites; no spring is −∞.
         let spring = match here {
             Err(Self::DegenerateSpring(DegenerateSpring { spring, .. })) => -(peers.spring(spring) as f64),

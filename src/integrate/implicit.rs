@@ -340,7 +340,7 @@ impl<'s> LinearSystem<'s> {
             Terms::Of(option) => {
                 let dropped = || {
                     let springs = extensions.springs(system);
-                    springs.filter(|((number, _, s), at)| s.is_compressed(at) && system.counts(*number)).count()
+                    springs.filter(|((number, _, s), at)| s.is_compressed(at) && system.owns_spring(*number)).count()
                 };
                 choice.dropped = if option == Stiffness::Tension { whole(system, dropped()) } else { 0 };
                 matrix.update(extensions, option, combination);

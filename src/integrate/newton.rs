@@ -264,7 +264,7 @@ impl<'s> Newton<'s> {
             add(-mass * system.gravity().dot(&trial.velocities[p]) * dt);
         }
         for ((number, [i, j], spring), at) in linear.extensions.springs(system) {
-            if !system.counts(number) {
+            if !system.owns_spring(number) {
                 continue;
             }
             add(system.elastic_energy_with(linear.extensions.law(), number, at, trial.time));

@@ -5,7 +5,7 @@ use crate::error::DegenerateSpring;
 use crate::force::SpringGeometry;
 use crate::operator::Combination;
 use crate::spring::Spring;
-use crate::system::parts::{Cut, in_parts};
+use crate::system::fixtures::{Cut, in_parts};
 use crate::system::{Axes, Constraint, Motion, SystemBuilder};
 use nalgebra::Vector3;
 

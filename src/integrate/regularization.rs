@@ -69,7 +69,7 @@ impl Regularization {
             self.taken[position] = (-transverse).max(0.0) * if both_move { 2.0 } else { 1.0 };
             self.options[position] = Stiffness::Full;
         }
-        if let Some(peers) = system.peers() {
+        if let Some(peers) = system.communicator() {
             return self.choose_together(system, peers, extensions, combination.mass);
         }
         let mut dropped = 0;
@@ -118,7 +118,7 @@ impl Regularization {
                 has_changed |= decision != first[particle];
                 first[particle] = decision;
             }
-            peers.refresh(&mut first);
+            peers.halo_exchange(&mut first);
             let [changed] = system.largest([f64::from(u8::from(has_changed))]);
             if changed == 0.0 {
                 break;
@@ -129,7 +129,7 @@ impl Regularization {
             let (taken, number) = (self.taken[position], number(position));
             let is_gone = ends(position).into_iter().any(|end| drops(&first[end], taken, number));
             self.options[position] = if is_gone { Stiffness::Tension } else { Stiffness::Full };
-            dropped += usize::from(is_gone && system.counts(system.active_springs()[position] as usize));
+            dropped += usize::from(is_gone && system.owns_spring(system.active_springs()[position] as usize));
         }
         let [dropped] = system.total([dropped as f64]);
         dropped as usize

@@ -125,7 +125,7 @@ impl<'s> Verlet<'s> {
                 *p = *v + kick;
             }
             prescribed.set_velocities(piece.middle(), &mut self.predicted);
-            self.system.refresh(&mut self.predicted);
+            self.system.halo_exchange(&mut self.predicted);
         } else {
             for ((x, v), (f, mass)) in moving {
                 *v += f * (0.5 * h / mass);
@@ -133,18 +133,18 @@ impl<'s> Verlet<'s> {
             }
         }
         prescribed.set_positions(piece.end, positions);
-        self.system.refresh(positions);
+        self.system.halo_exchange(positions);
         self.next.time = piece.end;
         if seen.is_some() && !self.is_damped {
             // What is prescribed, and what ghosts have, is looked at too.
             prescribed.set_velocities(piece.middle(), &mut self.next.velocities);
-            self.system.refresh(&mut self.next.velocities);
+            self.system.halo_exchange(&mut self.next.velocities);
         }
         self.set_force(Velocities::Predicted, seen)?;
         for ((v, f), mass) in self.next.velocities.iter_mut().zip(&self.force).zip(masses) {
             *v += f * (0.5 * h / mass);
         }
-        self.system.refresh(&mut self.next.velocities);
+        self.system.halo_exchange(&mut self.next.velocities);
         self.knows_force = !piece.ends_at_kink;
         Ok(())
     }

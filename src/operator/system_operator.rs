@@ -119,7 +119,7 @@ impl<'s> SystemOperator<'s> {
         let nothing = SpringBlock { direction: Vector3::zeros(), transverse: 0.0, axial: 0.0 };
         let blocks = vec![nothing; system.active_springs().len()];
         let inertia = vec![0.0; system.dofs().len()];
-        let stream = SpringStream::new(system, &system.shares());
+        let stream = SpringStream::new(system, &system.all_partitions());
         let external = Vec::new();
         let mut operator = Self { system, mass: 0.0, blocks, stream, inertia, external, coupled };
         operator.update(extensions, option, combination);

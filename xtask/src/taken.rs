@@ -1,5 +1,4 @@
-//! Pages of the repository that the guide shows too. Their links lead to each other there, their pictures come with them, and links to
-//! anything else become plain words.
+//! Copies of repository pages for the guide, with their pictures. Links between them are adapted; other relative links become plain text.
 
 use anyhow::{Context, Result};
 use regex::{Captures, Regex};
@@ -40,7 +39,7 @@ pub fn copy(root: &Path, target: &Path, taken: &[(&str, &str)]) -> Result<()> {
     Ok(())
 }
 
-/// Where a link of a page leads, from the repository's folder.
+/// The target of a link, relative to the repository.
 fn resolved(page: &str, link: &str) -> PathBuf {
     let mut path = PathBuf::from(page);
     path.pop();
@@ -70,9 +69,9 @@ mod tests {
         assert_eq!(resolved("b.md", "./d/e.svg"), Path::new("d/e.svg"));
     }
 
-    /// Links to pages that are taken too, to pictures, into the net, to nothing that the guide has, and within the page.
+    /// Links to copied pages, to pictures, to the web, to other files, and within the page.
     #[test]
-    fn pages_are_taken_with_what_they_need() {
+    fn pages_are_copied_with_their_pictures() {
         let root = std::env::temp_dir().join(format!("sprung-taken-{}", std::process::id()));
         fs::create_dir_all(root.join("docs")).unwrap();
         let text = "[b](docs/b.md#x) ![p](docs/p.svg) [w](https://w.x) [gone](src/lib.rs) [here](#h)";

@@ -7,8 +7,7 @@
 
 use super::Sides;
 use super::sums::{Block, Damping, Kept, Span, Sums};
-use crate::force::accumulator::Run;
-use crate::force::batch::{BATCH, Batch as Forces, Coincident, List};
+use crate::force::batch::{Accumulator, BATCH, Batch as Forces, Coincident, List};
 use crate::spring::{Extension, LawValues, Spring};
 use crate::system::{StateView, System};
 use nalgebra::Vector3;
@@ -40,7 +39,7 @@ impl pulp::NullaryFnOnce for Pass<'_> {
         let Self { step, first, block: Block { kept, damping, sums } } = self;
         let Step { system, at, .. } = step;
         // Of a system that is not a part of another all springs count.
-        let all_count = system.peers().is_none();
+        let all_count = system.communicator().is_none();
         let each = system.springs()[first..].chunks(BATCH).zip(system.pairs()[first..].chunks(BATCH));
         let (mut slots, mut lists) = (Slots::new(), Lists::new());
         for (number, (kept, (springs, pairs))) in kept.iter_mut().zip(each).enumerate() {
@@ -48,7 +47,7 @@ impl pulp::NullaryFnOnce for Pass<'_> {
             // Where springs are not there, or do not count here, something of batches before is left: without stiffness and damping it adds
             // nothing to sums, and what is largest has been seen.
             for (slot, (spring, pair)) in springs.iter().zip(pairs).enumerate() {
-                if all_count || system.counts(first + slot) {
+                if all_count || system.owns_spring(first + slot) {
                     lists.gather(slot, &at, spring, *pair);
                 }
             }
@@ -81,7 +80,7 @@ impl pulp::NullaryFnOnce for WithForces<'_> {
         let Self { step, blocks, force } = self;
         let Step { system, at, .. } = step;
         let mut ends = system.pairs().iter().copied().zip(system.springs());
-        let (mut forces, mut run) = (Forces::new(), Run::new());
+        let (mut forces, mut run) = (Forces::new(), Accumulator::new());
         for Block { kept, damping, sums } in blocks {
             let mut slots = Slots::new();
             for (number, kept) in kept.iter_mut().enumerate() {
@@ -97,7 +96,7 @@ impl pulp::NullaryFnOnce for WithForces<'_> {
             }
             *sums = slots.sums();
         }
-        run.end(0, force);
+        run.flush(0, force);
         Ok(())
     }
 }
@@ -179,7 +178,7 @@ impl Slots {
     /// Of `count` springs from `first` on that have a law of the caller's own, with the stiffness of their tangents.
     fn add_energies_by_law(&mut self, step: &Step, first: usize, count: usize, kept: &mut Kept, now: &Now) {
         let (system, time) = (step.system, step.at.time);
-        for (slot, spring) in (first..first + count).enumerate().filter(|&(_, spring)| system.counts(spring)) {
+        for (slot, spring) in (first..first + count).enumerate().filter(|&(_, spring)| system.owns_spring(spring)) {
             let length = now.length[slot];
             let tangent = system.spring_with(step.law, spring, length, time);
             kept.stiffness[slot] = tangent.axial_stiffness();

@@ -104,7 +104,7 @@ impl<'s> ConstraintWork<'s> {
         coordinates.iter().for_each(|c| moving[c.particle][c.axis] = true);
         let is_driven = |p: usize| moving.get(p).is_some_and(|axes| axes.contains(&true));
         let springs = (0..system.pairs().len())
-            .filter(|&spring| system.counts(spring) && system.pair(spring).into_iter().any(is_driven))
+            .filter(|&spring| system.owns_spring(spring) && system.pair(spring).into_iter().any(is_driven))
             .map(|spring| {
                 let [i, j] = system.pair(spring);
                 let d = state.positions[i] - state.positions[j];

@@ -92,7 +92,7 @@ impl Noise {
         let own = system.own_particles();
         let [reach] = system.largest([state.positions.iter().take(own).map(|x| x.norm()).fold(0.0, f64::max)]);
         let half = 0.5 * (NOISE * reach) * (NOISE * reach);
-        let springs = system.springs().iter().enumerate().filter(|(spring, _)| system.counts(*spring));
+        let springs = system.springs().iter().enumerate().filter(|(spring, _)| system.owns_spring(*spring));
         let stiffness: f64 = springs.map(|(_, spring)| spring.axial_stiffness()).sum();
         let [stiffness, mass] = system.total([stiffness, system.masses().iter().take(own).sum::<f64>()]);
         Self { elastic: half * stiffness, inertia: half * mass }

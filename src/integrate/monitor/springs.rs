@@ -52,7 +52,7 @@ impl<'s> Springs<'s> {
         let mut blocks: Vec<Block> =
             springs.chunks(BLOCK).map(|springs| Block::new(springs.len(), is_damped)).collect();
         let mut driven = driven.peekable();
-        for (number, spring) in springs.iter().enumerate().filter(|(number, _)| system.counts(*number)) {
+        for (number, spring) in springs.iter().enumerate().filter(|(number, _)| system.owns_spring(*number)) {
             let Block { kept, damping, .. } = &mut blocks[number / BLOCK];
             let (batch, slot) = (number % BLOCK / BATCH, number % BATCH);
             kept[batch].stiffness[slot] = spring.axial_stiffness();
@@ -110,7 +110,7 @@ impl SpringVisitor for Springs<'_> {
     fn computes_forces(&self, system: &System) -> bool {
         std::ptr::eq(self.system, system)
             && !system.has_spring_law()
-            && system.peers().is_none()
+            && system.communicator().is_none()
             && system.thread_partitions().is_none()
     }
 

@@ -1,6 +1,6 @@
 use super::{BLOCK, Springs, Sums};
 use crate::spring::{Spring, SpringLaw, Tension};
-use crate::system::parts::in_parts;
+use crate::system::fixtures::in_parts;
 use crate::system::{State, System, SystemBuilder};
 use nalgebra::Vector3;
 

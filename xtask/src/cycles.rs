@@ -1,8 +1,7 @@
-//! Circles of files: each uses the next, the last the first again.
+//! Cyclic dependencies between files.
 //!
-//! A path in the code, `crate::a::b::Name` or `super::Name`, is followed through modules and what they hand on (`pub use`) to the file that
-//! defines the name. A module and its own parts (`a.rs` and `a/b.rs`) belong together: it puts them together and hands on what they
-//! define, and they may use what it defines. So between these two there is no arrow.
+//! A path in the code, `crate::a::b::Name` or `super::Name`, is resolved through re-exports (`pub use`) to the file that defines the name. A module
+//! and its submodules (`a.rs` and `a/b.rs`) may use each other, so dependencies between them are ignored.
 
 use anyhow::{Context, Result};
 use regex::Regex;
@@ -13,39 +12,39 @@ use std::path::{Path, PathBuf};
 /// Names of modules from the crate's root on.
 type Module = Vec<String>;
 
-/// A file's code as far as it matters here.
+/// The dependencies and re-exports of a file.
 #[derive(Default)]
 struct File {
-    /// What it uses, as paths from the root.
+    /// Used paths, from the root.
     uses: BTreeSet<Module>,
-    /// What it hands on: a name, and where it comes from.
-    handed_on: BTreeMap<String, Module>,
+    /// Re-exported names and their paths.
+    reexports: BTreeMap<String, Module>,
 }
 
-/// Groups of files that use each other in a circle.
+/// Groups of files that depend on each other cyclically.
 pub fn find(source: &Path) -> Result<Vec<Vec<String>>> {
     let mut files = Vec::new();
     collect(source, &mut files)?;
-    let mut house = BTreeMap::new();
+    let mut modules = BTreeMap::new();
     for path in files {
         let code = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
         let module = module(path.strip_prefix(source)?);
-        house.insert(module.clone(), read(&module, &code)?);
+        modules.insert(module.clone(), read(&module, &code)?);
     }
-    let arrows: BTreeMap<&Module, BTreeSet<&Module>> =
-        house.iter().map(|(module, file)| (module, used(&house, module, file))).collect();
-    Ok(circles(&arrows).into_iter().map(|circle| circle.iter().map(|module| module.join("::")).collect()).collect())
+    let edges: BTreeMap<&Module, BTreeSet<&Module>> =
+        modules.iter().map(|(module, file)| (module, used(&modules, module, file))).collect();
+    Ok(cycles(&edges).into_iter().map(|cycle| cycle.iter().map(|module| module.join("::")).collect()).collect())
 }
 
-/// The files of code in a folder, without those of tests.
+/// The source files in a folder, without tests.
 pub fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
     for entry in fs::read_dir(folder).with_context(|| folder.display().to_string())? {
         let path = entry?.path();
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        let is_of_tests = name.ends_with("tests.rs") || name.starts_with("fixtures");
-        if path.is_dir() && !is_of_tests {
+        let is_test = name.ends_with("tests.rs") || name.starts_with("fixtures");
+        if path.is_dir() && !is_test {
             collect(&path, files)?;
-        } else if name.ends_with(".rs") && !is_of_tests {
+        } else if name.ends_with(".rs") && !is_test {
             files.push(path);
         }
     }
@@ -69,19 +68,18 @@ fn read(module: &Module, code: &str) -> Result<File> {
     let lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
     let code = lines.collect::<Vec<_>>().join("\n");
     let mut file = File::default();
-    // Uses at the beginning of a line may start with a part of this module.
+    // A `use` may start with a submodule.
     let declared = Regex::new(r"(?m)^\s*(?:pub(?:\([a-z]+\))? )?mod ([a-z_0-9]+);")?;
     let parts: BTreeSet<String> = declared.captures_iter(&code).map(|found| found[1].to_owned()).collect();
     let used = Regex::new(r"(?m)^(pub(?:\([a-z]+\))? )?use ([^;]+);")?;
     for found in used.captures_iter(&code) {
         for mut path in tree(&found[2]) {
-            // With `as` the name handed on is the second one.
             let last = path.pop().unwrap_or_default();
             let (name, known_as) = last.split_once(" as ").unwrap_or((&last, &last));
             path.push(name.to_owned());
             let Some(from) = absolute(module, &parts, &path) else { continue };
             if found.get(1).is_some() {
-                file.handed_on.insert(known_as.to_owned(), from);
+                file.reexports.insert(known_as.to_owned(), from);
             } else {
                 file.uses.insert(from);
             }
@@ -131,30 +129,30 @@ fn absolute(module: &Module, parts: &BTreeSet<String>, path: &Module) -> Option<
     Some(stem.iter().chain(rest).cloned().collect())
 }
 
-/// The files that define what a file uses.
-fn used<'h>(house: &'h BTreeMap<Module, File>, module: &Module, file: &File) -> BTreeSet<&'h Module> {
-    let defined = file.uses.iter().filter_map(|path| definer(house, path.clone()));
+/// The files that a file depends on.
+fn used<'m>(modules: &'m BTreeMap<Module, File>, module: &Module, file: &File) -> BTreeSet<&'m Module> {
+    let defined = file.uses.iter().filter_map(|path| definer(modules, path.clone()));
     defined.filter(|other| !other.starts_with(module) && !module.starts_with(other)).collect()
 }
 
-/// Where a path leads; what is handed on is followed.
-fn definer(house: &BTreeMap<Module, File>, mut path: Module) -> Option<&Module> {
-    // Nothing is handed on more often than this.
+/// The file that defines a path, through re-exports.
+fn definer(modules: &BTreeMap<Module, File>, mut path: Module) -> Option<&Module> {
+    // A limit on chains of re-exports.
     for _ in 0..8 {
-        let length = (0..=path.len()).rev().find(|&length| house.contains_key(&path[..length]))?;
-        let (module, file) = house.get_key_value(&path[..length])?;
-        let Some(from) = path.get(length).and_then(|name| file.handed_on.get(name)) else { return Some(module) };
+        let length = (0..=path.len()).rev().find(|&length| modules.contains_key(&path[..length]))?;
+        let (module, file) = modules.get_key_value(&path[..length])?;
+        let Some(from) = path.get(length).and_then(|name| file.reexports.get(name)) else { return Some(module) };
         path = from.iter().cloned().chain(path.drain(length + 1..)).collect();
     }
     None
 }
 
-/// The strongly connected parts of more than one file, by who reaches whom.
-fn circles<'h>(arrows: &BTreeMap<&'h Module, BTreeSet<&'h Module>>) -> Vec<Vec<&'h Module>> {
+/// Strongly connected components of more than one file, by reachability.
+fn cycles<'m>(edges: &BTreeMap<&'m Module, BTreeSet<&'m Module>>) -> Vec<Vec<&'m Module>> {
     let reached = |from: &Module| {
         let (mut seen, mut open) = (BTreeSet::new(), vec![from]);
         while let Some(next) = open.pop() {
-            for other in arrows.get(next).into_iter().flatten() {
+            for other in edges.get(next).into_iter().flatten() {
                 if seen.insert(*other) {
                     open.push(other);
                 }
@@ -162,14 +160,13 @@ fn circles<'h>(arrows: &BTreeMap<&'h Module, BTreeSet<&'h Module>>) -> Vec<Vec<&
         }
         seen
     };
-    let reached: BTreeMap<&Module, BTreeSet<&Module>> =
-        arrows.keys().map(|module| (*module, reached(module))).collect();
-    let mut circles: Vec<Vec<&Module>> = Vec::new();
+    let reached: BTreeMap<&Module, BTreeSet<&Module>> = edges.keys().map(|module| (*module, reached(module))).collect();
+    let mut cycles: Vec<Vec<&Module>> = Vec::new();
     for (module, others) in &reached {
-        if !others.contains(module) || circles.iter().any(|circle| circle.contains(module)) {
+        if !others.contains(module) || cycles.iter().any(|cycle| cycle.contains(module)) {
             continue;
         }
-        circles.push(
+        cycles.push(
             others
                 .iter()
                 .filter(|other| reached.get(**other).is_some_and(|back| back.contains(module)))
@@ -177,7 +174,7 @@ fn circles<'h>(arrows: &BTreeMap<&'h Module, BTreeSet<&'h Module>>) -> Vec<Vec<&
                 .collect(),
         );
     }
-    circles
+    cycles
 }
 
 #[cfg(test)]
@@ -191,10 +188,10 @@ mod tests {
         assert_eq!(paths, ["crate::a::B", "crate::a", "crate::c as d"]);
     }
 
-    /// A circle of two files, one of them by way of a name that its folder hands on; and none where that is mended.
+    /// A cycle of two files, one of them through a re-exported name.
     #[test]
-    fn circles_are_found_through_names_handed_on() {
-        let folder = std::env::temp_dir().join(format!("sprung-circles-{}", std::process::id()));
+    fn cycles_are_found_through_reexports() {
+        let folder = std::env::temp_dir().join(format!("sprung-cycles-{}", std::process::id()));
         fs::create_dir_all(folder.join("m")).unwrap();
         let put = |file: &str, code: &str| fs::write(folder.join(file), code).unwrap();
         put("lib.rs", "mod m;\nmod n;\npub use m::A;\n");

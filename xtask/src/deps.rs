@@ -1,26 +1,26 @@
-//! The modules and what they use, drawn from the code: imports point one way only.
+//! Dependencies between modules, read from the code.
 //!
-//! The order is that of the table in `src/lib.rs`. A module may use those above it, and those that serve all.
+//! A module may use only modules above it in the table of `src/lib.rs`, and the base modules.
 
-use crate::circles;
+use crate::cycles;
 use anyhow::{Context, Result, ensure};
 use regex::Regex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// Modules that serve all others, each using only those before it.
-const SERVING: [&str; 6] = ["error", "work", "interrupt", "memory", "parallel", "registers"];
+/// Base modules, which all others may use; each uses only those before it.
+const BASE: [&str; 6] = ["error", "work", "interrupt", "memory", "parallel", "registers"];
 
-/// Draws the house, and fails where an arrow runs back up.
-pub fn draw(root: &Path) -> Result<()> {
+/// Prints the dependencies of all modules and fails if one points downwards or files depend on each other cyclically.
+pub fn check(root: &Path) -> Result<()> {
     let source = root.join("src");
     let order = order(&fs::read_to_string(source.join("lib.rs"))?)?;
-    let mut house = BTreeMap::new();
+    let mut modules = BTreeMap::new();
     for module in &order {
         let mut files = Vec::new();
         if source.join(module).is_dir() {
-            circles::collect(&source.join(module), &mut files)?;
+            cycles::collect(&source.join(module), &mut files)?;
         }
         let file = source.join(module).with_extension("rs");
         files.extend(file.exists().then_some(file));
@@ -30,30 +30,30 @@ pub fn draw(root: &Path) -> Result<()> {
             used.extend(uses(&fs::read_to_string(&file).with_context(|| file.display().to_string())?)?);
         }
         used.remove(module);
-        house.insert(module.clone(), used);
+        modules.insert(module.clone(), used);
     }
-    print!("{}", picture(&order, &house));
-    let wrong = back_up(&order, &house);
-    ensure!(wrong.is_empty(), "arrows that run back: {}", wrong.join(", "));
-    println!("{} modules; every arrow leads up this list: no circle", order.len());
+    print!("{}", picture(&order, &modules));
+    let wrong = upward(&order, &modules);
+    ensure!(wrong.is_empty(), "modules that use modules below them: {}", wrong.join(", "));
+    println!("{} modules; each uses only modules above it", order.len());
     let sources = ["src", "xtask/src", "python/src", "distributed/src", "benches/peers/src"];
     for source in sources {
-        let circles = circles::find(&root.join(source))?;
-        let shown: Vec<String> = circles.iter().map(|circle| circle.join(", ")).collect();
-        ensure!(shown.is_empty(), "files of {source} that use each other in a circle: {}", shown.join("; "));
+        let cycles = cycles::find(&root.join(source))?;
+        let shown: Vec<String> = cycles.iter().map(|cycle| cycle.join(", ")).collect();
+        ensure!(shown.is_empty(), "cyclic dependencies between files of {source}: {}", shown.join("; "));
     }
-    println!("no circle between the files of {}", sources.join(", "));
+    println!("no cyclic dependencies between the files of {}", sources.join(", "));
     Ok(())
 }
 
-/// The modules in the order of their use: those that serve, and those of the table.
+/// The modules in order: base modules, then those of the table.
 fn order(library: &str) -> Result<Vec<String>> {
     let row = Regex::new(r"(?m)^//! \| \[`([a-z_]+)`\]")?;
     let listed = row.captures_iter(library).map(|found| found[1].to_owned());
-    Ok(SERVING.into_iter().map(str::to_owned).chain(listed).collect())
+    Ok(BASE.into_iter().map(str::to_owned).chain(listed).collect())
 }
 
-/// The modules that the code of a file uses; documentation and tests may look anywhere.
+/// The modules that the code of a file uses, without its documentation and tests.
 fn uses(code: &str) -> Result<BTreeSet<String>> {
     let path = Regex::new(r"\bcrate::(?:\{([^}]*)\}|([a-z_]+))")?;
     let code = code.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
@@ -73,40 +73,40 @@ fn uses(code: &str) -> Result<BTreeSet<String>> {
     Ok(used)
 }
 
-/// Arrows from a module to one that is not above it.
-fn back_up(order: &[String], house: &BTreeMap<String, BTreeSet<String>>) -> Vec<String> {
+/// Dependencies of a module on one below it.
+fn upward(order: &[String], modules: &BTreeMap<String, BTreeSet<String>>) -> Vec<String> {
     let place = |name: &String| order.iter().position(|other| other == name);
     let mut wrong = Vec::new();
-    for (module, used) in house {
+    for (module, used) in modules {
         let below = used.iter().filter(|other| place(other).is_some_and(|at| Some(at) > place(module)));
         wrong.extend(below.map(|other| format!("{module} → {other}")));
     }
     wrong
 }
 
-/// A line a module: how many stories it stands on, and what it uses beside what serves all.
-fn picture(order: &[String], house: &BTreeMap<String, BTreeSet<String>>) -> String {
-    let mut storeys: BTreeMap<&str, usize> = BTreeMap::new();
+/// One line for each module: its layer, and the modules that it uses besides the base modules.
+fn picture(order: &[String], modules: &BTreeMap<String, BTreeSet<String>>) -> String {
+    let mut layers: BTreeMap<&str, usize> = BTreeMap::new();
     let mut text = String::new();
     for module in order {
-        let used = house.get(module).into_iter().flatten();
+        let used = modules.get(module).into_iter().flatten();
         let known: Vec<&str> = used.map(String::as_str).filter(|name| order.iter().any(|m| m == name)).collect();
-        let storey = known.iter().filter_map(|name| storeys.get(name)).max().map_or(0, |below| below + 1);
-        storeys.insert(module, storey);
-        let shown: Vec<&str> = known.into_iter().filter(|name| !SERVING.contains(name)).collect();
-        text += &format!("{storey:2}  {module:<11}{}\n", shown.join(" "));
+        let layer = known.iter().filter_map(|name| layers.get(name)).max().map_or(0, |highest| highest + 1);
+        layers.insert(module, layer);
+        let shown: Vec<&str> = known.into_iter().filter(|name| !BASE.contains(name)).collect();
+        text += &format!("{layer:2}  {module:<11}{}\n", shown.join(" "));
     }
     text
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{back_up, draw, order, uses};
+    use super::{check, order, upward, uses};
     use std::collections::{BTreeMap, BTreeSet};
 
     #[test]
-    fn the_house_has_no_circle() {
-        draw(&crate::root().unwrap()).unwrap();
+    fn modules_use_only_modules_above_them() {
+        check(&crate::root().unwrap()).unwrap();
     }
 
     #[test]
@@ -118,10 +118,10 @@ mod tests {
     }
 
     #[test]
-    fn arrows_down_the_list_are_found() {
+    fn dependencies_on_modules_below_are_found() {
         let listed = order("//! | [`a`] | x |\n//! | [`b`] | y |\n").unwrap();
         let uses = |name: &str| BTreeSet::from([name.to_owned()]);
-        let house = BTreeMap::from([("a".to_owned(), uses("b")), ("b".to_owned(), uses("error"))]);
-        assert_eq!(back_up(&listed, &house), ["a → b"]);
+        let modules = BTreeMap::from([("a".to_owned(), uses("b")), ("b".to_owned(), uses("error"))]);
+        assert_eq!(upward(&listed, &modules), ["a → b"]);
     }
 }
