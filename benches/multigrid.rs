@@ -195,7 +195,7 @@ fn solve((kind, size): (&str, &str), stiffer: f64, option: &str) {
     let mut clock = Clock::now();
     let mut multigrid = Multigrid::new(system).unwrap();
     let analysis = clock.lap();
-    multigrid.place(&state.positions);
+    multigrid.set_positions(&state.positions);
     let (levels, bytes) = (multigrid.levels(), multigrid.bytes() / system.particles());
     // Its memory is touched for the first time here.
     multigrid.refill(&a).and_then(|()| multigrid.rebuild(&a)).unwrap();

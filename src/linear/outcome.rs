@@ -1,8 +1,8 @@
-//! What a solve can say about itself.
+//! Outcomes of updates and solves.
 
 use crate::system::Dof;
 
-/// What is known about the definiteness of a matrix after it was prepared.
+/// The definiteness of a matrix, as far as preparing a solver has proved it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Definiteness {
@@ -15,7 +15,7 @@ pub enum Definiteness {
         /// A coordinate whose pivot is negative.
         dof: Dof,
     },
-    /// Not examined: conjugate gradients may still meet negative curvature, or may not, whatever A is.
+    /// Not examined: conjugate gradients may still meet negative curvature.
     Unknown,
 }
 
@@ -26,7 +26,7 @@ pub struct Solution {
     pub relative_residual: f64,
 }
 
-/// Why there is no solution.
+/// The failure of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SolveFailure {
@@ -40,9 +40,9 @@ pub enum SolveFailure {
     NotConverged {
         /// Iterations done.
         iterations: u64,
-        /// The true one, at the end.
+        /// The true relative residual at the end.
         relative_residual: f64,
-        /// What stopped it.
+        /// The reason.
         reason: NotConverged,
     },
     /// The factorization of an indefinite matrix lost too many digits.
@@ -54,7 +54,7 @@ pub enum SolveFailure {
     /// The matrix, the right-hand side or the solution has an infinite or undefined entry.
     #[error("the linear system has entries that are not finite")]
     NonFinite,
-    /// The solver has no matrix: none was prepared, or the last one was refused.
+    /// The solver has no matrix: none was prepared, or the last one failed.
     #[error("no matrix is prepared")]
     Unprepared,
     /// A right-hand side or a solution does not have one number for every row.
@@ -65,12 +65,12 @@ pub enum SolveFailure {
         /// Entries of the vector.
         found: usize,
     },
-    /// It was asked to stop.
+    /// A stop was requested.
     #[error("interrupted")]
     Interrupted,
 }
 
-/// What proves that A is not positive definite.
+/// The evidence that A is not positive definite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Evidence {
@@ -92,18 +92,18 @@ pub enum Evidence {
         /// `pᵀAp/pᵀp`, in N/m.
         rayleigh_quotient: f64,
     },
-    /// Conjugate gradients of another library met such a direction, which they do not hand out.
+    /// As above, by another library that does not return the direction.
     Curvature {
         /// Iteration in which it was met, from 0.
         iteration: u64,
     },
-    /// A solver says so, without saying where.
+    /// Reported by a solver without details.
     Reported,
 }
 
 impl SolveFailure {
-    /// What a solver of one's own says of a matrix that it finds not to be positive definite, so that
-    /// [`OnDemand`](crate::integrate::StiffnessPolicy::OnDemand) goes on with a softer one.
+    /// Returned by a custom solver for a matrix that is not positive definite, so that
+    /// [`OnDemand`](crate::integrate::StiffnessPolicy::OnDemand) goes on with a regularized one.
     pub const INDEFINITE: Self = Self::Indefinite(Evidence::Reported);
 }
 
@@ -129,11 +129,11 @@ impl std::fmt::Display for Evidence {
     }
 }
 
-/// What stopped conjugate gradients short of the tolerance.
+/// The reason why conjugate gradients ended above the tolerance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum NotConverged {
-    /// The true residual does not fall any more: rounding is in the way.
+    /// Rounding keeps the true residual from falling.
     Stagnated,
     /// The iteration limit.
     IterationLimit,
@@ -155,7 +155,6 @@ impl std::fmt::Display for NotConverged {
 mod tests {
     use super::*;
 
-    /// A failed iteration says how far it came and what stopped it.
     #[test]
     fn messages_say_what_stopped_conjugate_gradients() {
         let message =

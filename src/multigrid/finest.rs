@@ -1,15 +1,15 @@
 //! The finest level: the system's A as a sparse matrix of whole blocks, a row for every particle that can move.
 //!
-//! Blocks have as many rows as the scene has dimensions. An axis that is prescribed keeps its row, with the equation x = 0:
-//! this makes all blocks equal, and costs nothing where whole particles are prescribed, for they have no row.
+//! Blocks have as many rows as the scene has dimensions. A prescribed axis keeps its row, with the equation x = 0, so that
+//! all blocks are equal; particles that are wholly prescribed have no row.
 
+use super::aggregate::Graph;
 use super::block::{Block, zero};
-use super::graph::Graph;
 use super::modes::{Frame, Frames};
 use super::parallel::{GRAIN, for_each_row};
 use super::sparse::{Pattern, Rows};
 use crate::error::Result;
-use crate::operator::SystemOperator;
+use crate::operator::{SystemOperator, group};
 use crate::parallel::{for_parts, parts, share};
 use crate::system::{Axes, Dof, System};
 use nalgebra::Vector3;
@@ -17,9 +17,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// A spring seen from a node.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct End {
-    /// The spring's place among the active ones.
+    /// The spring's position among the active ones.
     spring: u32,
     /// The node at its other end, or the node itself where nothing can move there.
     other: u32,
@@ -39,7 +39,7 @@ pub(super) struct Finest<const D: usize> {
 }
 
 impl<const D: usize> Finest<D> {
-    /// Nodes, all at the origin, and their graph: those that share a spring, with its stiffness k/l0.
+    /// Nodes, all at the origin, and their graph, weighted by the stiffness k/l0 of springs.
     ///
     /// # Errors
     /// More blocks than 32-bit indices can count.
@@ -59,8 +59,8 @@ impl<const D: usize> Finest<D> {
         Ok((Self { particles, free, first_rows, positions, starts, ends, pattern }, graph))
     }
 
-    /// Takes over where the particles are, one position for every particle of the system.
-    pub fn place(&mut self, positions: &[Vector3<f64>]) {
+    /// Sets the positions of all particles.
+    pub fn set_positions(&mut self, positions: &[Vector3<f64>]) {
         for (place, &particle) in self.positions.iter_mut().zip(&self.particles) {
             if let Some(&position) = positions.get(particle as usize) {
                 *place = position.into();
@@ -86,7 +86,7 @@ impl<const D: usize> Finest<D> {
         FinestRows { finest: self, a }
     }
 
-    /// The coordinate of an unknown, or of the particle's first free axis if there is no such coordinate.
+    /// The coordinate of an unknown, or the particle's first free one.
     pub fn dof(&self, node: usize, axis: Option<usize>) -> Dof {
         let free = self.free.get(node).copied().unwrap_or(Axes::NONE);
         let axis = axis.filter(|&axis| free.contains(axis)).or(free.iter().next()).unwrap_or(0);
@@ -100,7 +100,6 @@ impl<const D: usize> Finest<D> {
             #[inline(always)]
             |node, block| {
                 let (free, values) = (self.free[node], &reduced[self.first_rows[node] as usize..]);
-                // Nearly all particles move along every axis.
                 if let Some(values) = values.first_chunk().filter(|_| free == Axes::first(D)) {
                     *block = values.map(|value: f64| (factor * value) as f32);
                     return;
@@ -137,22 +136,11 @@ impl<const D: usize> Finest<D> {
             }
         });
     }
-
-    /// Bytes held.
-    pub fn bytes(&self) -> usize {
-        size_of_val(&self.particles[..])
-            + size_of_val(&self.free[..])
-            + size_of_val(&self.first_rows[..])
-            + size_of_val(&self.starts[..])
-            + size_of_val(&self.ends[..])
-            + size_of_val(&self.positions[..])
-            + self.pattern.bytes()
-    }
 }
 
-/// A power of two by which a number becomes near one; 1 where there is none.
+/// The power of two that scales a number to near one; 1 where there is none.
 pub(super) fn near_one(magnitude: f64) -> f64 {
-    // Within the exponents of which the reciprocal exists too.
+    // The reciprocal has to exist too.
     let exponent = magnitude.log2().floor().clamp(-1000.0, 1000.0);
     if exponent.is_nan() { 1.0 } else { (-exponent).exp2() }
 }
@@ -167,7 +155,7 @@ impl<const D: usize, const M: usize> Frames<D, M> for Finest<D> {
     }
 }
 
-/// A, row by row from the blocks of the springs: computing a row again costs less than keeping it.
+/// A, row by row from the blocks of the springs: recomputing a row costs less than storing it.
 pub(super) struct FinestRows<'f, const D: usize> {
     finest: &'f Finest<D>,
     a: &'f SystemOperator<'f>,
@@ -213,7 +201,7 @@ impl<const D: usize> Rows<D> for FinestRows<'_, D> {
     }
 }
 
-/// Zeros the rows and columns of axes that are not free, and puts a number where two of these cross.
+/// Zeros the rows and columns of axes that are not free, and sets their crossings.
 fn restrict<const D: usize>(block: &mut Block<D, D>, rows: Axes, columns: Axes, crossing: f64) {
     for (r, entries) in block.iter_mut().enumerate() {
         for (c, entry) in entries.iter_mut().enumerate() {
@@ -237,17 +225,13 @@ fn springs(system: &System, particles: &[u32]) -> (Graph, Vec<usize>, Vec<End>) 
     let edges: Vec<_> = both_move.map(|(_, [i, j], spring)| (i, j, spring.axial_stiffness())).collect();
     let graph = Graph::new(particles.len(), edges.iter().copied());
 
-    let seen = || springs().flat_map(|(at, [i, j], _)| [(at, i, j), (at, j, i)]).filter(|&(_, node, _)| node != FIXED);
-    let mut starts = vec![0usize; particles.len() + 1];
-    seen().for_each(|(_, node, _)| starts[node as usize + 1] += 1);
-    (0..particles.len()).for_each(|node| starts[node + 1] += starts[node]);
-    let mut next = starts.clone();
-    let mut ends = vec![End { spring: 0, other: 0 }; starts[particles.len()]];
-    for (spring, node, other) in seen() {
-        let place = &mut next[node as usize];
-        ends[*place] = End { spring, other: if other == FIXED { node } else { other } };
-        *place += 1;
-    }
+    let end = |(spring, node, other)| {
+        let other = if other == FIXED { node } else { other };
+        (node as usize, End { spring, other })
+    };
+    let both = || springs().flat_map(|(at, [i, j], _)| [(at, i, j), (at, j, i)]);
+    let ends = || both().filter(|&(_, node, _)| node != FIXED).map(end);
+    let (starts, mut ends) = group(particles.len(), ends);
     for node in 0..particles.len() {
         ends[starts[node]..starts[node + 1]].sort_by_key(|end| end.other);
     }
@@ -260,7 +244,7 @@ mod tests {
     use crate::spring::Spring;
     use crate::system::{Axes, Constraint, Motion, SystemBuilder};
 
-    /// A line whose particles are numbered at random; every fifth is held along an axis, every seventh wholly. Whatever the number of threads, every row gets its own number back, as single precision has it.
+    /// A shuffled line with every fifth particle held along an axis and every seventh wholly, for any number of threads.
     #[test]
     fn vectors_come_back_from_their_blocks() {
         let count = 4001;
