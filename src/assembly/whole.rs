@@ -84,7 +84,8 @@ impl SymmetricMatrix {
     }
 }
 
-#[cfg(all(test, feature = "scene"))]
+#[cfg(feature = "scene")]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::assembly::{SpringPattern, SystemMatrix};

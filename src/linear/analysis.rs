@@ -57,7 +57,6 @@ pub struct FactorReport {
     pub times: FactorTimes,
 }
 
-/// The factor in error messages.
 const FACTOR: &str = "the factor of the matrix";
 
 /// Symbolic analysis and memory.
@@ -80,7 +79,6 @@ impl Analysis {
         memory::ensure(64 * (pattern.entries() + pattern.order()) as u64, "the analysis of the matrix")
     }
 
-    /// The estimate with which an analysis begins.
     pub(super) fn estimate(pattern: &BlockPattern) -> Result<OrderingEstimate> {
         Self::ensure_room(pattern)?;
         Ok(OrderingEstimate::new(pattern))
@@ -130,9 +128,6 @@ impl Analysis {
     }
 
     /// Allocates the factor.
-    ///
-    /// # Errors
-    /// [`Error::TooLarge`] when it does not fit.
     pub fn allocate(&mut self) -> Result<()> {
         let bytes = self.bytes();
         memory::ensure_with_dense_products(bytes, FACTOR)?;

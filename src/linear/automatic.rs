@@ -396,7 +396,8 @@ impl LinearSolver for AutomaticSolver {
     }
 }
 
-#[cfg(all(test, feature = "scene"))]
+#[cfg(feature = "scene")]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::force::SpringGeometry;

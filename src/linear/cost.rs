@@ -34,23 +34,6 @@ const FACTORIZATION: [f64; 3] = [43.0, 3.5, 0.016];
 const SUBSTITUTION: [f64; 2] = [19.0, 0.5];
 
 /// The cost of operations on one system, in units of one force evaluation.
-///
-/// # Examples
-/// ```
-/// use sprung::linear::CostModel;
-/// use sprung::work::Work;
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// let (system, _) = builder.build()?;
-/// let costs = CostModel::of(&system);
-/// let work = Work { force_evaluations: 3, ..Work::default() };
-/// assert_eq!(costs.cost(&work, None), 3.0);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CostModel {
     springs: f64,

@@ -271,7 +271,8 @@ fn accept(report: &CgReport) -> Result<Solution, SolveFailure> {
     }
 }
 
-#[cfg(all(test, feature = "scene"))]
+#[cfg(feature = "scene")]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::linear::Prepare;

@@ -94,7 +94,8 @@ impl From<SetupFailure> for SolveFailure {
     }
 }
 
-#[cfg(all(test, feature = "scene"))]
+#[cfg(feature = "scene")]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::force::SpringGeometry;

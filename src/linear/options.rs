@@ -67,15 +67,6 @@ impl PreconditionerKind {
 }
 
 /// The relative residual to which iterative methods solve.
-///
-/// # Examples
-/// ```
-/// use sprung::linear::Tolerance;
-///
-/// assert!(Tolerance::Fixed(1e-8).check().is_ok());
-/// assert!(Tolerance::Fixed(0.0).check().is_err());
-/// assert_eq!(Tolerance::Adaptive.strictest(), 1e-10);
-/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tolerance {
     /// `‖b − A x‖ ≤ tolerance·‖b‖`.

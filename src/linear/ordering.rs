@@ -272,7 +272,8 @@ fn elimination_tree<I: Iterator<Item = u32>>(count: usize, earlier: impl Fn(u32)
     parents
 }
 
-#[cfg(all(test, feature = "scene"))]
+#[cfg(feature = "scene")]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::builtin::{cloth, column, lattice, network};

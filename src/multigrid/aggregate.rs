@@ -38,17 +38,14 @@ impl Graph {
         graph
     }
 
-    /// Number of nodes.
     pub fn nodes(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// Neighbours of a node, ascending.
     pub fn neighbours(&self, node: usize) -> &[u32] {
         &self.neighbours[self.starts[node]..self.starts[node + 1]]
     }
 
-    /// Neighbours of a node with the weights of the edges to them.
     pub fn edges(&self, node: usize) -> impl Iterator<Item = (usize, f64)> + Clone {
         let range = self.starts[node]..self.starts[node + 1];
         self.neighbours[range.clone()]
@@ -67,7 +64,6 @@ impl Graph {
     }
 }
 
-/// The aggregate of every node.
 #[derive(Debug, Clone)]
 pub(super) struct Aggregates {
     of_node: Vec<u32>,
@@ -85,7 +81,6 @@ impl Aggregates {
         let mut of_node = vec![NONE; graph.nodes()];
         let mut count = 0;
 
-        // Disjoint whole neighbourhoods.
         for root in 0..graph.nodes() {
             let mut others = strong(root).peekable();
             if of_node[root] == NONE && others.peek().is_some() && strong(root).all(|j| of_node[j] == NONE) {
@@ -122,12 +117,10 @@ impl Aggregates {
         Self { of_node, count: count as usize }
     }
 
-    /// Number of aggregates.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// The aggregate of a node, if it has one.
     #[inline]
     pub fn of_node(&self, node: usize) -> Option<u32> {
         let aggregate = self.of_node[node];

@@ -4,7 +4,6 @@
 
 use std::ops::{AddAssign, Mul, SubAssign};
 
-/// An R × C block.
 pub(super) type Block<const R: usize, const C: usize, T = f64> = [[T; C]; R];
 
 /// `f64` for set-up, `f32` for cycles.
@@ -13,7 +12,6 @@ pub(super) trait Real: Copy + Default + Send + Sync + Mul<Output = Self> + AddAs
 impl Real for f64 {}
 impl Real for f32 {}
 
-/// The zero block.
 #[inline(always)]
 pub(super) fn zero<const R: usize, const C: usize, T: Real>() -> Block<R, C, T> {
     [[T::default(); C]; R]
@@ -103,7 +101,6 @@ pub(super) fn apply<const R: usize, const C: usize, T: Real>(a: &Block<R, C, T>,
     y
 }
 
-/// Converts to double precision.
 #[inline(always)]
 pub(super) fn double<const R: usize, const C: usize>(a: &Block<R, C, f32>) -> Block<R, C> {
     let mut double = zero();
@@ -235,6 +232,14 @@ pub(super) fn inverse<const N: usize>(a: &Block<N, N>) -> Result<Block<N, N>, Ba
         }
     }
     Ok(inverse)
+}
+
+/// Added to diagonal blocks, whose largest of a level is about one: f32 ends at 1e38.
+pub(super) const LEAST_DIAGONAL: f64 = 1e-30;
+
+/// The inverse of a diagonal block.
+pub(super) fn inverse_of<const N: usize>(block: &Block<N, N>) -> Result<Block<N, N>, BadPivot> {
+    inverse(&shifted(block, LEAST_DIAGONAL))
 }
 
 #[cfg(test)]

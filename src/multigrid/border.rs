@@ -24,9 +24,9 @@
 //! and the soft transverse motions of a cloth would hardly be smoothed at the borders.
 
 use super::block::{
-    Block, add_product, add_transposed_product, is_definite, norm_squared, scaled, shifted, single, sum, zero,
+    Block, add_product, add_transposed_product, inverse_of, is_definite, norm_squared, scaled, shifted, single, sum,
+    zero,
 };
-use super::gauss_seidel::{diagonal_block, inverse_of};
 use super::sparse::Rows;
 
 /// Rounding error of a zero eigenvalue over the norm of its block, far below a transverse stiffness of a millionth.
@@ -78,7 +78,6 @@ impl Border {
     }
 }
 
-/// The sum S of a row.
 struct Damping<const N: usize> {
     row: usize,
     factor: f64,
@@ -89,7 +88,6 @@ struct Damping<const N: usize> {
 }
 
 impl<const N: usize> Damping<N> {
-    /// Adds a block outside.
     #[inline(always)]
     fn add(&mut self, a: &impl Rows<N>, column: usize, outside: &Block<N, N>) {
         match spring_damping(outside) {
@@ -101,7 +99,7 @@ impl<const N: usize> Damping<N> {
     /// A bound on c; zero where D_i or D_j is not positive definite, as then the set-up fails.
     #[inline(never)]
     fn bound(&self, a: &impl Rows<N>, column: usize, outside: &Block<N, N>) -> f64 {
-        let [mine, other] = [self.row, column].map(|row| inverse_of(&scaled(self.factor, &diagonal_block(a, row))));
+        let [mine, other] = [self.row, column].map(|row| inverse_of(&scaled(self.factor, &a.diagonal_block(row))));
         let (Ok(mine), Ok(other)) = (mine, other) else { return 0.0 };
         let (mut solved, mut square, mut h) = (zero(), zero(), zero());
         add_product(&mut solved, &mine, outside);

@@ -6,30 +6,27 @@
 use super::aggregate::Graph;
 use super::block::{Block, zero};
 use super::modes::{Frame, Frames};
-use super::parallel::{GRAIN, for_each_row};
+use super::parallel::{GRAIN, Starts, Values, for_each_row, for_each_row_of};
 use super::sparse::{Pattern, Rows};
 use crate::error::Result;
 use crate::operator::{SystemOperator, group};
-use crate::parallel::{for_parts, parts, share};
 use crate::system::{Axes, Dof, System};
 use nalgebra::Vector3;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// A spring seen from a node.
 #[derive(Debug, Clone, Copy, Default)]
 struct End {
-    /// The spring's position among the active ones.
     spring: u32,
     /// The node at its other end, or the node itself where nothing can move there.
     other: u32,
 }
 
-/// The nodes of the finest level, in D dimensions.
 #[derive(Debug)]
 pub(super) struct Finest<const D: usize> {
     particles: Vec<u32>,
     free: Vec<Axes>,
+    /// The first reduced row of every node, and the number of rows.
     first_rows: Vec<u32>,
     positions: Vec<[f64; 3]>,
     /// Ends of springs at every node, by the other node.
@@ -40,9 +37,6 @@ pub(super) struct Finest<const D: usize> {
 
 impl<const D: usize> Finest<D> {
     /// Nodes, all at the origin, and their graph, weighted by the stiffness k/l0 of springs.
-    ///
-    /// # Errors
-    /// More blocks than 32-bit indices can count.
     pub fn new(system: &System) -> Result<(Self, Graph)> {
         let dofs = system.dofs();
         let particles: Vec<u32> =
@@ -53,13 +47,13 @@ impl<const D: usize> Finest<D> {
             columns.push(row as u32);
         })?;
         let free: Vec<Axes> = particles.iter().map(|&p| dofs.free_axes(p as usize)).collect();
-        let first_rows: Vec<u32> = particles.iter().map(|&p| dofs.rows(p as usize).start as u32).collect();
+        let first_rows = particles.iter().map(|&p| dofs.first_row(p as usize)).chain([dofs.len()]);
+        let first_rows: Vec<u32> = first_rows.map(|row| row as u32).collect();
         let positions = vec![[0.0; 3]; particles.len()];
         let pattern = Arc::new(pattern);
         Ok((Self { particles, free, first_rows, positions, starts, ends, pattern }, graph))
     }
 
-    /// Sets the positions of all particles.
     pub fn set_positions(&mut self, positions: &[Vector3<f64>]) {
         for (place, &particle) in self.positions.iter_mut().zip(&self.particles) {
             if let Some(&position) = positions.get(particle as usize) {
@@ -68,9 +62,8 @@ impl<const D: usize> Finest<D> {
         }
     }
 
-    /// Length of a reduced vector.
     pub fn unknowns(&self) -> usize {
-        self.free.iter().map(|free| free.count()).sum()
+        self.start(self.particles.len())
     }
 
     /// A power of two that brings the entries of `factor·A` near one.
@@ -81,7 +74,6 @@ impl<const D: usize> Finest<D> {
         near_one(masses.chain(springs).chain(external).fold(0.0, f64::max))
     }
 
-    /// A as its rows.
     pub fn rows<'f>(&'f self, a: &'f SystemOperator<'f>) -> FinestRows<'f, D> {
         FinestRows { finest: self, a }
     }
@@ -112,29 +104,28 @@ impl<const D: usize> Finest<D> {
         );
     }
 
-    /// Back from blocks to a reduced vector.
     pub fn scatter(&self, blocks: &[[f32; D]], factor: f64, reduced: &mut [f64]) {
-        let first_row = |node: usize| self.first_rows.get(node).map_or(0, |&row| row as usize);
-        let middle = |nodes: &Range<usize>, parts: usize| {
-            let at = nodes.start + share(nodes.len(), parts / 2, parts);
-            (at, first_row(at) - first_row(nodes.start))
-        };
-        for_parts(0..blocks.len(), parts(blocks.len(), GRAIN), reduced, &middle, &|nodes, mut values: &mut [f64]| {
-            for node in nodes {
-                let (free, block) = (self.free[node], &blocks[node]);
-                if free == Axes::first(D)
-                    && let Some(mine) = values.split_off_mut(..D).and_then(|mine| mine.first_chunk_mut())
-                {
-                    *mine = block.map(|value| factor * f64::from(value));
-                    continue;
-                }
-                for axis in free.iter() {
-                    if let Some(value) = values.split_off_first_mut() {
-                        *value = factor * f64::from(block[axis]);
+        for_each_row_of(
+            0..blocks.len(),
+            GRAIN,
+            Values(self, reduced),
+            #[inline(always)]
+            |node, values| match values.first_chunk_mut() {
+                Some(values) => *values = blocks[node].map(|value| factor * f64::from(value)),
+                None => {
+                    for (value, axis) in values.iter_mut().zip(self.free[node].iter()) {
+                        *value = factor * f64::from(blocks[node][axis]);
                     }
                 }
-            }
-        });
+            },
+        );
+    }
+}
+
+impl<const D: usize> Starts for Finest<D> {
+    #[inline(always)]
+    fn start(&self, node: usize) -> usize {
+        self.first_rows[node] as usize
     }
 }
 
@@ -266,11 +257,11 @@ mod tests {
         }
         let (system, _) = builder.build().unwrap();
         let (finest, _) = Finest::<3>::new(&system).unwrap();
-        assert!(finest.first_rows.len() > 3000);
+        assert!(finest.particles.len() > 3000);
         let reduced: Vec<f64> = (0..system.dofs().len()).map(|row| 1.0 + row as f64).collect();
         for threads in [1, 3] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let (mut blocks, mut back) = (vec![[9.0; 3]; finest.first_rows.len()], vec![0.0; reduced.len()]);
+            let (mut blocks, mut back) = (vec![[9.0; 3]; finest.particles.len()], vec![0.0; reduced.len()]);
             pool.install(|| {
                 finest.gather(&reduced, 2.0, &mut blocks);
                 finest.scatter(&blocks, 0.5, &mut back);

@@ -31,12 +31,10 @@ const GRAIN: usize = 64;
 /// The triple products. A P and A T take several times the memory of P, so they are computed section by section.
 #[derive(Debug, Clone)]
 pub(super) struct Galerkin<const N: usize, const M: usize> {
-    /// The pattern of A P.
     product: Pattern,
     sections: Vec<Section>,
     /// The blocks of one section of A P and A T, row by row.
     section: Vec<Block<N, M>>,
-    /// A_c.
     pub coarse: BlockMatrix<M, M>,
 }
 
@@ -48,10 +46,6 @@ struct Section {
 }
 
 impl<const N: usize, const M: usize> Galerkin<N, M> {
-    /// The patterns of A P and A_c.
-    ///
-    /// # Errors
-    /// More blocks than 32-bit indices can count.
     pub fn new(a: &Pattern, prolongator: &Prolongator<N, M>) -> Result<Self> {
         let p = &prolongator.matrix.pattern;
         let columns = prolongator.columns();

@@ -17,7 +17,7 @@
 //! and a backward sweep uses L x of the old x and Lᵀ x of the new one.
 
 use super::block::{
-    BadPivot, Block, add_transposed_apply, apply, inverse, scaled, shifted, single, subtract_apply, sum, zero,
+    BadPivot, Block, add_transposed_apply, apply, inverse_of, scaled, single, subtract_apply, sum, zero,
 };
 use super::border::Border;
 use super::parallel::{GRAIN, OneEach, Values, for_chunks, for_each_row, for_each_row_of};
@@ -31,15 +31,11 @@ use std::sync::Arc;
 const LEAST_ROWS: usize = 8192;
 const MOST_DOMAINS: usize = 16;
 
-/// Added to diagonal blocks, whose largest of a level is about one: f32 ends at 1e38.
-const LEAST_DIAGONAL: f64 = 1e-30;
-
 /// A matrix ready for block Gauss–Seidel.
 #[derive(Debug, Clone)]
 pub(super) struct GaussSeidel<const N: usize> {
     /// Rows of a domain; the last may have fewer.
     domain: usize,
-    /// L.
     lower: Pattern,
     blocks: Vec<Block<N, N, f32>>,
     /// E − ½ S.
@@ -60,7 +56,6 @@ struct Node<const N: usize> {
     rest: [f32; N],
 }
 
-/// A diagonal block that is not positive definite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct BadBlock {
     pub row: usize,
@@ -68,15 +63,10 @@ pub(super) struct BadBlock {
 }
 
 impl<const N: usize> GaussSeidel<N> {
-    /// For matrices of a pattern.
-    ///
-    /// # Errors
-    /// More blocks than 32-bit indices can count.
     pub fn new(pattern: &Pattern) -> Result<Self> {
         Self::with_domains(pattern, domain(pattern.rows()))
     }
 
-    /// With `domain` rows a domain.
     pub fn with_domains(pattern: &Pattern, domain: usize) -> Result<Self> {
         let rows = pattern.rows();
         let is_within = |row: usize, column: u32| column as usize / domain == row / domain;
@@ -104,10 +94,6 @@ impl<const N: usize> GaussSeidel<N> {
         })
     }
 
-    /// Sets `factor·A`.
-    ///
-    /// # Errors
-    /// The first diagonal block that is not positive definite.
     pub fn update(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), BadBlock> {
         let Self { domain, lower, blocks, outside, inverses, .. } = self;
         let BlockMatrix { pattern, values } = outside;
@@ -135,7 +121,7 @@ impl<const N: usize> GaussSeidel<N> {
             },
         );
         let Some(row) = inverses.iter().position(|inverse| *inverse == failed) else { return Ok(()) };
-        inverse_of(&scaled(factor, &diagonal_block(a, row))).map(drop).map_err(|bad| BadBlock { row, bad })
+        inverse_of(&scaled(factor, &a.diagonal_block(row))).map(drop).map_err(|bad| BadBlock { row, bad })
     }
 
     /// `D̃⁻¹` of a row of `factor·A`.
@@ -157,17 +143,9 @@ impl<const N: usize> GaussSeidel<N> {
                 for i in 0..x.len() {
                     let row = start + i;
                     prefetch(lower.values_of(blocks, row + ahead::<Block<N, N, f32>>()));
-                    let (columns, blocks) = (lower.columns(row), &blocks[lower.row(row)]);
-                    let mut sum = b[row];
-                    for (&column, a) in columns.iter().zip(blocks) {
-                        subtract_apply(&mut sum, a, &nodes[column as usize - start].x);
-                    }
-                    let mine = apply(&inverses[row], &sum);
-                    x[i] = mine;
-                    nodes[i] = Node { x: mine, rest: [0.0; N] };
-                    for (&column, a) in columns.iter().zip(blocks) {
-                        add_transposed_apply(&mut nodes[column as usize - start].rest, a, &mine.map(|x| -x));
-                    }
+                    let row_blocks = (lower.columns(row), &blocks[lower.row(row)]);
+                    x[i] = relax(b[row], &inverses[row], row_blocks, start, nodes);
+                    nodes[i] = Node { x: x[i], rest: [0.0; N] };
                 }
                 r.iter_mut().zip(&*nodes).for_each(|(r, node)| *r = node.rest);
             },
@@ -218,30 +196,39 @@ impl<const N: usize> GaussSeidel<N> {
                 for i in (0..x.len()).rev() {
                     let row = start + i;
                     prefetch(lower.values_of(blocks, row.wrapping_sub(ahead::<Block<N, N, f32>>())));
-                    let (columns, blocks) = (lower.columns(row), &blocks[lower.row(row)]);
-                    let mut sum = nodes[i].rest;
-                    for (&column, a) in columns.iter().zip(blocks) {
-                        subtract_apply(&mut sum, a, &nodes[column as usize - start].x);
-                    }
-                    let mine = apply(&inverses[row], &sum);
-                    x[i] = mine;
-                    nodes[i].x = mine;
-                    for (&column, a) in columns.iter().zip(blocks) {
-                        add_transposed_apply(&mut nodes[column as usize - start].rest, a, &mine.map(|x| -x));
-                    }
+                    let row_blocks = (lower.columns(row), &blocks[lower.row(row)]);
+                    x[i] = relax(nodes[i].rest, &inverses[row], row_blocks, start, nodes);
+                    nodes[i].x = x[i];
                 }
             },
         );
     }
 }
 
-/// Prefetches blocks.
+/// Solves for a row, and subtracts its column from the rest of the rows before it.
+#[inline(always)]
+fn relax<const N: usize>(
+    mut sum: [f32; N],
+    inverse: &Block<N, N, f32>,
+    (columns, blocks): (&[u32], &[Block<N, N, f32>]),
+    start: usize,
+    nodes: &mut [Node<N>],
+) -> [f32; N] {
+    for (&column, a) in columns.iter().zip(blocks) {
+        subtract_apply(&mut sum, a, &nodes[column as usize - start].x);
+    }
+    let x = apply(inverse, &sum);
+    for (&column, a) in columns.iter().zip(blocks) {
+        add_transposed_apply(&mut nodes[column as usize - start].rest, a, &x.map(|x| -x));
+    }
+    x
+}
+
 #[inline(always)]
 fn prefetch<const N: usize>(blocks: &[Block<N, N, f32>]) {
     prefetch_all(blocks.as_flattened().as_flattened());
 }
 
-/// Rows of a domain.
 fn domain(rows: usize) -> usize {
     rows.div_ceil((rows / LEAST_ROWS).clamp(1, MOST_DOMAINS)).max(1)
 }
@@ -265,27 +252,6 @@ fn visit_lower<const N: usize>(
         },
     );
     diagonal
-}
-
-/// The diagonal block of a row.
-#[inline(always)]
-pub(super) fn diagonal_block<const N: usize>(a: &impl Rows<N>, row: usize) -> Block<N, N> {
-    let mut block = zero();
-    a.visit(
-        row,
-        #[inline(always)]
-        |column, entries| {
-            if column == row {
-                block = *entries;
-            }
-        },
-    );
-    block
-}
-
-/// The inverse of a diagonal block.
-pub(super) fn inverse_of<const N: usize>(block: &Block<N, N>) -> std::result::Result<Block<N, N>, BadPivot> {
-    inverse(&shifted(block, LEAST_DIAGONAL))
 }
 
 #[cfg(test)]

@@ -23,7 +23,6 @@ pub(super) enum Level<const N: usize, const M: usize> {
     Smoothed(Box<Smoothed<N, M>>),
 }
 
-/// A level that is smoothed.
 #[derive(Debug)]
 pub(super) struct Smoothed<const N: usize, const M: usize> {
     smoother: GaussSeidel<N>,
@@ -32,7 +31,6 @@ pub(super) struct Smoothed<const N: usize, const M: usize> {
     coarse: Option<Coarse<N, M>>,
 }
 
-/// The next level, and the transfers to and from it.
 #[derive(Debug)]
 struct Coarse<const N: usize, const M: usize> {
     prolongator: Prolongator<N, M>,
@@ -54,9 +52,6 @@ pub(super) struct NotPositiveDefinite {
 
 impl<const N: usize, const M: usize> Level<N, M> {
     /// Aggregates and patterns of this level and all below, down to one of at most `largest_dense` unknowns.
-    ///
-    /// # Errors
-    /// More blocks than 32-bit indices can count.
     pub fn new(a: &Pattern, graph: &Graph, largest_dense: usize) -> Result<Self> {
         let rows = a.rows();
         if rows * N <= largest_dense {
@@ -77,9 +72,6 @@ impl<const N: usize, const M: usize> Level<N, M> {
     }
 
     /// Sets `factor·A` on this level alone.
-    ///
-    /// # Errors
-    /// A node whose diagonal block is not positive definite; for a factorization, whose pivot is not positive.
     pub fn update_smoother(&mut self, a: &impl Rows<N>, factor: f64) -> Result<(), NotPositiveDefinite> {
         let failure = |node, pivot| NotPositiveDefinite { level: 0, node, pivot };
         match self {
@@ -98,9 +90,6 @@ impl<const N: usize, const M: usize> Level<N, M> {
     }
 
     /// Recomputes the coarse levels. Call after [`update_smoother`](Self::update_smoother).
-    ///
-    /// # Errors
-    /// A node of a coarse level at which its matrix is not positive definite: then A is not.
     pub fn update_coarse(
         &mut self,
         a: &impl Rows<N>,
@@ -142,7 +131,6 @@ impl<const N: usize, const M: usize> Level<N, M> {
         }
     }
 
-    /// Sizes of this level and all below.
     pub fn sizes(&self, a: &Pattern) -> Vec<LevelSize> {
         let mut sizes = vec![LevelSize { nodes: a.rows(), unknowns: a.rows() * N, entries: a.blocks() * N * N }];
         if let Some(coarse) = self.coarse() {
@@ -155,7 +143,6 @@ impl<const N: usize, const M: usize> Level<N, M> {
 /// A dense Cholesky factor by faer, with its memory.
 pub(super) struct Dense {
     order: usize,
-    /// By columns.
     factor: Vec<f64>,
     solution: Vec<f64>,
     memory: MemBuffer,
@@ -169,10 +156,6 @@ impl Dense {
         Self { order, factor: vec![0.0; order * order], solution: vec![0.0; order], memory }
     }
 
-    /// Factors `factor·A`.
-    ///
-    /// # Errors
-    /// The block row of the first pivot that is not positive, or of an entry that is not finite.
     pub fn update<const N: usize>(&mut self, a: &impl Rows<N>, factor: f64) -> std::result::Result<(), usize> {
         let order = self.order;
         let matrix = &mut self.factor;

@@ -26,14 +26,12 @@
 //! even if A is indefinite. So CG's own test `pᵀAp ≤ 0` stays valid. If `Pᵀ A P` is not positive definite A is not either,
 //! and the set-up reports it.
 //!
-//! Choices beside the method's: the graph is weighted by k/l0 instead of A, so that aggregates and sparsity never change;
-//! `λ_max(D⁻¹A)` is its bound of 2; a cycle works in single precision on one triangle of each matrix, a set-up in double;
-//! the rows of the finest matrix are recomputed from the springs instead of stored; the smoother's domains depend on size
-//! alone, which gives the same bits for any number of threads.
+//! Choices beside the method's: the graph is weighted by k/l0 instead of A, so that aggregates and sparsity never change; a
+//! cycle works in single precision on one triangle of each matrix, a set-up in double; the rows of the finest matrix are
+//! recomputed from the springs; the smoother's domains depend on size alone, for the same bits with any number of threads.
 //!
-//! When scenes move, coarse levels age: a step of a falling cloth may double the iterations. `linear::lagged_multigrid`
-//! decides when they are recomputed. Under `axial` A has soft motions that are not rigid, all those that stretch no spring;
-//! the stiffer the springs, the more iterations they cost.
+//! Under `axial` A has soft motions that are not rigid, all those that stretch no spring: the stiffer the springs, the more
+//! iterations they cost.
 //!
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `multigrid`.
 
@@ -51,12 +49,11 @@ mod sparse;
 
 use crate::error::Result;
 use crate::memory;
-use crate::operator::SystemOperator;
+use crate::operator::{SystemOperator, dot};
 use crate::system::{Dof, System};
 use finest::{Finest, near_one};
 use level::{Level, NotPositiveDefinite};
 use nalgebra::Vector3;
-use parallel::largest;
 
 /// Unknowns that are solved for directly: a dense factorization of this order takes a few milliseconds.
 const LARGEST_DENSE: usize = 400;
@@ -140,7 +137,7 @@ impl Multigrid {
     /// As [`new`](Self::new), with levels down to one of at most `largest_dense` unknowns, which is solved directly.
     ///
     /// # Errors
-    /// More matrix blocks than 32-bit indices can count.
+    /// As for [`new`](Self::new).
     pub fn down_to(system: &System, largest_dense: usize) -> Result<Self> {
         let [springs, particles] = [system.active_springs().len() as u64, system.particles() as u64];
         // Bounds found by lowering the limit on memory until a run failed.
@@ -243,7 +240,7 @@ impl<const D: usize, const M: usize> Cycle for Hierarchy<D, M> {
         if [r.len(), z.len()] != [finest.unknowns(); 2] {
             return z.fill(f64::NAN);
         }
-        let scale = near_one(largest(r));
+        let scale = near_one(dot(r, r).sqrt());
         finest.gather(r, scale, right_hand_side);
         level.apply(right_hand_side, solution);
         finest.scatter(solution, *factor / scale, z);

@@ -25,7 +25,6 @@ use super::block::{Block, add_product, add_transposed_product, zero};
 /// comes from a Gram matrix, whose squares lose parts below 1e-8.
 const INDEPENDENT: f64 = 1e-4;
 
-/// Modes of a node about its centre.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame<const N: usize, const M: usize> {
     pub modes: Block<N, M>,
@@ -63,7 +62,6 @@ impl<const N: usize, const M: usize> Frame<N, M> {
     }
 }
 
-/// The frames of a level's nodes.
 pub(super) trait Frames<const N: usize, const M: usize>: Sync {
     fn frame(&self, node: usize) -> Frame<N, M>;
 }
@@ -85,10 +83,8 @@ pub(super) struct AggregateModes<const M: usize> {
 }
 
 impl<const M: usize> AggregateModes<M> {
-    /// No motion.
     pub const NONE: Self = Self { frame: Frame { modes: [[0.0; M]; M], centre: [0.0; 3] }, inverse: [[0.0; M]; M] };
 
-    /// From the members' frames.
     pub fn of<const N: usize>(members: impl Iterator<Item = Frame<N, M>> + Clone) -> Self {
         let mut centre = [0.0; 3];
         let count = members.clone().count().max(1) as f64;
@@ -126,7 +122,6 @@ impl<const M: usize> AggregateModes<M> {
         product
     }
 
-    /// Whether a motion is one of the aggregate's.
     pub fn has(&self, motion: usize) -> bool {
         self.inverse[motion][motion] != 0.0
     }

@@ -10,11 +10,6 @@ use std::ops::Range;
 /// Least rows for a thread: some microseconds of work.
 pub(super) const GRAIN: usize = 512;
 
-/// Numbers searched by one thread, and side by side.
-const PIECE: usize = 16_384;
-const LANES: usize = 16;
-
-/// Calls `f(row, value)` for every entry of a vector.
 pub(super) fn for_each_row<T: Send>(values: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
     let rows = |start: usize, values: &mut [T]| {
         dispatch_simd(
@@ -27,29 +22,6 @@ pub(super) fn for_each_row<T: Send>(values: &mut [T], f: impl Fn(usize, &mut T) 
         );
     };
     pieces(values, &rows);
-}
-
-/// The largest magnitude, ignoring NaN.
-pub(super) fn largest(numbers: &[f64]) -> f64 {
-    if numbers.len() > PIECE {
-        let (first, second) = numbers.split_at(numbers.len() / 2);
-        let (first, second) = rayon::join(|| largest(first), || largest(second));
-        return f64::max(first, second);
-    }
-    dispatch_simd(
-        #[inline(always)]
-        || {
-            let (chunks, rest) = numbers.as_chunks::<LANES>();
-            let mut lanes = [0.0; LANES];
-            for chunk in chunks {
-                for (largest, number) in lanes.iter_mut().zip(chunk) {
-                    // Unlike `f64::max` this is one instruction; a comparison with NaN fails.
-                    *largest = if number.abs() > *largest { number.abs() } else { *largest };
-                }
-            }
-            lanes.iter().chain(rest).fold(0.0, |largest, number| f64::max(largest, number.abs()))
-        },
-    )
 }
 
 /// Calls `f(start, chunk, chunk, workspace)` for chunks of a given length of two vectors. Every thread has consecutive
@@ -109,7 +81,6 @@ impl Starts for [&Pattern; 2] {
 
 /// Data of successive rows, to be distributed among threads.
 pub(super) trait OfRows: Sized + Send {
-    /// The data of one row.
     type Row;
 
     /// Splits into the data of the rows from `start` to `middle`, and the rest.
@@ -119,7 +90,6 @@ pub(super) trait OfRows: Sized + Send {
     fn split_off(&mut self, row: usize) -> Option<Self::Row>;
 }
 
-/// One value for every row.
 #[derive(Debug)]
 pub(super) struct OneEach<'v, T>(pub &'v mut [T]);
 
@@ -157,7 +127,6 @@ impl<'v, P: Starts, T: Send> OfRows for Values<'v, P, T> {
     }
 }
 
-/// Two kinds of data side by side.
 impl<A: OfRows, B: OfRows> OfRows for (A, B) {
     type Row = (A::Row, B::Row);
 
@@ -258,22 +227,6 @@ mod tests {
             let mut all = vec![0; pattern.positions(&(0..some.start)).len()];
             all.extend(values);
             assert!(some.into_iter().all(|row| own(row, &all)), "{rows}");
-        }
-    }
-
-    /// In a chunk or in the rest of a piece, for either sign; NaN is ignored.
-    #[test]
-    fn the_largest_magnitude_is_found_anywhere() {
-        assert_eq!(largest(&[]), 0.0);
-        for length in [1, 15, 16, 17, PIECE, PIECE + 1, 3 * PIECE + 5] {
-            for place in [0, length / 3, length / 2, length - 1] {
-                let mut numbers: Vec<f64> = (0..length).map(|i| (i as f64).sin()).collect();
-                numbers[place] = -2.0;
-                assert_eq!(largest(&numbers), 2.0, "{place} of {length}");
-                numbers[place] = f64::NAN;
-                let others = numbers.iter().fold(0.0, |most, number| f64::max(most, number.abs()));
-                assert_eq!(largest(&numbers), others, "{place} of {length}");
-            }
         }
     }
 }

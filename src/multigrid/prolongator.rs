@@ -63,9 +63,6 @@ struct Sparsity {
 
 impl Sparsity {
     /// For a matrix of pattern `a`, whose nodes are coupled by the edges of the graph.
-    ///
-    /// # Errors
-    /// More blocks than 32-bit indices can count.
     fn new(a: &Pattern, graph: &Graph, aggregates: &Aggregates) -> Result<Self> {
         let mut last_seen = vec![u32::MAX; aggregates.count()];
         let coupled = Pattern::build(a.rows(), |row, columns| {
@@ -140,9 +137,6 @@ pub(super) struct Prolongator<const N: usize, const M: usize> {
 
 impl<const N: usize, const M: usize> Prolongator<N, M> {
     /// The pattern of P for a matrix of pattern `a`; all values zero.
-    ///
-    /// # Errors
-    /// More blocks than 32-bit indices can count.
     pub fn new(a: &Pattern, graph: &Graph, aggregates: Aggregates) -> Result<Self> {
         let count = aggregates.count();
         let sparsity = Sparsity::new(a, graph, &aggregates)?;
@@ -274,7 +268,6 @@ impl<const N: usize, const M: usize> Prolongator<N, M> {
         Some((self.aggregates.of_node(node)?, self.tentative.get(node)?))
     }
 
-    /// Number of aggregates.
     pub fn columns(&self) -> usize {
         self.modes.len()
     }

@@ -21,9 +21,6 @@ pub(super) struct Pattern {
 
 impl Pattern {
     /// Builds row by row: `row(i, columns)` appends the columns of row i, in any order, without repeats.
-    ///
-    /// # Errors
-    /// More blocks than 32-bit indices can count.
     pub fn build(rows: usize, mut row: impl FnMut(usize, &mut Vec<u32>)) -> Result<Self> {
         let mut starts = Vec::with_capacity(rows + 1);
         let mut columns = Vec::new();
@@ -42,12 +39,10 @@ impl Pattern {
         Ok(Self { starts, columns })
     }
 
-    /// Number of rows.
     pub fn rows(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// Number of blocks.
     pub fn blocks(&self) -> usize {
         self.columns.len()
     }
@@ -65,18 +60,15 @@ impl Pattern {
         if row < self.rows() { &values[self.row(row)] } else { &[] }
     }
 
-    /// Positions of the blocks of consecutive rows.
     pub fn positions(&self, rows: &Range<usize>) -> Range<usize> {
         self.starts[rows.start]..self.starts[rows.end]
     }
 
-    /// The columns of a row.
     #[inline(always)]
     pub fn columns(&self, row: usize) -> &[u32] {
         &self.columns[self.row(row)]
     }
 
-    /// The transpose, by reference.
     pub fn transpose(&self, columns: usize) -> Transpose {
         let of_row = |row| self.row(row).map(move |at| (self.columns[at] as usize, (row as u32, at as u32)));
         let (starts, entries) = group(columns, || (0..self.rows()).flat_map(of_row));
@@ -98,7 +90,6 @@ impl Transpose {
         self.starts[column]..self.starts[column + 1]
     }
 
-    /// Places of a column's blocks in some rows.
     #[inline(always)]
     pub fn column_within(&self, column: usize, rows: Range<usize>) -> Range<usize> {
         let Range { start, end } = self.column(column);
@@ -107,13 +98,11 @@ impl Transpose {
         start + before(rows.start)..start + before(rows.end)
     }
 
-    /// Rows and positions of the blocks at some places.
     #[inline(always)]
     pub fn entries(&self, places: Range<usize>) -> &[(u32, u32)] {
         &self.entries[places]
     }
 
-    /// Row and position of the block at a place.
     #[inline(always)]
     pub fn entry(&self, place: usize) -> (u32, u32) {
         self.entries[place]
@@ -122,14 +111,27 @@ impl Transpose {
 
 /// A symmetric matrix whose blocks can be visited row by row, in double precision.
 pub(super) trait Rows<const N: usize>: Sync {
-    /// Its pattern.
     fn pattern(&self) -> &Pattern;
 
     /// Calls `visit(column, block)` for every block of a row, by ascending columns but for the diagonal block.
     fn visit(&self, row: usize, visit: impl FnMut(usize, &Block<N, N>));
+
+    #[inline(always)]
+    fn diagonal_block(&self, row: usize) -> Block<N, N> {
+        let mut diagonal = zero();
+        self.visit(
+            row,
+            #[inline(always)]
+            |column, block| {
+                if column == row {
+                    diagonal = *block;
+                }
+            },
+        );
+        diagonal
+    }
 }
 
-/// A sparse matrix of R × C blocks.
 #[derive(Debug, Clone)]
 pub(super) struct BlockMatrix<const R: usize, const C: usize, T = f64> {
     pub pattern: Arc<Pattern>,
@@ -137,13 +139,11 @@ pub(super) struct BlockMatrix<const R: usize, const C: usize, T = f64> {
 }
 
 impl<const R: usize, const C: usize, T: Real> BlockMatrix<R, C, T> {
-    /// The zero matrix on a pattern.
     pub fn zeros(pattern: Arc<Pattern>) -> Self {
         let values = vec![zero(); pattern.blocks()];
         Self { pattern, values }
     }
 
-    /// Columns and blocks of a row.
     #[inline(always)]
     pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, &Block<R, C, T>)> {
         let range = self.pattern.row(row);

@@ -1,6 +1,5 @@
 //! What is said of matrices for which there is no preconditioner.
 
-use super::finest::Finest;
 use super::level::NotPositiveDefinite;
 use super::{Dof, Hierarchy, Multigrid, SetupFailure};
 use crate::force::SpringGeometry;
@@ -110,15 +109,6 @@ fn refusals_are_of_their_level() {
     let refused = |level| hierarchy.failure(&a, NotPositiveDefinite { level, node: 0, pivot: None });
     assert!(matches!(refused(0), SetupFailure::Pivot(_)), "{:?}", refused(0));
     assert!(matches!(refused(1), SetupFailure::CoarseLevel { level: 1, .. }), "{:?}", refused(1));
-}
-
-/// With steps of 1/32 s the masses count for 3 · 1024 N/m, which is 1.5 · 2¹¹.
-#[test]
-fn masses_are_brought_near_one() {
-    let (system, state) = row(3);
-    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
-    let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(1.0 / 32.0));
-    assert_eq!(Finest::<1>::new(&system).unwrap().0.factor(&a), 1.0 / 2048.0);
 }
 
 /// Made anew for a softer matrix it gives, to the bit, what one gives that is made for that matrix alone.

@@ -3,7 +3,6 @@
 //! Derivations are in the guide (`cargo xtask guide`), under theory: `matrices`.
 
 pub(crate) mod inner_product;
-mod product;
 mod simd;
 mod spring_order;
 mod stream;

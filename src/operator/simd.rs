@@ -6,11 +6,8 @@
 //!
 //! Both implementations round alike, in the same order: their results are the same to the bit.
 
-/// The operations of a product.
 pub trait Simd: Copy {
-    /// Four numbers.
     type Four: Copy;
-    /// Two numbers.
     type Two: Copy;
 
     fn four(self, numbers: [f64; 4]) -> Self::Four;
@@ -36,7 +33,6 @@ pub trait Simd: Copy {
     fn all_equal(self, numbers: &[u32; 4]) -> bool;
 }
 
-/// For every processor.
 #[derive(Debug, Clone, Copy)]
 pub struct Portable;
 
@@ -133,7 +129,6 @@ mod wide {
     use pulp::x86::V3;
     use std::arch::x86_64::{__m128d, __m128i, __m256d};
 
-    /// For registers of 256 bits.
     impl Simd for V3 {
         type Four = __m256d;
         type Two = __m128d;

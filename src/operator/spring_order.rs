@@ -9,19 +9,19 @@
 //! contiguous ones come first, four particles after the other, and then the rest. So every row adds up its springs in one
 //! order, whatever part of them is taken.
 
-use super::product::NO_ROW;
 use crate::system::{Axes, System};
 
 /// Moving particles of a stretch.
 const STRETCH: usize = 64;
 
-/// No spring: there are fewer.
 pub const NO_SPRING: u32 = u32::MAX;
+
+/// No row: there are fewer, and so are the differences of two.
+pub const NO_ROW: u32 = u32::MAX - 1;
 
 /// Four springs, by their positions among the active ones, [`NO_SPRING`] where there are fewer.
 pub type Four = [u32; 4];
 
-/// The springs of a stretch, four at a time.
 #[derive(Debug, Default)]
 pub struct Stretch {
     /// Contiguous ones, with the first rows of the first and the other ends, [`NO_ROW`] where the others are held.
@@ -29,7 +29,6 @@ pub struct Stretch {
     pub others: Vec<Four>,
 }
 
-/// The particles that move, in order.
 struct Moving<'a> {
     system: &'a System,
     /// The number of them before a particle.
@@ -55,13 +54,11 @@ impl<'a> Moving<'a> {
         self.particles.len().div_ceil(STRETCH)
     }
 
-    /// The stretch of the spring at a position.
     fn stretch(&self, position: u32) -> usize {
         let [first, _] = ends(self.system, position);
         self.numbers[first] as usize / STRETCH
     }
 
-    /// The sorting key of the spring at a position.
     fn entry(&self, position: u32) -> Entry {
         let [first, other] = ends(self.system, position);
         let number = self.numbers[first];
@@ -79,7 +76,6 @@ impl<'a> Moving<'a> {
         are_free.then(|| dofs.first_row(four[0] as usize) as u32)
     }
 
-    /// The first rows of contiguous springs.
     fn rows(&self, entry: &Entry) -> Option<[u32; 2]> {
         let others = if entry.is_held { NO_ROW } else { self.row(entry.four + entry.distance)? };
         Some([self.row(entry.four)?, others])
@@ -98,7 +94,6 @@ struct Entry {
 }
 
 impl Entry {
-    /// What contiguous springs share.
     fn group(&self) -> (u32, bool, u32) {
         (self.four, self.is_held, self.distance)
     }
@@ -115,7 +110,6 @@ pub fn ends(system: &System, position: u32) -> [usize; 2] {
     if is_held(system, first) { [other, first] } else { [first, other] }
 }
 
-/// The ends of the active spring at a position.
 pub fn pair(system: &System, position: u32) -> [usize; 2] {
     system.pair(system.active_springs()[position as usize] as usize)
 }

@@ -19,14 +19,16 @@
 //! threads write to one row, and every row adds up its springs in one order: the result is the same to the bit for any
 //! number of parts.
 
-use super::product::{BY_MATRIX, ContiguousEnds, GatheredEnds, NO_ROW, Product, SpringBatch4, Streamed};
+mod product;
+
 use super::simd::Portable;
-use super::spring_order::{Four, NO_SPRING, Stretch, ends, most_stretches, pair, stretches};
+use super::spring_order::{Four, NO_ROW, NO_SPRING, Stretch, ends, most_stretches, pair, stretches};
 use crate::spring::SpringBlock;
 use crate::system::{Axes, DofMap, System, ThreadPartition};
+use product::{BY_MATRIX, ContiguousEnds, GatheredEnds, Product, SpringBatch4, Streamed};
+use rayon::prelude::*;
 use std::ops::Range;
 
-/// The springs of an operator, by parts.
 #[derive(Debug, Clone)]
 pub(super) struct SpringStream {
     parts: Vec<Part>,
@@ -49,7 +51,8 @@ impl SpringStream {
     /// are multiplied by their matrix.
     pub fn update(&mut self, system: &System, blocks: &[SpringBlock], sign: f64) {
         self.sign = sign;
-        update_parts(&mut self.parts, &Springs { system, blocks, sign: self.sign });
+        let springs = Springs { system, blocks, sign };
+        self.parts.par_iter_mut().for_each(|part| part.update(&springs));
     }
 
     /// `y = diagonal · w + B w` over all springs, `diagonal` one number a row.
@@ -63,7 +66,6 @@ impl SpringStream {
     }
 }
 
-/// The input of all parts.
 #[derive(Clone, Copy)]
 pub struct Springs<'a> {
     system: &'a System,
@@ -71,18 +73,7 @@ pub struct Springs<'a> {
     pub sign: f64,
 }
 
-fn update_parts(parts: &mut [Part], springs: &Springs) {
-    match parts {
-        [] => {}
-        [part] => part.update(springs),
-        parts => {
-            let (left, right) = parts.split_at_mut(parts.len() / 2);
-            rayon::join(|| update_parts(left, springs), || update_parts(right, springs));
-        }
-    }
-}
-
-/// `y` holds the rows of these parts.
+/// `y` has the rows of these parts.
 fn multiply_parts<const N: usize>(parts: &[Part], springs: &Springs, diagonal: &[f64], w: &[f64], y: &mut [f64]) {
     match parts {
         [] => {}
@@ -128,14 +119,12 @@ fn add_own(dofs: &DofMap, first: usize, y: &mut [f64], particle: usize, s: [f64;
     }
 }
 
-/// Batches of springs, and the positions of their springs.
 #[derive(Debug, Clone)]
 pub struct Batches<E> {
     pub batches: Vec<SpringBatch4<E>>,
     positions: Vec<Four>,
 }
 
-/// Consecutive particles and the springs that end in them.
 #[derive(Debug, Clone)]
 pub struct Part {
     particles: Range<usize>,
@@ -169,7 +158,6 @@ impl Part {
         }
     }
 
-    /// Adds the springs of a stretch that end in its particles.
     fn add(&mut self, system: &System, stretch: &Stretch) {
         let mut progress = self.stretches.last().copied().unwrap_or_default();
         for &(rows, four) in &stretch.contiguous {
@@ -272,7 +260,6 @@ impl<E> Batches<E> {
         (&self.batches[some], &self.batches[first..])
     }
 
-    /// The positions of the springs of a batch.
     pub fn positions(&self, batch: usize) -> Four {
         self.positions.get(batch).copied().unwrap_or([NO_SPRING; 4])
     }

@@ -73,28 +73,6 @@ impl Combination {
 }
 
 /// A combination of M, G and K at one configuration, as blocks.
-///
-/// # Examples
-/// ```
-/// use sprung::Stiffness;
-/// use sprung::force::SpringGeometry;
-/// use sprung::operator::{Combination, LinearOperator, SystemOperator};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, state) = builder.build()?;
-/// let extensions = SpringGeometry::at(&system, &state.positions)?;
-/// let a = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.5));
-/// let mut y = [0.0; 3];
-/// a.apply(&[1.0, 1.0, 0.0], &mut y);
-/// // M/dt² + k/l0 along the spring, M/dt² + k (1/l0 − 1/l) across.
-/// assert!((y[0] - (4.0 + 10.0)).abs() < 1e-13 && (y[1] - (4.0 - 10.0)).abs() < 1e-13);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[derive(Debug, Clone)]
 pub struct SystemOperator<'s> {
     system: &'s System,
@@ -244,7 +222,7 @@ impl<'s> SystemOperator<'s> {
         self.mass
     }
 
-    /// The block of every active spring, in the order of [`System::active_springs`].
+    /// The block of every active spring.
     pub fn blocks(&self) -> &[SpringBlock] {
         &self.blocks
     }

@@ -1,8 +1,8 @@
 //! Sweeps over several domains against dense matrices.
 
-use super::super::block::BadPivot;
+use super::super::block::{BadPivot, LEAST_DIAGONAL, inverse_of};
 use super::super::sparse::{BlockMatrix, Pattern};
-use super::{BadBlock, GaussSeidel, LEAST_DIAGONAL, domain, inverse_of};
+use super::{BadBlock, GaussSeidel, domain};
 use nalgebra::{DMatrix, DVector, Matrix2};
 use std::sync::Arc;
 

@@ -92,26 +92,6 @@ fn blocks_of_both_signs_may_be_mixed() {
     }
 }
 
-/// The result does not depend on the number of shares, nor on their sizes.
-#[test]
-fn products_are_the_same_to_the_bit_for_any_shares() {
-    let (system, state) = chain(&[(1.1, 0.2); 8]);
-    let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
-    let operator = SystemOperator::new(&system, &extensions, Stiffness::Full, Combination::step(0.1));
-    let w: Vec<f64> = (0..27).map(|row| (row as f64 * 12.9898).sin()).collect();
-    let product = |particles: &[usize]| {
-        let mut stream = SpringStream::new(&system, &shares(&system, particles));
-        update(&mut stream, &system, operator.blocks());
-        let mut y = vec![f64::NAN; 27];
-        stream.multiply(&system, operator.blocks(), &[100.0; 27], &w, &mut y);
-        y
-    };
-    let one = product(&[9]);
-    for particles in [&[4, 5][..], &[2, 3, 4], &[2, 2, 3, 2], &[1, 3, 1, 2, 2]] {
-        assert_eq!(product(particles), one, "{particles:?}");
-    }
-}
-
 /// As the formulas say it, spring by spring: every row has its own term first. Then come, stretch by stretch, what its particle gets as the other end
 /// of springs in a row, what it gets as the first of them, all together, and what it gets from any others.
 fn one_by_one(system: &System, blocks: &[SpringBlock], diagonal: &[f64], w: &[f64]) -> Vec<f64> {

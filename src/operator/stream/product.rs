@@ -5,9 +5,10 @@
 //! rows of w and of the sum then stay in registers. Rows get their first term just before springs add to them, while they
 //! are in the cache.
 
-use super::prefetch;
-use super::simd::Simd;
-use super::stream::{Batches, Part, Progress, Springs};
+use super::{Batches, Part, Progress, Springs};
+use crate::operator::prefetch;
+use crate::operator::simd::Simd;
+use crate::operator::spring_order::NO_ROW;
 use crate::spring::SpringBlock;
 use std::ops::Range;
 
@@ -36,15 +37,11 @@ pub type GatheredEnds = [[u32; 4]; 2];
 
 pub const BY_MATRIX: u32 = u32::MAX;
 
-/// No row: there are fewer rows.
-pub const NO_ROW: u32 = u32::MAX - 1;
-
 impl<E> SpringBatch4<E> {
     pub fn new(ends: E) -> Self {
         Self { g: [[0.0; 4]; 3], transverse: [0.0; 4], ends }
     }
 
-    /// Sets a spring, or zeros.
     pub fn set(&mut self, spring: usize, streamed: Option<Streamed>) {
         let Streamed { g, transverse } = streamed.unwrap_or_default();
         (0..3).for_each(|axis| self.g[axis][spring] = g[axis]);
@@ -129,7 +126,6 @@ impl<L: Simd, const N: usize> pulp::NullaryFnOnce for Product<'_, L, N> {
     }
 }
 
-/// Prefetches a batch.
 #[inline(always)]
 fn prefetch_batch<E>(batch: &SpringBatch4<E>) {
     prefetch(&batch.g[0]);
@@ -155,7 +151,6 @@ fn add_by_matrix(
     }
 }
 
-/// Sets some rows to `diagonal · w`.
 #[inline(always)]
 fn begin(rows: Range<usize>, diagonal: &[f64], w: &[f64], y: &mut [f64]) {
     let terms = diagonal[rows.clone()].iter().zip(&w[rows.clone()]);
@@ -168,26 +163,20 @@ fn begin(rows: Range<usize>, diagonal: &[f64], w: &[f64], y: &mut [f64]) {
 /// others and subtracted from the first.
 pub struct Contiguous<L: Simd> {
     simd: L,
-    /// Four times σ.
     sign: L::Four,
-    /// The first row of y.
     first: u32,
-    /// The first row of the shared ends.
     row: u32,
     w: [L::Four; 3],
-    /// The sum of their springs.
     sum: [L::Four; 3],
 }
 
 impl<L: Simd> Contiguous<L> {
-    /// Without ends; `first` is the first row of y.
     #[inline(always)]
     pub fn new(simd: L, first: usize, sign: f64) -> Self {
         let nothing = [simd.four([0.0; 4]); 3];
         Self { simd, sign: simd.four([sign; 4]), first: first as u32, row: NO_ROW, w: nothing, sum: nothing }
     }
 
-    /// Adds the products of a batch.
     #[inline(always)]
     pub fn add(&mut self, batch: &SpringBatch4<ContiguousEnds>, w: &[f64], y: &mut [f64]) {
         let simd = self.simd;
@@ -197,7 +186,6 @@ impl<L: Simd> Contiguous<L> {
             self.store(y);
             (self.row, self.w, self.sum) = (i, of_first, [simd.four([0.0; 4]); 3]);
         }
-        // Held ends do not move.
         let of_others = load_twelve(simd, w, j).unwrap_or([simd.four([0.0; 4]); 3]);
         let d = std::array::from_fn(|piece| simd.sub(of_others[piece], self.w[piece]));
         let s = simd.interleave(batch.times(simd, self.sign, simd.deinterleave(d)));
@@ -207,7 +195,6 @@ impl<L: Simd> Contiguous<L> {
         }
     }
 
-    /// Adds the sum to its rows.
     #[inline(always)]
     pub fn store(&self, y: &mut [f64]) {
         add_twelve(self.simd, y, self.row.wrapping_sub(self.first), self.sum);
@@ -248,7 +235,6 @@ fn add_some(y: &mut [f64], row: u32, s: [[f64; 4]; 3]) {
 /// Any springs: the end that successive ones share, with its first row, its part of w and its sum so far.
 pub struct Gathered<L: Simd, const N: usize> {
     simd: L,
-    /// The first row of y.
     first: u32,
     row: u32,
     w: L::Four,
@@ -256,14 +242,12 @@ pub struct Gathered<L: Simd, const N: usize> {
 }
 
 impl<L: Simd, const N: usize> Gathered<L, N> {
-    /// Without an end; `first` is the first row of y.
     #[inline(always)]
     pub fn new(simd: L, first: usize) -> Self {
         let nothing = (simd.two([0.0; 2]), 0.0);
         Self { simd, first: first as u32, row: NO_ROW, w: simd.four([0.0; 4]), sum: nothing }
     }
 
-    /// Adds the products of four springs.
     #[inline(always)]
     pub fn add_four(&mut self, batch: &SpringBatch4<GatheredEnds>, springs: &Springs, w: &[f64], y: &mut [f64]) {
         if self.simd.all_equal(&batch.ends[0]) && batch.ends[0][0] != BY_MATRIX {
@@ -273,7 +257,6 @@ impl<L: Simd, const N: usize> Gathered<L, N> {
         }
     }
 
-    /// Adds the products of four springs that share their first end.
     #[inline(always)]
     fn add_sharing_end(&mut self, batch: &SpringBatch4<GatheredEnds>, sign: f64, w: &[f64], y: &mut [f64]) {
         let simd = self.simd;
@@ -289,7 +272,6 @@ impl<L: Simd, const N: usize> Gathered<L, N> {
         }
     }
 
-    /// Adds the products of any four springs.
     #[inline(always)]
     fn add(&mut self, batch: &SpringBatch4<GatheredEnds>, springs: &Springs, w: &[f64], y: &mut [f64]) {
         let simd = self.simd;
@@ -358,7 +340,6 @@ fn wide<L: Simd, const N: usize>(simd: L, v: &[f64], row: u32) -> L::Four {
     }
 }
 
-/// As [`wide`], for the last rows.
 #[cold]
 fn last(v: &[f64], row: usize) -> [f64; 4] {
     few::<3>(v, row)
