@@ -1,4 +1,8 @@
 //! A system's M, G, K and A as assembled matrices: their pattern, the slot map, and the refill.
+//!
+//! The columns of a particle are contiguous values, to which every spring that ends in it adds. So each particle gathers
+//! from its own springs, in their order: no two particles write to one place, and every entry adds up in one order for any
+//! number of threads, at the price of computing each 3×3 block twice.
 
 use super::triplets::{BlockTriplet, MatrixEntry, assemble};
 use super::{BlockPattern, SymmetricMatrix};
@@ -187,10 +191,6 @@ pub fn assemble_afresh(operator: &SystemOperator) -> Vec<MatrixEntry> {
 const GRAIN: usize = 16_384;
 
 /// The input of a refill.
-///
-/// The columns of a particle are contiguous values, to which every spring that ends in it adds. So each particle gathers
-/// from its own springs, in their order: no two particles write to one place, and every entry adds up in one order for any
-/// number of threads, at the price of computing each 3×3 block twice.
 #[derive(Clone, Copy)]
 struct Filling<'a> {
     springs: &'a SpringPattern,
