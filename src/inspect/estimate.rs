@@ -147,7 +147,7 @@ impl Inspection {
 /// Multigrid for a positive definite A, where there is the memory for it.
 fn multigrid(system: &System, state: &State, positive: &SystemOperator<'_>) -> Option<Multigrid> {
     let mut multigrid = Multigrid::new(system).ok()?;
-    multigrid.place(&state.positions);
+    multigrid.set_positions(&state.positions);
     multigrid.refill(positive).ok()?;
     multigrid.rebuild(positive).ok()?;
     Some(multigrid)

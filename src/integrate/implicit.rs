@@ -146,7 +146,7 @@ impl<'s> LinearSystem<'s> {
 
     pub fn set_extensions<'a>(&mut self, at: impl Into<Configuration<'a>>) -> Result<(), StepFailure> {
         let at = at.into();
-        self.equations.place(at.positions());
+        self.equations.set_positions(at.positions());
         let updated = self.extensions.update(self.system, at);
         StepFailure::of_any(self.system, updated.map_err(Into::into))
     }

@@ -89,7 +89,7 @@ pub(super) fn indefinite(subject: &TestCase) -> Measured {
     use PreconditionerKind::{BlockJacobi, Jacobi, Multigrid, None};
     for kind in [None, Jacobi, BlockJacobi, Multigrid] {
         let mut preconditioner = Preconditioner::new(kind, system)?;
-        preconditioner.place(&twin.state.positions);
+        preconditioner.set_positions(&twin.state.positions);
         // A diagonal block or coarse matrix that is not definite is found before the first iteration: reported already.
         let reported = match preconditioner.update(&a, &mut Work::default()) {
             Err(_) => true,

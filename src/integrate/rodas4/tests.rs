@@ -6,7 +6,7 @@ use crate::force::SpringGeometry;
 use crate::integrate::oscillator::{Oscillator, Way};
 use crate::integrate::{AdaptiveStepper, ImplicitOptions, Status, TimeStepper};
 use crate::linear::{
-    Definiteness, Held, LdltSolver, LinearSolver, Solution, SolveFailure, SolverChoice, SolverOptions, norm,
+    Definiteness, LdltSolver, LinearSolver, PreparedMatrix, Solution, SolveFailure, SolverChoice, SolverOptions, norm,
 };
 use crate::operator::SystemOperator;
 use crate::spring::{Spring, Stiffness};
@@ -273,11 +273,17 @@ impl LinearSolver for Modest {
         "modest"
     }
 
-    fn take(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
-        self.solver.take(a, work)
+    fn update(&mut self, a: &SystemOperator, work: &mut Work) -> Result<Definiteness, SolveFailure> {
+        self.solver.update(a, work)
     }
 
-    fn solve(&mut self, a: Held<'_>, b: &[f64], x: &mut [f64], work: &mut Work) -> Result<Solution, SolveFailure> {
+    fn solve(
+        &mut self,
+        a: PreparedMatrix<'_>,
+        b: &[f64],
+        x: &mut [f64],
+        work: &mut Work,
+    ) -> Result<Solution, SolveFailure> {
         self.solver.solve(a, b, x, work)?;
         let mut shared = self.left_and_largest.lock().unwrap();
         shared[1] = shared[1].max(norm(b));

@@ -1,39 +1,37 @@
-//! The order in which a product takes the springs: four at a time, in a row where they are.
+//! The order in which a product takes the springs: four at a time, contiguous where possible.
 //!
-//! Four springs are *in a row* if their first ends are four particles that follow each other, and so are the others: the numbers of four ends
-//! then lie in one piece of twelve. In meshes that are numbered row by row most springs are. A spring's first end is the one with the smaller
-//! number, or the one that moves. Only what moves has rows: particles follow each other if those between them are held, and where all four others
-//! are held there are no rows of theirs.
+//! Four springs are *contiguous* if their first ends are four consecutive particles, and so are the others: the numbers of
+//! four ends are then one piece of twelve. In meshes that are numbered row by row most springs are. The first end of a
+//! spring is the one with the smaller number, or the one that moves. Only what moves has rows: particles are consecutive if
+//! those between them are held, and four held other ends have no rows.
 //!
-//! Springs are taken by *stretches* of particles, those of the first ends: what a stretch reads and writes stays in the fastest cache. Within
-//! a stretch those in a row come first, four particles after the other, and then the rest. So every row adds up its springs in one order,
-//! whatever part of them is taken.
+//! Springs are taken by *stretches* of their first ends, whose rows stay in the fastest cache. Within a stretch the
+//! contiguous ones come first, four particles after the other, and then the rest. So every row adds up its springs in one
+//! order, whatever part of them is taken.
 
-use super::batch4::NO_ROW;
 use crate::system::{Axes, System};
 
-/// Particles of a stretch, of those that move.
+/// Moving particles of a stretch.
 const STRETCH: usize = 64;
 
-/// No spring: there are fewer.
 pub const NO_SPRING: u32 = u32::MAX;
+
+/// No row: there are fewer, and so are the differences of two.
+pub const NO_ROW: u32 = u32::MAX - 1;
 
 /// Four springs, by their positions among the active ones, [`NO_SPRING`] where there are fewer.
 pub type Four = [u32; 4];
 
-/// The springs of a stretch, four at a time.
 #[derive(Debug, Default)]
 pub struct Stretch {
-    /// Those in a row, with the rows that the first and the other ends begin with, [`NO_ROW`] where the others are held.
+    /// Contiguous ones, with the first rows of the first and the other ends, [`NO_ROW`] where the others are held.
     pub contiguous: Vec<([u32; 2], Four)>,
-    /// Any others.
     pub others: Vec<Four>,
 }
 
-/// The particles that move, in order.
 struct Moving<'a> {
     system: &'a System,
-    /// How many there are before a particle.
+    /// The number of them before a particle.
     numbers: Vec<u32>,
     particles: Vec<u32>,
 }
@@ -42,7 +40,6 @@ impl<'a> Moving<'a> {
     fn of(system: &'a System) -> Self {
         let mut particles = Vec::with_capacity(system.particles());
         let number = |particle| {
-            // Particles are numbered in 32 bits.
             let number = particles.len() as u32;
             if !is_held(system, particle) {
                 particles.push(particle as u32);
@@ -57,53 +54,48 @@ impl<'a> Moving<'a> {
         self.particles.len().div_ceil(STRETCH)
     }
 
-    /// Which stretch the spring at a position belongs to.
     fn stretch(&self, position: u32) -> usize {
         let [first, _] = ends(self.system, position);
         self.numbers[first] as usize / STRETCH
     }
 
-    /// What the spring at a position is sorted by.
     fn entry(&self, position: u32) -> Entry {
         let [first, other] = ends(self.system, position);
         let number = self.numbers[first];
         let is_held = is_held(self.system, other);
-        let away = if is_held { (other as u32).wrapping_sub(first as u32) } else { self.numbers[other] - number };
-        Entry { four: number / 4 * 4, is_held, away, lane: number % 4, position }
+        let distance = if is_held { (other as u32).wrapping_sub(first as u32) } else { self.numbers[other] - number };
+        Entry { four: number / 4 * 4, is_held, distance, lane: number % 4, position }
     }
 
-    /// Where the rows of four particles begin, from the one with this number on, if there are four and all move freely along three axes.
+    /// The first row of four consecutive particles, if there are four and all move along three axes.
     fn row(&self, number: u32) -> Option<u32> {
         let number = number as usize;
         let four = self.particles.get(number..number + 4)?;
         let dofs = self.system.dofs();
         let are_free = four.iter().all(|&particle| dofs.free_axes(particle as usize) == Axes::ALL);
-        // Rows are numbered in 32 bits.
         are_free.then(|| dofs.first_row(four[0] as usize) as u32)
     }
 
-    /// The rows of springs in a row, the first and the others.
     fn rows(&self, entry: &Entry) -> Option<[u32; 2]> {
-        let others = if entry.is_held { NO_ROW } else { self.row(entry.four + entry.away)? };
+        let others = if entry.is_held { NO_ROW } else { self.row(entry.four + entry.distance)? };
         Some([self.row(entry.four)?, others])
     }
 }
 
-/// A spring with what it is sorted by: the first of the four particles that its first end is among, and how far the other end is away.
+/// A sorting key: the first of the four particles that the first end is among, and the distance of the other end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Entry {
     four: u32,
     is_held: bool,
-    away: u32,
-    /// Which of the four the first end is.
+    distance: u32,
+    /// The number of the first end among the four.
     lane: u32,
     position: u32,
 }
 
 impl Entry {
-    /// What springs in a row share.
-    fn row(&self) -> (u32, bool, u32) {
-        (self.four, self.is_held, self.away)
+    fn group(&self) -> (u32, bool, u32) {
+        (self.four, self.is_held, self.distance)
     }
 }
 
@@ -118,62 +110,41 @@ pub fn ends(system: &System, position: u32) -> [usize; 2] {
     if is_held(system, first) { [other, first] } else { [first, other] }
 }
 
-/// The ends of the active spring at a position.
 pub fn pair(system: &System, position: u32) -> [usize; 2] {
     system.pair(system.active_springs()[position as usize] as usize)
 }
 
-/// No system has more stretches.
+/// An upper bound of the number of stretches.
 pub fn most_stretches(system: &System) -> usize {
     system.particles().div_ceil(STRETCH)
 }
 
-/// All active springs of a system, stretch by stretch: all at once would be a third of what a product keeps.
+/// All active springs of a system, stretch by stretch to save memory.
 pub fn stretches(system: &System) -> impl Iterator<Item = Stretch> + '_ {
     let moving = Moving::of(system);
-    let (positions, ends_of_stretches) = by_stretch(&moving);
+    let springs = 0..system.active_springs().len() as u32;
+    let with_stretch = || springs.clone().map(|position| (moving.stretch(position), position));
+    let (starts, positions) = group(moving.stretches(), with_stretch);
     let mut entries = Vec::new();
-    let mut start = 0;
-    ends_of_stretches.into_iter().map(move |end| {
+    (0..moving.stretches()).map(move |stretch| {
         entries.clear();
-        entries.extend(positions[start..end].iter().map(|&position| moving.entry(position)));
-        start = end;
+        entries.extend(positions[starts[stretch]..starts[stretch + 1]].iter().map(|&position| moving.entry(position)));
         of_stretch(&moving, &mut entries)
     })
-}
-
-/// The positions of all springs, those of the first stretch first, and where each stretch ends.
-fn by_stretch(moving: &Moving) -> (Vec<u32>, Vec<usize>) {
-    let springs = moving.system.active_springs().len();
-    let mut free = vec![0; moving.stretches() + 1];
-    // Springs are numbered in 32 bits.
-    for position in 0..springs as u32 {
-        free[moving.stretch(position) + 1] += 1;
-    }
-    (1..free.len()).for_each(|next| free[next] += free[next - 1]);
-    let mut positions = vec![0; springs];
-    for position in 0..springs as u32 {
-        let place = &mut free[moving.stretch(position)];
-        positions[*place] = position;
-        *place += 1;
-    }
-    // Each has been filled up to where the next begins; behind the last there is none.
-    free.pop();
-    (positions, free)
 }
 
 fn of_stretch(moving: &Moving, entries: &mut [Entry]) -> Stretch {
     entries.sort_unstable();
     let mut stretch = Stretch::default();
     let mut others = Vec::new();
-    for row in entries.chunk_by(|a, b| a.row() == b.row()) {
+    for row in entries.chunk_by(|a, b| a.group() == b.group()) {
         let Some(rows) = moving.rows(&row[0]).filter(|_| row.len() > 1) else {
             others.extend_from_slice(row);
             continue;
         };
         let mut four = [NO_SPRING; 4];
         for (n, entry) in row.iter().enumerate() {
-            // A second spring between the same two is one of the others.
+            // A second spring between the same two particles is not contiguous.
             match row.get(n.wrapping_sub(1)) {
                 Some(last) if last.lane == entry.lane => others.push(*entry),
                 _ => four[entry.lane as usize] = entry.position,
@@ -187,7 +158,7 @@ fn of_stretch(moving: &Moving, entries: &mut [Entry]) -> Stretch {
         by_distance.extend_from_slice(row);
         spread(&by_distance, row);
     }
-    // Those that share their first end follow each other.
+    // Those that share their first end are neighbours.
     others.sort_unstable_by_key(|entry| (entry.four + entry.lane, entry.position));
     let fours =
         others.chunks(4).map(|entries| std::array::from_fn(|n| entries.get(n).map_or(NO_SPRING, |e| e.position)));
@@ -195,11 +166,28 @@ fn of_stretch(moving: &Moving, entries: &mut [Entry]) -> Stretch {
     stretch
 }
 
-/// Puts the first of a list, the first of its second half, the second, and so on. Neighbours in the list end in rows that overlap by some, which a
-/// processor cannot load before they are stored.
+/// Takes from both halves of a list by turns. Neighbours in the list end in overlapping rows, which a processor cannot load
+/// before they are stored.
 fn spread<T: Copy>(list: &[T], spread: &mut [T]) {
     let (near, far) = list.split_at(list.len().div_ceil(2));
     for (n, place) in spread.iter_mut().enumerate() {
         *place = if n % 2 == 0 { near[n / 2] } else { far[n / 2] };
     }
+}
+
+/// Groups items by a key below `groups`, keeping their order: group k is `items[starts[k]..starts[k + 1]]`.
+pub fn group<T: Copy + Default, I: Iterator<Item = (usize, T)>>(
+    groups: usize,
+    items: impl Fn() -> I,
+) -> (Vec<usize>, Vec<T>) {
+    let mut starts = vec![0; groups + 1];
+    items().for_each(|(key, _)| starts[key + 1] += 1);
+    (0..groups).for_each(|key| starts[key + 1] += starts[key]);
+    let mut next = starts.clone();
+    let mut grouped = vec![T::default(); starts[groups]];
+    for (key, item) in items() {
+        grouped[next[key]] = item;
+        next[key] += 1;
+    }
+    (starts, grouped)
 }

@@ -1,16 +1,13 @@
-//! Four numbers side by side in the registers of a processor: one of each of four springs, or those of one vector.
+//! Four numbers side by side in vector registers, one of each of four springs, and prefetching.
 //!
-//! A vector along three axes is loaded with the number behind it in a fourth lane, which is of no use. Four of them become three lists of four
-//! springs, one an axis, by exchanging lanes, and go back as a pair of numbers and a single one each. Sums are loaded and stored in
-//! exactly these two pieces: a processor hands what was just stored on to a load only where it is all of one store.
+//! A vector along three axes is loaded with the number behind it, which is padding. Four of them are transposed into three
+//! lists of four springs, one an axis, and go back as a pair and a single number each: sums are loaded and stored in these
+//! two pieces, as processors forward a store to a load of the same bytes only.
 //!
-//! Both kinds round every operation alike, in the same order: their results are the same to the bit.
+//! Both implementations round alike, in the same order: their results are the same to the bit.
 
-/// The operations that a product needs.
-pub trait Lanes: Copy {
-    /// Four numbers.
+pub trait Simd: Copy {
     type Four: Copy;
-    /// Two numbers.
     type Two: Copy;
 
     fn four(self, numbers: [f64; 4]) -> Self::Four;
@@ -18,15 +15,15 @@ pub trait Lanes: Copy {
     fn add(self, a: Self::Four, b: Self::Four) -> Self::Four;
     fn sub(self, a: Self::Four, b: Self::Four) -> Self::Four;
     fn mul(self, a: Self::Four, b: Self::Four) -> Self::Four;
-    /// The first three numbers of four vectors as lists of each.
-    fn lists(self, vectors: [Self::Four; 4]) -> [Self::Four; 3];
-    /// Back again, in two pieces.
-    fn vectors(self, lists: [Self::Four; 3]) -> [(Self::Two, f64); 4];
+    /// Transposes four vectors of three numbers and padding.
+    fn transpose(self, vectors: [Self::Four; 4]) -> [Self::Four; 3];
+    /// Transposes back, in two pieces.
+    fn split_transpose(self, lists: [Self::Four; 3]) -> [(Self::Two, f64); 4];
 
-    /// Four vectors of three numbers that lie in one piece as lists of each.
-    fn axes(self, twelve: [Self::Four; 3]) -> [Self::Four; 3];
-    /// Back again.
-    fn twelve(self, axes: [Self::Four; 3]) -> [Self::Four; 3];
+    /// Transposes four vectors of three contiguous numbers.
+    fn deinterleave(self, twelve: [Self::Four; 3]) -> [Self::Four; 3];
+    /// Transposes back.
+    fn interleave(self, axes: [Self::Four; 3]) -> [Self::Four; 3];
 
     fn two(self, numbers: [f64; 2]) -> Self::Two;
     fn numbers(self, two: Self::Two) -> [f64; 2];
@@ -36,7 +33,6 @@ pub trait Lanes: Copy {
     fn all_equal(self, numbers: &[u32; 4]) -> bool;
 }
 
-/// For every processor.
 #[derive(Debug, Clone, Copy)]
 pub struct Portable;
 
@@ -45,7 +41,7 @@ fn each<const N: usize>(a: [f64; N], b: [f64; N], f: impl Fn(f64, f64) -> f64) -
     std::array::from_fn(|lane| f(a[lane], b[lane]))
 }
 
-impl Lanes for Portable {
+impl Simd for Portable {
     type Four = [f64; 4];
     type Two = [f64; 2];
 
@@ -75,23 +71,23 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn lists(self, vectors: [[f64; 4]; 4]) -> [[f64; 4]; 3] {
+    fn transpose(self, vectors: [[f64; 4]; 4]) -> [[f64; 4]; 3] {
         std::array::from_fn(|axis| vectors.map(|vector| vector[axis]))
     }
 
     #[inline(always)]
-    fn vectors(self, [x, y, z]: [[f64; 4]; 3]) -> [([f64; 2], f64); 4] {
+    fn split_transpose(self, [x, y, z]: [[f64; 4]; 3]) -> [([f64; 2], f64); 4] {
         std::array::from_fn(|spring| ([x[spring], y[spring]], z[spring]))
     }
 
     #[inline(always)]
-    fn axes(self, twelve: [[f64; 4]; 3]) -> [[f64; 4]; 3] {
+    fn deinterleave(self, twelve: [[f64; 4]; 3]) -> [[f64; 4]; 3] {
         let numbers = twelve.as_flattened();
         std::array::from_fn(|axis| std::array::from_fn(|spring| numbers[3 * spring + axis]))
     }
 
     #[inline(always)]
-    fn twelve(self, axes: [[f64; 4]; 3]) -> [[f64; 4]; 3] {
+    fn interleave(self, axes: [[f64; 4]; 3]) -> [[f64; 4]; 3] {
         std::array::from_fn(|piece| {
             std::array::from_fn(|n| {
                 let number = 4 * piece + n;
@@ -128,13 +124,12 @@ impl Lanes for Portable {
 
 #[cfg(target_arch = "x86_64")]
 mod wide {
-    use super::Lanes;
+    use super::Simd;
     use pulp::cast;
     use pulp::x86::V3;
     use std::arch::x86_64::{__m128d, __m128i, __m256d};
 
-    /// For processors with registers of 256 bits.
-    impl Lanes for V3 {
+    impl Simd for V3 {
         type Four = __m256d;
         type Two = __m128d;
 
@@ -164,9 +159,9 @@ mod wide {
         }
 
         #[inline(always)]
-        fn lists(self, [a, b, c, d]: [__m256d; 4]) -> [__m256d; 3] {
+        fn transpose(self, [a, b, c, d]: [__m256d; 4]) -> [__m256d; 3] {
             let avx = self.avx;
-            // x and z of two springs, alternating; y and what is behind of them.
+            // x and z of two springs, alternating; y and the padding.
             let (ab, ab_y) = (avx._mm256_unpacklo_pd(a, b), avx._mm256_unpackhi_pd(a, b));
             let (cd, cd_y) = (avx._mm256_unpacklo_pd(c, d), avx._mm256_unpackhi_pd(c, d));
             [
@@ -177,7 +172,7 @@ mod wide {
         }
 
         #[inline(always)]
-        fn vectors(self, [x, y, z]: [__m256d; 3]) -> [(__m128d, f64); 4] {
+        fn split_transpose(self, [x, y, z]: [__m256d; 3]) -> [(__m128d, f64); 4] {
             let avx = self.avx;
             // x and y of the springs 0 and 2, 1 and 3.
             let (even, odd) = (avx._mm256_unpacklo_pd(x, y), avx._mm256_unpackhi_pd(x, y));
@@ -188,7 +183,7 @@ mod wide {
         }
 
         #[inline(always)]
-        fn axes(self, [a, b, c]: [__m256d; 3]) -> [__m256d; 3] {
+        fn deinterleave(self, [a, b, c]: [__m256d; 3]) -> [__m256d; 3] {
             let avx = self.avx;
             // x0 y0 x2 y2, z0 x1 z2 x3, y1 z1 y3 z3.
             let xy = avx._mm256_blend_pd::<0b1100>(a, b);
@@ -202,7 +197,7 @@ mod wide {
         }
 
         #[inline(always)]
-        fn twelve(self, [x, y, z]: [__m256d; 3]) -> [__m256d; 3] {
+        fn interleave(self, [x, y, z]: [__m256d; 3]) -> [__m256d; 3] {
             let avx = self.avx;
             let xy = avx._mm256_unpacklo_pd(x, y);
             let zx = avx._mm256_shuffle_pd::<0b1010>(z, x);
@@ -243,30 +238,47 @@ mod wide {
     }
 }
 
+/// Prefetches the cache line in which `value` begins.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub(crate) fn prefetch<T>(value: &T) {
+    safe_arch::prefetch_t0(value);
+}
+
+/// Does nothing: safe code has no prefetch on this architecture.
+#[cfg(not(target_arch = "x86_64"))]
+#[inline(always)]
+pub(crate) fn prefetch<T>(_: &T) {}
+
+/// Prefetches contiguous values, by cache lines of 64 bytes.
+#[inline(always)]
+pub(crate) fn prefetch_all<T>(values: &[T]) {
+    values.iter().step_by((64 / size_of::<T>()).max(1)).for_each(prefetch);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// What any registers give.
-    fn results<L: Lanes>(lanes: L) -> Vec<f64> {
+    fn results<L: Simd>(simd: L) -> Vec<f64> {
         let vectors = [[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0], [9.0, 10.0, 11.0, 12.0], [13.0, 14.0, 15.0, 16.0]];
-        let four = vectors.map(|vector| lanes.four(vector));
-        let lists = lanes.lists(four);
-        let back = lanes.vectors(lists);
-        let sums = lanes.vectors([
-            lanes.add(lists[0], lists[1]),
-            lanes.sub(lists[1], lists[2]),
-            lanes.mul(lists[0], lists[2]),
+        let four = vectors.map(|vector| simd.four(vector));
+        let lists = simd.transpose(four);
+        let back = simd.split_transpose(lists);
+        let sums = simd.split_transpose([
+            simd.add(lists[0], lists[1]),
+            simd.sub(lists[1], lists[2]),
+            simd.mul(lists[0], lists[2]),
         ]);
-        let pair = lanes.add_two(lanes.two([1.0, 2.0]), lanes.sub_two(lanes.two([7.0, 9.0]), lanes.two([3.0, 4.0])));
+        let pair = simd.add_two(simd.two([1.0, 2.0]), simd.sub_two(simd.two([7.0, 9.0]), simd.two([3.0, 4.0])));
         let pieces = back.into_iter().chain(sums).chain([(pair, 0.0)]);
-        let axes = lanes.axes([four[0], four[1], four[2]]);
-        let twelve = axes.into_iter().chain(lanes.twelve(axes)).flat_map(|four| lanes.all(four));
-        pieces.flat_map(|(xy, z)| lanes.numbers(xy).into_iter().chain([z])).chain(twelve).collect()
+        let axes = simd.deinterleave([four[0], four[1], four[2]]);
+        let twelve = axes.into_iter().chain(simd.interleave(axes)).flat_map(|four| simd.all(four));
+        pieces.flat_map(|(xy, z)| simd.numbers(xy).into_iter().chain([z])).chain(twelve).collect()
     }
 
     #[test]
-    fn registers_of_any_width_hold_the_same() {
+    fn all_implementations_agree() {
         let expected = [
             [1.0, 2.0, 3.0],
             [5.0, 6.0, 7.0],

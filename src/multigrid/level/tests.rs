@@ -4,14 +4,15 @@ use super::super::block::Block;
 use super::super::galerkin::UNSMOOTHED;
 use super::super::modes::Frames;
 use super::super::prolongator::Prolongator;
-use super::super::sparse::Rows;
-use super::super::{Hierarchy, LevelSize};
-use super::Stage;
+use super::super::sparse::{BlockMatrix, Pattern, Rows};
+use super::super::{Cycle as _, Hierarchy, LevelSize};
+use super::{Dense, Level};
 use crate::force::SpringGeometry;
 use crate::operator::{Combination, LinearOperator as _, SystemOperator};
 use crate::spring::{Spring, Stiffness};
 use crate::system::{Axes, Constraint, Motion, State, System, SystemBuilder};
 use nalgebra::{DMatrix, Vector3};
+use std::sync::Arc;
 
 /// What single precision leaves, with the errors of a few products.
 const SINGLE: f64 = 2e-5;
@@ -152,7 +153,7 @@ fn filtered<const N: usize, const M: usize>(
 /// The matrix that a stage applies, by the formulas, after its parts have been compared with theirs. `motions` are rigid motions of
 /// all nodes, one a column, `couplings` the weights of the graph. Levels from this one on are counted in `levels`.
 fn reference<const N: usize, const M: usize>(
-    stage: &Stage<N, M>,
+    stage: &Level<N, M>,
     a: &impl Rows<N>,
     factor: f64,
     motions: &DMatrix<f64>,
@@ -163,8 +164,8 @@ fn reference<const N: usize, const M: usize>(
     *levels += 1;
     let unscaled = dense(a);
     let scaled = factor * &unscaled;
-    let Stage::Coarsen(level) = stage else {
-        assert!(matches!(stage, Stage::Direct(_)));
+    let Some(level) = stage.coarse() else {
+        assert!(matches!(stage, Level::Direct(_)));
         return scaled.try_inverse().unwrap();
     };
     let (order, count) = (scaled.nrows(), level.prolongator.columns());
@@ -189,7 +190,7 @@ fn reference<const N: usize, const M: usize>(
         let first = tentative_column(&level.prolongator, aggregate).map(|(node, _)| node).next().unwrap();
         assert_eq!((level.prolongator.member(aggregate), stage.member(1, aggregate)), (first, first));
     }
-    if let Stage::Coarsen(next) = &level.next {
+    if let Some(next) = level.level.coarse() {
         for aggregate in 0..next.prolongator.columns() {
             let first = tentative_column(&next.prolongator, aggregate).map(|(node, _)| node).next().unwrap();
             assert_eq!(stage.member(2, aggregate), level.prolongator.member(first));
@@ -227,7 +228,7 @@ fn reference<const N: usize, const M: usize>(
     let mut coarse_couplings = member.transpose() * couplings * &member;
     coarse_couplings.fill_diagonal(0.0);
     let below = reference(
-        &level.next,
+        &level.level,
         coarse,
         factor,
         &coarse_motions,
@@ -284,9 +285,9 @@ fn check<const D: usize, const M: usize>(
     let extensions = SpringGeometry::at(&system, &state.positions).unwrap();
     let a = SystemOperator::new(&system, &extensions, Stiffness::Tension, Combination::step(0.1));
     let mut hierarchy = Hierarchy::<D, M>::new(&system, largest_dense).unwrap();
-    hierarchy.finest.place(&state.positions);
+    hierarchy.finest.set_positions(&state.positions);
     hierarchy.refill(&a).unwrap();
-    hierarchy.rebuild(&a, &mut |_| ()).unwrap();
+    hierarchy.rebuild(&a).unwrap();
 
     // The finest matrix is that of the system, with x = 0 for axes that are held.
     let finest = hierarchy.finest.rows(&a);
@@ -319,8 +320,8 @@ fn check<const D: usize, const M: usize>(
     let motions = rigid_motions(&hierarchy, &system, &state);
     let couplings = couplings(&hierarchy, &system);
     let by_formula =
-        factor * reference(&hierarchy.stage, &finest, factor, &motions, &couplings, &hierarchy.finest, &mut levels);
-    let sizes: Vec<LevelSize> = hierarchy.stage.sizes(&hierarchy.finest.pattern);
+        factor * reference(&hierarchy.level, &finest, factor, &motions, &couplings, &hierarchy.finest, &mut levels);
+    let sizes: Vec<LevelSize> = hierarchy.level.sizes(&hierarchy.finest.pattern);
     assert_eq!((levels, sizes.len()), (expected_levels, expected_levels));
     let entries = found.iter().filter(|entry| **entry != 0.0).count();
     assert!(sizes[0].nodes * D == found.nrows() && sizes[0].unknowns == found.nrows() && sizes[0].entries >= entries);
@@ -331,7 +332,7 @@ fn check<const D: usize, const M: usize>(
     for (k, mut column) in applied.column_iter_mut().enumerate() {
         let mut r = vec![0.0; order];
         r[k] = 3e5;
-        hierarchy.apply(&r, column.as_mut_slice(), &mut |_| ());
+        hierarchy.apply(&r, column.as_mut_slice());
     }
     let place = |row: usize| rows.iter().position(|&of| of == Some(row)).unwrap();
     let expected = DMatrix::from_fn(order, order, |r, c| 3e5 * by_formula[(place(r), place(c))]);
@@ -370,4 +371,38 @@ fn a_cycle_around_a_hub_is_its_formula() {
         builder.spring(i, hub, Spring { stiffness: 1.0 + 0.1 * i as f64, rest_length: 0.7, damping: 0.0 });
     }
     check::<1, 1>(builder.build().unwrap(), 3, 5);
+}
+
+/// The row of an entry that is not finite, or of a pivot that is not positive.
+#[test]
+fn bad_rows_are_told() {
+    let pattern = Pattern::build(5, |row, columns| columns.push(row as u32)).unwrap();
+    let with = |row: usize, entry: f64| {
+        let mut matrix = BlockMatrix::<2, 2, f64>::zeros(Arc::new(pattern.clone()));
+        for (at, block) in matrix.values.iter_mut().enumerate() {
+            *block = [[2.0, 0.5], [0.5, if at == row { entry } else { 4.0 }]];
+        }
+        matrix
+    };
+    let mut dense = Dense::new(10);
+    assert!(format!("{dense:?}").contains("order: 10"));
+    for row in 0..5 {
+        for entry in [f64::INFINITY, f64::NAN, -1.0] {
+            assert_eq!(dense.update(&with(row, entry), 1.0), Err(row), "{entry}");
+        }
+    }
+    // Beside the diagonal the row counts, not the column.
+    let pattern =
+        Pattern::build(5, |row, columns| columns.extend(if row == 3 { vec![1, 3] } else { vec![row as u32] }));
+    let mut matrix = BlockMatrix::<2, 2, f64>::zeros(Arc::new(pattern.unwrap()));
+    matrix.values.fill([[2.0, 0.5], [0.5, 4.0]]);
+    matrix.values[3][1][0] = f64::INFINITY;
+    assert_eq!(dense.update(&matrix, 1.0), Err(3));
+    dense.update(&with(3, 1.0), 2.0).unwrap();
+    let mut x = [[0.0f32; 2]; 5];
+    dense.solve(&[[1.0, 3.0]; 5], &mut x);
+    assert!(x.iter().enumerate().all(|(row, x)| {
+        let last = if row == 3 { 1.0 } else { 4.0 };
+        (4.0 * x[0] + x[1] - 1.0).abs() < 1e-6 && (x[0] + 2.0 * last * x[1] - 3.0).abs() < 1e-6
+    }));
 }
