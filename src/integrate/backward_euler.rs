@@ -63,7 +63,7 @@ impl<'s> LinearBackwardEuler<'s> {
     /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; too little memory.
+    /// As [`new`](Self::new).
     pub fn with_solver(
         system: &'s System,
         state: &State,
@@ -175,27 +175,6 @@ fn advance(system: &System, state: &mut State, displacement: &[Vector3<f64>], dt
 }
 
 /// Backward Euler, first order, nonlinear.
-///
-/// # Examples
-/// ```
-/// use sprung::integrate::{BackwardEuler, ImplicitOptions, NewtonOptions, TimeStepper};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut stepper = BackwardEuler::new(&system, &state, &ImplicitOptions::default(), NewtonOptions::default())?;
-/// for _ in 0..100 {
-///     stepper.step(&mut state, 0.001)?;
-/// }
-/// // A particle of 1 kg on 10 N/m, 1 m from rest, at t = 0.1 s.
-/// let exact = 2.0 - (10.0_f64.sqrt() * 0.1).cos();
-/// assert!((state.positions[1].x - exact).abs() < 1e-3);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub struct BackwardEuler<'s>(Newton<'s>);
 
 impl<'s> BackwardEuler<'s> {
@@ -210,7 +189,7 @@ impl<'s> BackwardEuler<'s> {
     /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; too little memory; invalid options.
+    /// As [`new`](Self::new).
     pub fn with_solver(
         system: &'s System,
         state: &State,

@@ -10,29 +10,27 @@
 //!
 //! a backward Euler step over τ from the point (x̃, ṽ). Equal steps have β = 1/3 and τ = 2h/3. Second order, L-stable with equal steps,
 //! and stable for any sequence of steps with ratios below 1 + √2. Where there is no past, ω = 0 makes it the backward Euler step over
-//! h: the first step is one, and so is every step whose past says nothing about its future, see [`history`]. One error of second
+//! h: so is the first step, and every step whose past says nothing about its future, see [`history`]. One error of second
 //! order costs no order. (Choi and Ko, 2002, use the formula for cloth.)
 //!
-//! **One iteration.** The equations are solved by a quasi-Newton iteration that starts not at x but at the predicted state
+//! **One iteration.** The equations are solved by a quasi-Newton iteration from the predicted state
 //!
 //! ```text
 //! y = x + h v + ½ h ω (v − v₋),      w = (y − x̃)/τ
 //! ```
 //!
-//! (prescribed particles where they will be), with the exact residual there:
+//! (prescribed particles at their new place), with the exact residual there:
 //!
 //! ```text
 //! A(τ; y) d = −[M (w − ṽ)/τ − f_el(y) − f_d(y, w) − g],     x' = y + d,     v' = (x' − x̃)/τ.
 //! ```
 //!
-//! As y is off by O(h³) only, one iteration with any matrix that contracts is the formula up to O(h⁴) or better: the matrix decides
-//! how fast the iteration converges and not where to, so every stiffness option keeps the order. The on-demand policy takes the one
-//! of [`iteration`]. A spring that turns is not slowed by the stretch that turning by v h would bring, as it is when forces are
-//! linearised at x. The residual at x' decides whether one iteration is enough, see there.
+//! As y is off by O(h³) only, one iteration with any matrix that contracts is the formula up to O(h⁴) or better, so every stiffness option
+//! keeps the order. The on-demand policy takes the one of [`iteration`], where the residual at x' decides whether one iteration is
+//! enough. A spring that turns is not slowed by the stretch that turning by v h would bring, as it is when forces are linearised at x.
 //!
 //! **Error estimate.** From differences of velocities alone, see [`history`]. No step reuses the matrix of the last one: its directions are
-//! outdated, and an error along a stiff spring then has a part across it of many times the step's own error, however well the iteration
-//! contracts. (A stiff rod that swings down with a tolerance of 1e-2 ended 57 % off.)
+//! outdated, and an error along a stiff spring then has a part across it of many times the step's own error.
 
 mod history;
 mod iteration;
@@ -98,7 +96,7 @@ impl<'s> Bdf2<'s> {
     /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; too little memory.
+    /// As [`new`](Self::new).
     pub fn with_solver(
         system: &'s System,
         state: &State,

@@ -25,9 +25,8 @@
 //! to which the work of the damping forces along the line searched is added, `−∫ f_dᵀ dδ` by the trapezoidal rule. Their sum φ has the
 //! slope `φ' = rᵀΔ`, and a step s must bring the decrease `φ(s) ≤ φ(0) + c s φ'(0)` (Armijo). Near the solution φ is
 //! all rounding; then its slope must have fallen, `φ'(s) ≤ (1 − 2c)|φ'(0)|`, which for a quadratic φ says the same (the
-//! "approximate Wolfe" condition of Hager and Zhang, 2005). The iteration starts from the predicted state, δ = dt v. (From
-//! rest, δ = 0, its first full step would be the linearised one, which slows springs that turn.) Where it fails from
-//! there, it starts again from rest.
+//! "approximate Wolfe" condition of Hager and Zhang, 2005). The iteration starts from the predicted state, δ = dt v, and where it
+//! fails from there, again from rest, δ = 0.
 //!
 //! **The matrix** is that of the stiffness option as long as it serves, and otherwise one that does, see [`MatrixChoice`].
 

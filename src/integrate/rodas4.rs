@@ -1,4 +1,5 @@
-//! RODAS4, a stiffly accurate Rosenbrock method of fourth order, on the matrix of linearised backward Euler: one factorization and six solves a step.
+//! RODAS4, a stiffly accurate Rosenbrock method of fourth order, on the matrix of linearised backward Euler: one factorization and six
+//! solves a step.
 //!
 //! **The method** in Hairer and Wanner's transformed form, for `y' = F(y)`, its Jacobian J at the step's beginning and τ = γ h:
 //!
@@ -15,10 +16,9 @@
 //! (A − D) u_x = s + M r_x/τ − G r_x,      A = M/τ² − G/τ − K,
 //! ```
 //!
-//! the matrix of linearised backward Euler with dt → τ. D, from damped springs that turn, is not symmetric and stays out of the matrix. Left out
-//! altogether it would cost all orders but the first. One correction of the defect, `A u = b`, then `A u' = b + D u`, leaves
-//! `(A⁻¹ D)² = O(h⁴)` of u, which is O(h) itself: the method keeps its order. So a stage is one solve without damping and two
-//! with it.
+//! the matrix of linearised backward Euler with dt → τ. D, from damped springs that turn, is not symmetric and stays out of the matrix. One
+//! correction of the defect, `A u = b`, then `A u' = b + D u`, leaves `(A⁻¹ D)² = O(h⁴)` of u, which is O(h) itself, and keeps the
+//! order. So a stage is one solve without damping and two with it.
 //!
 //! **Never regularized.** The order needs the exact J. Where A is not positive definite the step is refused as indefinite,
 //! whatever the stiffness option: with error control a shorter one is tried, and a step of fixed length is done in parts, at
@@ -26,14 +26,11 @@
 //! grows by 2.6 % too much in a step, at 3 thirteen times. So parts are quarters.
 //!
 //! **Local error.** u_6 is the error of a formula of third order; the method's own is a power of h higher. On a vibration of
-//! frequency ω, z = ωh, it is `|R(iz) − e^{iz}| = 0.15 z |u_6|`, within a third up to z = 2, and of the size of u_6 beyond, where positions
-//! hardly contribute. The vibration itself gives its frequency: `h ‖u_6v‖ = z ‖u_6x‖`. So the local error of a step is about
-//! `min(‖u_6x‖, 0.15 h ‖u_6v‖)`, which steps of any length report.
+//! frequency ω, z = ωh, it is `|R(iz) − e^{iz}| = 0.15 z |u_6|`, within a third up to z = 2, and of the size of u_6 beyond. The
+//! vibration itself gives its frequency: `h ‖u_6v‖ = z ‖u_6x‖`. So the local error of a step is about `min(‖u_6x‖, 0.15 h ‖u_6v‖)`.
 //!
-//! **Kinematic particles** move at a constant velocity v_c between the kinks of their paths, where steps are cut. There they are
-//! part of y: `u_v = 0` and `u_x = τ r_x`, which enters the right-hand side as the displacement of
-//! prescribed coordinates does in linearised backward Euler, and the correction too. In the non-autonomous form of the method that is its term with
-//! `∂F/∂t = K_fc v_c + D_fc v_c`.
+//! **Kinematic particles** move at a constant velocity v_c between the kinks of their paths, where steps are cut. They are part of y with
+//! `u_v = 0` and `u_x = τ r_x`, the displacement of prescribed coordinates in the right-hand side and in the correction.
 //!
 //! Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.7, IV.10, and their code rodas.f (METH = 1), whose
 //! coefficients these are.
@@ -92,27 +89,6 @@ const RATES: Row = [0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0];
 const B: Row = [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.687886036105895, 1.0, 1.0];
 
 /// Fourth order with the full stiffness, A- and L-stable; steps with an indefinite matrix are refused or cut.
-///
-/// # Examples
-/// ```
-/// use sprung::integrate::{ImplicitOptions, Rodas4, TimeStepper};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut stepper = Rodas4::new(&system, &state, &ImplicitOptions::default())?;
-/// for _ in 0..100 {
-///     stepper.step(&mut state, 0.001)?;
-/// }
-/// // A particle of 1 kg on 10 N/m, 1 m from rest, at t = 0.1 s.
-/// let exact = 2.0 - (10.0_f64.sqrt() * 0.1).cos();
-/// assert!((state.positions[1].x - exact).abs() < 1e-3);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[doc(alias = "Rosenbrock")]
 pub struct Rodas4<'s> {
     linear: LinearSystem<'s>,
@@ -134,14 +110,11 @@ pub struct Rodas4<'s> {
     local_error: f64,
     /// The length of the last part of a step, in s, to which the matrix belongs.
     part: f64,
-    /// The last step's length, in s, and the [error of its stages](Self::stage_error).
+    /// The last step's length, in s, and the [error of its stages](stage_error).
     last: Option<(f64, f64)>,
     /// The largest residual of the stages, in N.
     residual: f64,
 }
-
-/// The last stage, which is the difference from the embedded formula.
-const EMBEDDED: usize = STAGES - 1;
 
 /// The method's error over z times that of the embedded formula.
 const ERROR_RATIO: f64 = 0.15;
@@ -161,7 +134,8 @@ impl<'s> Rodas4<'s> {
     /// # Errors
     /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large; external forces without derivatives.
     pub fn new(system: &'s System, state: &State, options: &ImplicitOptions) -> Result<Self> {
-        Self::of(system, state, options, LinearSystem::new)
+        let options = exact(system, options)?;
+        Ok(Self::of(system, state, LinearSystem::new(system, state, &options)?))
     }
 
     /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
@@ -174,25 +148,14 @@ impl<'s> Rodas4<'s> {
         options: &ImplicitOptions,
         solver: Box<dyn LinearSolver + 's>,
     ) -> Result<Self> {
-        Self::of(system, state, options, |system, state, options| {
-            LinearSystem::with_solver(system, state, options, solver)
-        })
+        let options = exact(system, options)?;
+        Ok(Self::of(system, state, LinearSystem::with_solver(system, state, &options, solver)?))
     }
 
-    fn of(
-        system: &'s System,
-        state: &State,
-        options: &ImplicitOptions,
-        linear: impl FnOnce(&'s System, &State, &ImplicitOptions) -> Result<LinearSystem<'s>>,
-    ) -> Result<Self> {
-        if !system.knows_external_derivatives() {
-            return Err(Error::Unsupported(
-                "rodas4 needs the derivatives of external forces, and some have none; use bdf2 or w2".into(),
-            ));
-        }
+    fn of(system: &'s System, state: &State, linear: LinearSystem<'s>) -> Self {
         let zeros = || vec![Vector3::zeros(); system.particles()];
-        Ok(Self {
-            linear: linear(system, state, &ImplicitOptions { stiffness: StiffnessPolicy::OnDemand, ..*options })?,
+        Self {
+            linear,
             is_damped: system.is_damped(),
             displacements: std::array::from_fn(|_| zeros()),
             velocities: std::array::from_fn(|_| zeros()),
@@ -207,7 +170,7 @@ impl<'s> Rodas4<'s> {
             part: 0.0,
             last: None,
             residual: 0.0,
-        })
+        }
     }
 
     /// Computes `next`, h seconds after `base`. No kink may be in between. The accuracy of the solves follows the error of the step.
@@ -222,7 +185,7 @@ impl<'s> Rodas4<'s> {
             if !self.linear.adaptive_tolerance.is_adaptive() {
                 return Ok(());
             }
-            let error = self.stage_error(h);
+            let error = stage_error(self.linear.system, self.embedded(), h);
             self.last = Some((h, error));
             if self.linear.adaptive_tolerance.suffices(self.residual, inertia, error) {
                 break;
@@ -320,13 +283,13 @@ impl<'s> Rodas4<'s> {
     /// of the error of the step's positions, in m: `min(‖u_6x‖, 0.15 h ‖u_6v‖)`.
     fn finish_estimate(&mut self, h: f64) -> f64 {
         let system = self.linear.system;
-        zero_prescribed(system, &mut self.displacements[EMBEDDED]);
-        position_error(system, &self.displacements[EMBEDDED], &self.velocities[EMBEDDED], h)
+        zero_prescribed(system, &mut self.displacements[STAGES - 1]);
+        position_error(system, self.embedded(), h)
     }
 
-    /// The error with which that of a stage is compared, in m √kg.
-    fn stage_error(&self, h: f64) -> f64 {
-        stage_error(self.linear.system, &self.displacements[EMBEDDED], &self.velocities[EMBEDDED], h)
+    /// u_6, whose positions and velocities are the difference from the embedded formula.
+    fn embedded(&self) -> [&[Vector3<f64>]; 2] {
+        [&self.displacements[STAGES - 1], &self.velocities[STAGES - 1]]
     }
 
     /// Advances `base` over a substep of a step of dt seconds, in parts where the matrix is indefinite.
@@ -358,6 +321,16 @@ impl<'s> Rodas4<'s> {
     }
 }
 
+/// Options with the full stiffness; refuses a system without an exact Jacobian.
+fn exact(system: &System, options: &ImplicitOptions) -> Result<ImplicitOptions> {
+    if !system.knows_external_derivatives() {
+        return Err(Error::Unsupported(
+            "rodas4 needs the derivatives of external forces, and some have none; use bdf2 or w2".into(),
+        ));
+    }
+    Ok(ImplicitOptions { stiffness: StiffnessPolicy::OnDemand, ..*options })
+}
+
 /// Adds `factor Σ row_j u_j`.
 fn add_multiples(row: &Row, factor: f64, stages: &[Vec<Vector3<f64>>; STAGES], to: &mut [Vector3<f64>]) {
     for (stage, &coefficient) in stages.iter().zip(row).filter(|(_, coefficient)| **coefficient != 0.0) {
@@ -377,12 +350,12 @@ fn prescribe(system: &System, tau: f64, r: &[Vector3<f64>], x: &mut [Vector3<f64
 }
 
 /// `min(‖u_6x‖, 0.15 h ‖u_6v‖)`, in m.
-fn position_error(system: &System, x: &[Vector3<f64>], v: &[Vector3<f64>], h: f64) -> f64 {
+fn position_error(system: &System, [x, v]: [&[Vector3<f64>]; 2], h: f64) -> f64 {
     norm_of_all(system, x).min(ERROR_RATIO * h * norm_of_all(system, v))
 }
 
 /// A tenth of the same in the norm of M, in m √kg: the new state has up to thirteen times the error of a stage.
-fn stage_error(system: &System, x: &[Vector3<f64>], v: &[Vector3<f64>], h: f64) -> f64 {
+fn stage_error(system: &System, [x, v]: [&[Vector3<f64>]; 2], h: f64) -> f64 {
     0.1 * mass_norm(system, |p| x[p]).min(ERROR_RATIO * h * mass_norm(system, |p| v[p]))
 }
 
@@ -441,7 +414,7 @@ impl TimeStepper for Rodas4<'_> {
             error.scale(2.0);
             error.add_kept(-1.0);
         }
-        let [x, v] = [&displacements[EMBEDDED], &velocities[EMBEDDED]];
+        let [x, v] = [&displacements[STAGES - 1], &velocities[STAGES - 1]];
         let size = norm_of_all(linear.system, x);
         error.set_local_to(linear.system, if size > 0.0 { *local_error / size } else { 0.0 }, [x, v]);
         error.add_local();
@@ -459,7 +432,8 @@ impl AdaptiveStepper for Rodas4<'_> {
         self.base.copy_from(state);
         self.advance(dt)?;
         self.local_error = self.finish_estimate(dt);
-        Ok(ErrorEstimate { positions: &self.displacements[EMBEDDED], velocities: &self.velocities[EMBEDDED] })
+        let [positions, velocities] = self.embedded();
+        Ok(ErrorEstimate { positions, velocities })
     }
 
     fn accept(&mut self, state: &mut State) {

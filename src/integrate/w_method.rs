@@ -1,4 +1,5 @@
-//! The second-order W-method (ROS2-W, the stages of ode23s) on the matrix of linearised backward Euler: one factorization and two solves a step, whatever the stiffness option.
+//! The second-order W-method (ROS2-W, the stages of ode23s) on the matrix of linearised backward Euler: one factorization and two
+//! solves a step, whatever the stiffness option.
 //!
 //! **The method.** For `y' = F(y)` and any matrix J in place of `∂F/∂y`, with `W = I − τ J` and `τ = γ h`,
 //!
@@ -6,12 +7,10 @@
 //! W k = F(y),      W w = F(y + ½h k) − k,      y' = y + h (k + w).
 //! ```
 //!
-//! Since `k = F(y) + O(h)`, the second F is taken at the midpoint to O(h²). Since `w = O(h)`, `w = F(y + ½h k) − k + τJ w`
-//! gives `k + w = F(midpoint) + O(h²)`: second order for every J, so also with options that drop terms, and with a J of an
-//! earlier step. J decides about stability only. With the exact J the method's stability function is
-//! `(1 + (1 − 2γ)z + (½ − 2γ + γ²)z²)/(1 − γz)²`, and `γ = 1 − 1/√2` makes its last coefficient vanish: A- and L-stable. (The
-//! other root, 1 + 1/√2, does too, with a far larger error.) It is the pair of stages in Shampine and Reichelt's ode23s
-//! (1997); methods that keep their order with any J are due to Steihaug and Wolfbrandt (1979).
+//! As `k = F(y) + O(h)` and `w = O(h)`, `w = F(y + ½h k) − k + τJ w` gives `k + w = F(midpoint) + O(h²)`: second order for every J, with
+//! dropped terms or of an earlier step. J decides about stability only. The stability function of the exact J is
+//! `(1 + (1 − 2γ)z + (½ − 2γ + γ²)z²)/(1 − γz)²`; the last coefficient vanishes for `γ = 1 − 1/√2`: A- and L-stable. Sources: the stages of
+//! Shampine and Reichelt's ode23s (1997); Steihaug and Wolfbrandt (1979) for methods that keep their order with any J.
 //!
 //! **On positions and velocities.** With `y = (x, v)`, `F = (v, M⁻¹f)` and J from K (under the option) and G, every stage is
 //! a system `W (u_x, u_v) = (r, M⁻¹s)`. Its first row says `u_v = (u_x − r)/τ`; put into the second,
@@ -20,24 +19,20 @@
 //! A (τ u_x) = s + M r/τ − G r,      A = M/τ² − G/τ − K,
 //! ```
 //!
-//! the matrix of linearised backward Euler with dt → τ. Stage one has `r = v`, `s = f(x, v)`: it is a linearised backward Euler step of length τ.
-//! Stage two has `r = v_mid − k_x` and `s = f(x_mid, v_mid) − M k_v`.
+//! the matrix of linearised backward Euler with dt → τ. Stage one has `r = v`, `s = f(x, v)`: it is a linearised backward Euler step of
+//! length τ. Stage two has `r = v_mid − k_x` and `s = f(x_mid, v_mid) − M k_v`.
 //!
-//! **Kinematic particles** move, for the time of one step, at the constant velocity `v̄_c = (x_c(t+h) − x_c(t))/h`. Then
-//! they are part of y with `k_x = v̄_c` and `k_v = w = 0`, and stage one gets `τ v̄_c` as the displacement of prescribed
-//! coordinates; in the non-autonomous form of the method that is the time derivative `K_fc v_c` of the
-//! force. A motion at piecewise constant velocity is met exactly; where a step passes a kink or a path is smooth, the chord
-//! is off by O(h²) and its mean velocity is right, which keeps the order at two.
+//! **Kinematic particles** move, for the time of one step, at the constant velocity `v̄_c = (x_c(t+h) − x_c(t))/h`. They are part of y with
+//! `k_x = v̄_c` and `k_v = w = 0`, and stage one gets `τ v̄_c` as the displacement of prescribed coordinates. A motion at piecewise constant
+//! velocity is met exactly; where a step passes a kink or a path is smooth, the chord is off by O(h²), which keeps the order at two.
 //!
-//! **Error estimate.** ode23s compares with a third-order formula. Eliminating its third stage leaves
-//! one more solve with a second difference on the right,
+//! **Error estimate.** ode23s compares with a third-order formula. Eliminating its third stage leaves one more solve,
 //!
 //! ```text
 //! W u = F(y) − 2F(y_mid) + F(y') − (6 + √2)(k + w − F(y_mid)),      error ≈ (h/6) u,
 //! ```
 //!
-//! which is O(h³) for every J, filtered by W⁻¹ where the system is stiff, and asymptotically the true local error where J
-//! is exact.
+//! which is O(h³) for every J, filtered by W⁻¹ where the system is stiff, and asymptotically the true local error with the exact J.
 
 use super::implicit::{ImplicitOptions, LinearSystem};
 use super::propagated_error::LeadingTerm;
@@ -53,27 +48,6 @@ use nalgebra::Vector3;
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 /// Second order with the matrix of linearised backward Euler; A- and L-stable with the full stiffness.
-///
-/// # Examples
-/// ```
-/// use sprung::integrate::{ImplicitOptions, TimeStepper, WMethod};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut stepper = WMethod::new(&system, &state, &ImplicitOptions::default())?;
-/// for _ in 0..100 {
-///     stepper.step(&mut state, 0.001)?;
-/// }
-/// // A particle of 1 kg on 10 N/m, 1 m from rest, at t = 0.1 s.
-/// let exact = 2.0 - (10.0_f64.sqrt() * 0.1).cos();
-/// assert!((state.positions[1].x - exact).abs() < 1e-3);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[doc(alias = "Rosenbrock")]
 pub struct WMethod<'s> {
     linear: LinearSystem<'s>,
@@ -119,7 +93,7 @@ impl<'s> WMethod<'s> {
     /// As [`new`](Self::new), with your own linear solver; of `options.linear` only the tolerance and the interrupt apply.
     ///
     /// # Errors
-    /// Coincident ends of a spring in `state`; a state of another system; too little memory.
+    /// As [`new`](Self::new).
     pub fn with_solver(
         system: &'s System,
         state: &State,

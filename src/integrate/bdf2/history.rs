@@ -1,12 +1,12 @@
 //! The last step, as long as it says something about the next one, and the local error of a step by differences of velocities.
 //!
-//! **A step has no past** after a kink of a prescribed path: a force that follows the path has a jump in its rate there, a damping force one
-//! of its own. So a step that starts at a kink, or whose interior or whose last step's interior holds one, has no past. (A path that
-//! has kinks in the last step and in this one is a curve given by points closer than steps resolve them, and is not restarted.)
-//! Nor has a step a past that starts from a state where the last one did not end.
+//! **A step has no past** that starts at a kink of a prescribed path, or whose interior or whose last step's interior holds one: a force that
+//! follows the path has a jump in its rate there, a damping force one of its own. (A path with kinks in both steps is a curve given
+//! by points closer than steps resolve them, and does not count.) Nor has a step a past that starts from a state where the last one did
+//! not end.
 //!
-//! **Local error.** The derivative at t' of the parabola through the values of y at t₋, t, t' is off by `h (h + h₋) y'''/6`, and the formula takes
-//! it times τ for that of y. So its local error is
+//! **Local error.** The derivative at t' of the parabola through the values of y at t₋, t, t' is off by `h (h + h₋) y'''/6`, and the formula
+//! takes it times τ for that of y. So its local error is
 //!
 //! ```text
 //! e = τ h (h + h₋) y'''/6.
@@ -18,15 +18,12 @@
 //! e_x = ⅓ τ h (v[t', t] − v[t, t₋]),      e_v = τ h (h + h₋) v[t', t, t₋, t₋₋].
 //! ```
 //!
-//! A step without a past is one of backward Euler, whose errors are `½ h² y''`: with the accelerations a = M⁻¹f at its start, which are
-//! the divided difference `v[t, t]` of a point that counts twice,
+//! A step without a past is one of backward Euler with the error `½ h² y''`: with the accelerations a = M⁻¹f at its start as
+//! the divided difference `v[t, t]` of a point that counts twice, in the differences of the next step too,
 //!
 //! ```text
 //! e_x = ½ h (v' − v),      e_v = h (v[t', t] − a).
 //! ```
-//!
-//! The point counts twice in the differences of the next step too. Velocities of the formula itself are as good as those of
-//! the motion here: their error is smooth, as steps damp what they do not resolve.
 
 use super::duration;
 use crate::integrate::{ErrorEstimate, zero_prescribed};

@@ -1,37 +1,29 @@
 //! The quasi-Newton iteration of a step: from a prediction, with the exact residual, as often as the residual requires.
 //!
-//! **One correction is enough** as long as the next is estimated to be smaller. After the correction d = −A⁻¹ r(y) the residual r' at y + d
-//! is evaluated; with D the 3×3 diagonal blocks of A, `√(r'ᵀ D⁻¹ r')` is about the norm in A of the next correction. The criterion is
-//! that this is less than the norm `√(dᵀ A d)` of the one just made, and that r' has not turned against it,
+//! **One correction is enough** as long as the next is estimated to be smaller. With the residual r' after the correction d = −A⁻¹ r(y), and D
+//! the 3×3 diagonal blocks of A, `√(r'ᵀ D⁻¹ r')` is about the norm in A of the next correction. The criterion is
 //!
 //! ```text
 //! r'ᵀ D⁻¹ r' < dᵀ A d      and      −r'ᵀ d > −½ dᵀ A d.
 //! ```
 //!
-//! The second says that the incremental potential has fallen, see [`Newton`]. On motions that the steps resolve both hold by far:
-//! the quotient falls with the square of the step. Where they fail the iteration diverges, from step to step.
+//! The second says that the incremental potential has fallen, see [`Newton`]. Where steps resolve the motion both hold by far: the quotient falls
+//! with the square of the step. Otherwise the iteration goes on as Newton's method with line search, with `tension` at each point, until
+//! a full step is enough in this sense. It does not converge further: the equations of a step that resolves nothing have solutions that no
+//! motion has. (A cloth swings down with steps of a 60th of a second to 6 % of its extent with one iteration a step, and to 130 % with
+//! equations solved to convergence.)
 //!
-//! **More.** The iteration then goes on as Newton's method with line search does, with `tension` at each point that it reaches, until a
-//! full step is enough in this sense. It does not converge further: the change by one more iteration is less than the error of the
-//! prediction, and the equations of a step that resolves nothing have solutions that no motion has. (A cloth swings
-//! down with steps of a 60th of a second to 6 % of its extent with one iteration a step, and to 130 % with equations solved to
-//! convergence.)
-//!
-//! **The default transverse stiffness** is that of the tension that lasts. A spring under the tension T resists turning by the transverse
-//! term T/l. The iteration converges without this term like
-//! `τ² T/(l m)`: well where springs are slack or steps short, and not at all on a taut string with long steps. With the
-//! tension at the prediction y in its place it converges badly where springs turn: one that turns by u across itself is
-//! stretched by u²/(2 l) at y, which the step takes away again, and the tension of this stretch would damp the turning.
-//! So the matrix has the tension of other origin,
+//! **The default transverse stiffness** is that of the tension that lasts. Without the transverse term T/l of a spring under the tension T the
+//! iteration converges like `τ² T/(l m)`: well where springs are slack or steps short, and not at all on a taut string with long steps. With
+//! the tension at the prediction y it converges badly where springs turn: one that turns by u across itself is stretched by u²/(2 l)
+//! at y, which the step takes away again. So the matrix has the tension of other origin,
 //!
 //! ```text
 //! T = min(T_y, T_last) − C (k/l0) u²/(2 l),      the transverse term T/l where T > 0, none elsewhere,
 //! ```
 //!
-//! with the tension T_y at y, and T_last of the last solve by its own, linear account, `k (l/l0 − 1 + nᵀ(d_i − d_j)/l0)`:
-//! positions after a single iteration still hold stretches of second order, that account does not. (Where there is no last
-//! step it is the tension at the step's start.) Of a cloth that swings down nearly all terms vanish, of a taut string none;
-//! with T ≥ 0 the matrix is positive definite.
+//! with the tension T_y at y, and T_last of the last solve by its own, linear account, `k (l/l0 − 1 + nᵀ(d_i − d_j)/l0)`, which has no stretches
+//! of second order; without a past it is the tension at the step's start. With T ≥ 0 the matrix is positive definite.
 
 use crate::force::SpringGeometry;
 use crate::integrate::linear_tolerance::mass_norm;

@@ -218,7 +218,7 @@ fn errors_are_the_lesser_of_positions_and_velocities() {
     let (x, v) = ([Vector3::new(3.0, 0.0, 0.0), Vector3::y() * 4.0], [Vector3::new(0.0, 6.0, 0.0), Vector3::z() * 8.0]);
     // 5 m and 10 m/s, and of the first alone, with 4 kg, 6 and 12.
     for (h, positions, stages) in [(2.0, 3.0, 0.1 * 3.6), (4.0, 5.0, 0.1 * 6.0)] {
-        let found = [position_error(&system, &x, &v, h), stage_error(&system, &x, &v, h)];
+        let found = [position_error(&system, [&x, &v], h), stage_error(&system, [&x, &v], h)];
         assert!((found[0] - positions).abs() < 1e-12 && (found[1] - stages).abs() < 1e-12, "{h}: {found:?}");
     }
 }
