@@ -62,9 +62,9 @@ pub struct Dop853<'s> {
     /// The length of the last step tried, and a time at which prescribed velocities are those of the step.
     h: f64,
     middle: f64,
-    /// Whether the first stage's acceleration is that at the start of the next step.
+    /// True if the first stage's acceleration is that at the start of the next step.
     knows_first: bool,
-    /// Whether the stages of the interpolant of the last accepted step are known.
+    /// True if the stages of the interpolant of the last accepted step are known.
     knows_last: bool,
     /// The estimates by E5 and by E3, of positions and velocities.
     estimates: [[Vec<Vector3<f64>>; 2]; 2],

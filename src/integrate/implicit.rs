@@ -204,7 +204,7 @@ impl<'s> LinearSystem<'s> {
         stiffness.accept(definiteness)
     }
 
-    /// Whether the prepared matrix is the full one less some terms.
+    /// True if the prepared matrix is the full one less some terms.
     pub fn is_regularized(&self) -> bool {
         self.stiffness.dropped > 0
     }

@@ -87,7 +87,7 @@ impl LinearTolerance {
         if self.last > self.strictest { residual } else { 0.0 }
     }
 
-    /// Whether [improvable](Self::improvable) residuals of at most this norm, in N, are small enough for a step with the error ‖E‖_M.
+    /// True if [improvable](Self::improvable) residuals of at most this norm, in N, are small enough for a step with the error ‖E‖_M.
     pub fn suffices(&self, residual: f64, inertia: f64, error: f64) -> bool {
         // Where nothing moves the bound is NaN.
         residual == 0.0 || residual <= LARGEST_SHARE * error * self.root_mass * inertia

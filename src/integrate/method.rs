@@ -73,13 +73,13 @@ pub enum Equations {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PositionUpdate {
-    /// That at its beginning.
+    /// The velocity at the start.
     Old,
-    /// That at its end.
+    /// The velocity at the end.
     New,
     /// The mean of both.
     Mean,
-    /// None of these: there are several stages, or older states have a part.
+    /// None of these: there are several stages, or older states contribute.
     Other,
 }
 
@@ -136,23 +136,23 @@ impl Method {
         self.properties().3
     }
 
-    /// Whether steps of a given length are cut at the kinks of prescribed paths; other methods take the path between the ends of a step as
+    /// True if steps of a given length are cut at the kinks of prescribed paths; other methods take the path between the ends of a step as
     /// straight.
     pub const fn cuts_at_kinks(self) -> bool {
         matches!(self, Self::Verlet | Self::Dop853 | Self::Rodas4)
     }
 
-    /// Whether steps estimate their own error, so that there is an [`adaptive_stepper`](Self::adaptive_stepper).
+    /// True if steps estimate their own error, so that there is an [`adaptive_stepper`](Self::adaptive_stepper).
     pub const fn estimates_errors(self) -> bool {
         matches!(self, Self::Bdf2 | Self::W2 | Self::Rodas4 | Self::Dop853)
     }
 
-    /// Whether steps solve linear systems, so that the solver of [`ImplicitOptions`] matters.
+    /// True if steps solve linear systems, so that the solver of [`ImplicitOptions`] matters.
     pub fn is_implicit(self) -> bool {
         self.equations() != Equations::Explicit
     }
 
-    /// Whether the stiffness option of [`ImplicitOptions`] matters.
+    /// True if the stiffness option of [`ImplicitOptions`] matters.
     pub fn takes_stiffness(self) -> bool {
         matches!(self.equations(), Equations::Linear | Equations::Nonlinear)
     }

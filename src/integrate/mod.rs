@@ -159,7 +159,7 @@ fn ensure_room(system: &System, [spring, particle]: [u64; 2], what: &'static str
     memory::ensure(spring * springs + particle * particles, what)
 }
 
-/// Whether an error and a step have a row for every particle of a system.
+/// True if an error and a step have a row for every particle of a system.
 fn fits(system: &System, error: &PropagatedError, step: &CompletedStep) -> bool {
     error.fits(system) && step.before.check(system).is_ok() && step.after.check(system).is_ok()
 }

@@ -100,7 +100,7 @@ const NOISE: f64 = 1e-13;
 pub(super) struct Newton<'s> {
     pub linear: LinearSystem<'s>,
     options: NewtonOptions,
-    /// Whether there are forces without a potential: of damping, or external.
+    /// True if there are forces without a potential: of damping, or external.
     is_damped: bool,
     /// δ; its prescribed entries are given, its free ones the solution.
     pub displacement: Vec<Vector3<f64>>,
@@ -408,7 +408,7 @@ fn free_norm(system: &System, v: &[Vector3<f64>]) -> f64 {
     square.sqrt()
 }
 
-/// Whether another start may help: where the iteration is stuck, but not where it takes too long or a matrix is refused.
+/// True if another start may help: where the iteration is stuck, but not where it takes too long or a matrix is refused.
 fn may_start_again(failure: &StepFailure) -> bool {
     match failure {
         StepFailure::Newton { reason, .. } => *reason != NotSolved::IterationLimit,

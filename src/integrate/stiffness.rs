@@ -68,7 +68,7 @@ impl From<Stiffness> for StiffnessPolicy {
 /// The transverse terms of a matrix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Terms {
-    /// Those of an option.
+    /// The terms of an option.
     Of(Stiffness),
     /// All but those that a [`Regularization`](super::Regularization) drops.
     Regularized,

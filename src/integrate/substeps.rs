@@ -9,7 +9,7 @@ pub(super) struct Substep {
     /// In s.
     pub start: f64,
     pub end: f64,
-    /// Whether prescribed velocities jump at the end.
+    /// True if prescribed velocities jump at the end.
     pub ends_at_kink: bool,
 }
 

@@ -25,7 +25,7 @@ use nalgebra::Vector3;
 
 /// An account of the springs that is updated after every step, or together with the forces at the end of the step.
 pub trait SpringVisitor {
-    /// Whether it can compute the forces of this system, on this thread.
+    /// True if it can compute the forces of this system, on this thread.
     fn computes_forces(&self, system: &System) -> bool;
 
     /// Does [`set_total_force`](crate::force::set_total_force) and [`see`](Self::see) in one pass, with the same bits except in the forces
@@ -64,11 +64,11 @@ pub trait SpringVisitor {
 #[doc(alias = "leapfrog")]
 pub struct Verlet<'s> {
     system: &'s System,
-    /// Whether forces may depend on velocities: of damping, or external.
+    /// True if forces may depend on velocities: of damping, or external.
     is_damped: bool,
     /// The end of the last step, and the current state of this one.
     next: State,
-    /// Whether `force` is the one at `next`.
+    /// True if `force` is the one at `next`.
     knows_force: bool,
     force: Vec<Vector3<f64>>,
     /// v*; only where forces may depend on it.

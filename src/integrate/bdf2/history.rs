@@ -62,7 +62,7 @@ impl History {
         }
     }
 
-    /// Whether a kink separates the step of h seconds from time t from the last one.
+    /// True if a kink separates the step of h seconds from time t from the last one.
     fn is_broken(&self, t: f64, last: f64, h: f64) -> bool {
         let tolerance = AT_END * h.min(last);
         // Whether there is one from a time on and before another.
@@ -76,7 +76,7 @@ impl History {
         (now || inside) && !(now && before)
     }
 
-    /// Whether a state is the end of the last step. Its time may have been rounded otherwise, and prescribed coordinates with it.
+    /// True if a state is the end of the last step. Its time may have been rounded otherwise, and prescribed coordinates with it.
     fn ends_at(&self, system: &System, state: &State, h: f64) -> bool {
         let after = &self.after;
         let rounding = AT_END * h + 4.0 * f64::EPSILON * state.time.abs();
@@ -106,8 +106,9 @@ pub(super) struct Estimate {
     /// v[t₋, t₋₋] and t₋ − t₋₋, seen from the next step; `None` where that is not known.
     span: Option<f64>,
     slopes: Vec<Vector3<f64>>,
-    /// Whether the step that is tried has no past, and v[t, t] at its start, zero where coordinates are prescribed.
+    /// True if the step that is tried has no past.
     pub is_first: bool,
+    /// v[t, t] at its start, zero where coordinates are prescribed.
     pub accelerations: Vec<Vector3<f64>>,
     positions: Vec<Vector3<f64>>,
     velocities: Vec<Vector3<f64>>,
@@ -120,7 +121,7 @@ impl Estimate {
         Self { span: None, slopes, is_first: false, accelerations, positions, velocities }
     }
 
-    /// Whether the last step is known well enough for an estimate of the next.
+    /// True if the last step is known well enough for an estimate of the next.
     pub fn is_known(&self) -> bool {
         self.span.is_some()
     }

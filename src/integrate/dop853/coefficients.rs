@@ -15,7 +15,7 @@ pub(super) const C: Row = [
     1.0, 0.1, 0.2, 0.7777777777777778,
 ];
 
-/// What each stage takes of those before; row 12 is the formula itself.
+/// The combination of earlier stages in each stage; row 12 is the formula itself.
 #[rustfmt::skip]
 pub(super) const A: [Row; STAGES] = [
     [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],

@@ -131,7 +131,7 @@ pub(super) struct Point {
 const SUFFICIENT_DECREASE: f64 = 1e-4;
 
 impl Point {
-    /// Whether φ has decreased enough after a step.
+    /// True if φ has decreased enough after a step.
     pub fn is_lower(&self, from: &Self, step: f64) -> bool {
         let work = 0.5 * step * (from.damping_slope + self.damping_slope);
         let change = self.potential - from.potential + work;

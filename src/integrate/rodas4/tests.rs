@@ -25,7 +25,7 @@ fn standard() -> (Matrix, Matrix, Vector, Vector) {
     (rows(&A) * gamma, gamma, weights(&B), weights(&embedded))
 }
 
-/// What is left of the order conditions of Rosenbrock methods with the exact Jacobian, by order (Hairer and Wanner, IV.7).
+/// The residuals of the order conditions of Rosenbrock methods with the exact Jacobian, by order (Hairer and Wanner, IV.7).
 fn conditions(b: &Vector) -> [Vec<f64>; 4] {
     let (alpha, gamma, ..) = standard();
     let beta = alpha + gamma;
