@@ -52,7 +52,7 @@ pub struct LinearBackwardEuler<'s> {
 }
 
 impl<'s> LinearBackwardEuler<'s> {
-    /// Prepares everything that stays the same from step to step: pattern, slot map, ordering, symbolic analysis.
+    /// Prepares pattern, ordering and symbolic analysis once for all steps.
     ///
     /// # Errors
     /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large.
@@ -178,7 +178,7 @@ fn advance(system: &System, state: &mut State, displacement: &[Vector3<f64>], dt
 pub struct BackwardEuler<'s>(Newton<'s>);
 
 impl<'s> BackwardEuler<'s> {
-    /// Prepares everything that stays the same from step to step.
+    /// Prepares pattern, ordering and symbolic analysis once for all steps.
     ///
     /// # Errors
     /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large; invalid options.

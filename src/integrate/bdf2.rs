@@ -85,7 +85,7 @@ pub struct Bdf2<'s> {
 }
 
 impl<'s> Bdf2<'s> {
-    /// Prepares everything that stays the same from step to step: pattern, slot map, ordering, symbolic analysis.
+    /// Prepares pattern, ordering and symbolic analysis once for all steps.
     ///
     /// # Errors
     /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large.

@@ -11,19 +11,16 @@
 //! so that only accelerations are stored and every stage reads them once. (A and A² have the same zeros: the method's
 //! simplifying conditions `Σ A_ij A_jk = 0`.) Row 12 of A is the formula itself: `x' = X_12`, `v' = V_12`.
 //!
-//! **Error estimate.** Two embedded differences E5 and E3, of fifth and third order, both of the same stages; the error is taken as
-//! `‖e5‖²/√(‖e5‖² + 0.01 ‖e3‖²)`, which falls as h⁸, see [`AdaptiveStepper::coarser_estimate`].
-//!
-//! **Local error.** That estimate is one of a formula of seventh order; the method's own error is a ninth power. On a vibration of
-//! frequency ω, z = ωh, the formulas give
+//! **Error estimate.** With two embedded differences E5 and E3 of the same stages, of fifth and third order, the error is taken as
+//! `‖e5‖²/√(‖e5‖² + 0.01 ‖e3‖²)`, which falls as h⁸, see [`AdaptiveStepper::coarser_estimate`]. The method's own error falls as h⁹. On a
+//! vibration of frequency ω, z = ωh, the formulas give
 //!
 //! ```text
 //! ‖e5‖/‖e3‖ = 0.0033 z²,      |R(iz) − e^{iz}| = 0.148 z · ‖e5‖²/√(‖e5‖² + 0.01 ‖e3‖²)
 //! ```
 //!
-//! within 10 % up to z = 2, where the second factor goes over to a constant 0.4. So the two estimates also give the frequency of the
-//! error, and the local error of a step is `0.148 min(z, 3)` times their joint one, right within a third as far as the method is
-//! stable. Steps of any length report it.
+//! within 10 % up to z = 2, where the second factor goes over to a constant 0.4. So the estimates also give z, and the local error of a
+//! step is `0.148 min(z, 3)` times their joint one, right within a third as far as the method is stable.
 //!
 //! **Between the ends of a step** the motion is a polynomial of degree seven, `v + h Σ w_j(s) a_j` at the share s of the step and
 //! x as above, right to O(h⁸). It takes three more evaluations, made when one is asked for.

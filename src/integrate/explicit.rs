@@ -136,24 +136,6 @@ impl TimeStepper for ForwardEuler<'_> {
 
 /// Symplectic (semi-implicit) Euler: `v' = v + dt M⁻¹ f(x, v)`, `x' = x + dt v'`. First order; stable without damping for
 /// `dt ≤ 2/ω_max`. Damping is explicit.
-///
-/// # Examples
-/// ```
-/// use sprung::integrate::{SymplecticEuler, TimeStepper};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut stepper = SymplecticEuler::new(&system, &state)?;
-/// stepper.step(&mut state, 0.1)?;
-/// // a = k (1 − l/l0)/m = 10 m/s²; the position moves by the new velocity.
-/// assert_eq!((state.velocities[1].x, state.positions[1].x), (1.0, 1.1));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub struct SymplecticEuler<'s>(Explicit<'s>);
 
 impl<'s> SymplecticEuler<'s> {

@@ -24,7 +24,7 @@ pub struct ImplicitMidpoint<'s> {
 }
 
 impl<'s> ImplicitMidpoint<'s> {
-    /// Prepares everything that stays the same from step to step.
+    /// Prepares pattern, ordering and symbolic analysis once for all steps.
     ///
     /// # Errors
     /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large; invalid options.

@@ -66,14 +66,10 @@ impl Regularization {
         combination: Combination,
     ) -> Result<usize, Invalid> {
         let springs = self.options.len();
-        for (key, found, expected) in [
-            ("particles", system.particles(), self.particles),
-            ("springs", system.active_springs().len(), springs),
-            ("extensions", extensions.as_slice().len(), springs),
-        ] {
-            if found != expected {
-                return Err(Invalid::new(key, found, format!("must be {expected}, as in the regularized system")));
-            }
+        let found = [system.particles(), system.active_springs().len(), extensions.as_slice().len()];
+        if found != [self.particles, springs, springs] {
+            let expected = format!("must have {} particles and {springs} active springs", self.particles);
+            return Err(Invalid::new("system", format!("{found:?} particles, springs and extensions"), expected));
         }
         Ok(self.update(system, extensions, combination))
     }

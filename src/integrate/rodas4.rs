@@ -128,8 +128,7 @@ impl Rodas4<'_> {
 }
 
 impl<'s> Rodas4<'s> {
-    /// Prepares everything that stays the same from step to step: pattern, slot map, ordering, symbolic analysis. The stiffness
-    /// option is ignored.
+    /// Prepares pattern, ordering and symbolic analysis once for all steps. The stiffness option is ignored.
     ///
     /// # Errors
     /// Coincident ends of a spring in `state`; a state of another system; a matrix that is too large; external forces without derivatives.
@@ -359,9 +358,8 @@ fn stage_error(system: &System, [x, v]: [&[Vector3<f64>]; 2], h: f64) -> f64 {
     0.1 * mass_norm(system, |p| x[p]).min(ERROR_RATIO * h * mass_norm(system, |p| v[p]))
 }
 
-/// The share of the kinetic energy K that a step of h seconds takes from springs that turn: `0.4 Σ U²/K_s / K`. `K_s = ½ μ v⊥²` is the kinetic
-/// energy across a spring, and `U = ½ κ L²` with `L = (h v⊥)²/(2 l)` the energy that a step of straight motion would put into it. (The
-/// factor is fitted to a turning rod with U well below K_s.)
+/// The share of the kinetic energy K that a step of h seconds takes from springs that turn: `0.4 Σ U²/K_s / K` with `K_s = ½ μ v⊥²` across a spring,
+/// and `U = ½ κ L²`, `L = (h v⊥)²/(2 l)` of a step of straight motion. (The factor is fitted to a turning rod with U well below K_s.)
 fn rotational_damping(system: &System, extensions: &SpringGeometry, velocities: &[Vector3<f64>], h: f64) -> f64 {
     let inverse = |p: usize| if system.dofs().free_axes(p) == Axes::NONE { 0.0 } else { 1.0 / system.masses()[p] };
     // A spring without a rest length is not stretched by turning.

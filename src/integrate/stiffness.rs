@@ -26,10 +26,9 @@ use crate::spring::Stiffness;
 pub enum StiffnessPolicy {
     /// The same option in every solve.
     Always(Stiffness),
-    /// `Full` while A is positive definite. In solves where it is not, transverse terms are dropped, as few as a sufficient condition without
-    /// factorizations allows, see [`Regularization`](super::Regularization). A factorization proves indefiniteness; conjugate gradients
-    /// find it by negative curvature. [`Bdf2`](super::Bdf2), whose result does not depend on the matrix, takes the transverse terms of
-    /// tensions that last.
+    /// `Full` while A is positive definite, as a factorization proves or negative curvature in conjugate gradients refutes. In solves where it is
+    /// not, a [`Regularization`](super::Regularization) drops few transverse terms. [`Bdf2`](super::Bdf2), whose result does not depend on
+    /// the matrix, takes the transverse terms of tensions that last.
     OnDemand,
 }
 

@@ -40,27 +40,6 @@ pub trait SpringVisitor {
 }
 
 /// Second order, one force evaluation a step; stable without damping for `dt ≤ 2/ω_max`.
-///
-/// # Examples
-/// ```
-/// use sprung::integrate::{TimeStepper, Verlet};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut stepper = Verlet::new(&system, &state)?;
-/// for _ in 0..100 {
-///     stepper.step(&mut state, 0.001)?;
-/// }
-/// // A particle of 1 kg on 10 N/m, 1 m from rest, at t = 0.1 s.
-/// let exact = 2.0 - (10.0_f64.sqrt() * 0.1).cos();
-/// assert!((state.positions[1].x - exact).abs() < 1e-3);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 #[doc(alias = "leapfrog")]
 pub struct Verlet<'s> {
     system: &'s System,
