@@ -24,27 +24,6 @@ use crate::system::{State, System};
 use nalgebra::Vector3;
 
 /// Linearised (linearly implicit) backward Euler, first order.
-///
-/// # Examples
-/// ```
-/// use sprung::integrate::{ImplicitOptions, LinearBackwardEuler, TimeStepper};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut stepper = LinearBackwardEuler::new(&system, &state, &ImplicitOptions::default())?;
-/// for _ in 0..100 {
-///     stepper.step(&mut state, 0.001)?;
-/// }
-/// // A particle of 1 kg on 10 N/m, 1 m from rest, at t = 0.1 s.
-/// let exact = 2.0 - (10.0_f64.sqrt() * 0.1).cos();
-/// assert!((state.positions[1].x - exact).abs() < 1e-3);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub struct LinearBackwardEuler<'s> {
     linear: LinearSystem<'s>,
     force: Vec<Vector3<f64>>,

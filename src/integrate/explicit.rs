@@ -86,24 +86,6 @@ impl<'s> Explicit<'s> {
 }
 
 /// Forward Euler: `x' = x + dt v`, `v' = v + dt M⁻¹ f(x, v)`. First order; gains energy at every step size.
-///
-/// # Examples
-/// ```
-/// use sprung::integrate::{ForwardEuler, TimeStepper};
-///
-/// # use sprung::{Spring, SystemBuilder};
-/// # let mut builder = SystemBuilder::new();
-/// # builder.particle([0.0, 0.0, 0.0], 1.0);
-/// # builder.particle([1.0, 0.0, 0.0], 1.0);
-/// # builder.spring(0, 1, Spring { stiffness: 20.0, rest_length: 2.0, damping: 0.0 });
-/// # builder.hold(0);
-/// let (system, mut state) = builder.build()?;
-/// let mut stepper = ForwardEuler::new(&system, &state)?;
-/// stepper.step(&mut state, 0.1)?;
-/// // a = k (1 − l/l0)/m = 10 m/s²; the position moves by the old velocity.
-/// assert_eq!((state.velocities[1].x, state.positions[1].x), (1.0, 1.0));
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
 pub struct ForwardEuler<'s>(Explicit<'s>);
 
 impl<'s> ForwardEuler<'s> {

@@ -307,10 +307,9 @@ impl<'s> LinearSystem<'s> {
     /// A(τ) c = K (e_x + τ e_v) + G e_v − r,      d = τ e_v + c,      e_x += d,      e_v = d/τ.
     /// ```
     ///
-    /// K is exact, whatever stiffness the matrix has. `r` holds on entry the force that the linearised step left out, in N; it is used up.
-    /// An iterative solver starts at c = 0: what it leaves out is a part of the forces of the error, never of its velocity, so the solve
-    /// does not damp vibrations of the error. The error is unchanged where the prepared matrix is not A(τ) or the solve fails. No
-    /// later solve depends on this one.
+    /// K is exact, whatever stiffness the matrix has. `r` holds on entry the force that the linearised step left out, in N; it is used up. As an
+    /// iterative solver starts at c = 0, its residual is a part of the forces of the error and does not damp vibrations of the error. The
+    /// error is unchanged where the prepared matrix is not A(τ) or the solve fails. No later solve depends on this one.
     pub fn resolve(
         &mut self,
         tau: f64,

@@ -311,9 +311,9 @@ mod tests {
         builder.particle([0.0; 3], 1.0);
         for spoke in 1..=spokes {
             builder.particle([1.0, 0.0, 0.0], 1.0);
-            builder.hold(spoke);
             builder.spring(0, spoke, compressed(20.0));
         }
+        builder.constrain(Constraint::hold(1..=spokes));
         let dropped = dropped(&built(builder), 5.0 * spokes as f64 + 5.0);
         assert_eq!(dropped.iter().filter(|&&dropped| dropped).count(), spokes / 2);
         assert!(dropped[..spokes / 2].iter().all(|&dropped| dropped));

@@ -4,17 +4,15 @@
 //! keeps the convergence quadratic. It does not fall below `0.9 η_last²` as long as that is above 0.1, so that one lucky iteration
 //! does not ask for digits that are worth nothing yet; and it never asks for more than the last iteration needs, half of the target.
 //!
-//! **Options that do not fit.** The option `axial` leaves out the transverse stiffness of stretched springs, which may be
-//! thousands of times `M/dt²`: its directions are then too long by this factor, and shortening them stalls all other modes.
-//! `tension` leaves out what compressed springs subtract: its directions are too short, and the convergence is linear. Where a
-//! step is cut below a quarter, or r does not fall to a quarter, the rest of the time step is solved `on-demand`: with the
-//! full stiffness wherever it is definite. All lead to the same solution.
+//! **Options that do not fit.** Without the transverse stiffness of stretched springs (`axial`), which may be thousands of times `M/dt²`,
+//! directions are too long by this factor; without that of compressed ones (`tension`) they are too short, and the convergence is
+//! linear. Where a step is cut below a quarter, or r does not fall to a quarter, the rest of the time step is solved `on-demand`: with
+//! the full stiffness wherever it is definite. All lead to the same solution.
 //!
-//! **Saddles.** Where Φ has slightly negative curvature, as for a column just beyond its buckling load, a regularized matrix is
-//! thousands of times too stiff along the buckling mode, and iterations leave the saddle slowly. After a few slow iterations with
-//! regularized matrices the rest of the time step keeps the full stiffness and raises the masses instead, `A + σ M/dt²` with σ about
-//! as small as makes it definite (the shift of Levenberg and Marquardt in the metric of the masses). Away from the saddle σ falls to
-//! zero, and the convergence is quadratic again.
+//! **Saddles.** Where Φ has slightly negative curvature, as for a column just beyond its buckling load, a regularized matrix is far too
+//! stiff along the buckling mode. After a few slow iterations with regularized matrices the rest of the time step keeps the full
+//! stiffness and raises the masses instead, `A + σ M/dt²` with σ about as small as makes it definite (the shift of Levenberg and
+//! Marquardt in the metric of the masses). Away from the saddle σ falls to zero, and the convergence is quadratic again.
 
 use crate::force::SpringGeometry;
 use crate::integrate::StiffnessPolicy;
