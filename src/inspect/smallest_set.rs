@@ -215,7 +215,7 @@ impl<'s> Trial<'s> {
     /// Springs that are enough: the necessary ones, which are not, and those that are nearest to it; `None` if rounding hides that they are.
     fn enough(&mut self, necessary: &[usize], terms: &[Term], work: &mut Work) -> Option<Vec<usize>> {
         let mut softening = Regularization::new(self.system);
-        softening.choose(self.system, self.extensions, self.combination);
+        softening.choose(self.system, self.extensions, self.combination).ok()?;
         let options = softening.options();
         let is_new = |p: &usize| options[*p] == Stiffness::Tension && terms[*p].need < NECESSARY;
         let mut others: Vec<usize> = (0..options.len()).filter(is_new).collect();

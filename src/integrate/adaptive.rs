@@ -27,7 +27,7 @@
 //! cancel as motions swing.
 //!
 //! *What does not cancel* counts by itself: a method whose stages have the directions of springs from the step's start brakes the motion
-//! where stiff springs turn, by as much of its energy in every step, see [`AdaptiveStepper::braked`].
+//! where stiff springs turn, by as much of its energy in every step, see [`AdaptiveStepper::rotational_damping`].
 //!
 //! **What `rtol` promises.** An error of positions at the end of about rtol relative to their distance from their centroid,
 //! where the motion does not multiply small differences: errors of all times are carried along, and a pendulum that is
@@ -300,7 +300,7 @@ fn try_step(
     let fine = scales.error(&estimate, state);
     let coarse = stepper.coarser_estimate().map(|estimate| scales.error(&estimate, state));
     let error = stepper.caution() * coarse.map_or(fine, |coarse| scales::joint(fine, coarse));
-    let error = error.hypot(scales.lag(stepper.braked(), h, state));
+    let error = error.hypot(scales.lag(stepper.rotational_damping(), h, state));
     Ok(Tried { error, doubt })
 }
 

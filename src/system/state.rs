@@ -71,11 +71,11 @@ impl State {
         prescribed.set_velocities(self.time, &mut self.velocities);
     }
 
-    /// Copies a state of the same system without allocating.
+    /// Copies another state, without allocating where it has as many particles.
     pub fn copy_from(&mut self, other: &Self) {
         self.time = other.time;
-        self.positions.copy_from_slice(&other.positions);
-        self.velocities.copy_from_slice(&other.velocities);
+        self.positions.clone_from(&other.positions);
+        self.velocities.clone_from(&other.velocities);
     }
 }
 

@@ -192,7 +192,7 @@ fn the_local_condition_is_enough_on_random_scenes() {
         let dt = 10f64.powf(-3.0 + 3.0 * rng.random::<f64>());
         let extensions = SpringGeometry::at(&system, &state.positions).expect("no collapsed spring");
         let mut softening = Regularization::new(&system);
-        let dropped = softening.choose(&system, &extensions, Combination::step(dt));
+        let dropped = softening.choose(&system, &extensions, Combination::step(dt)).expect("its own system");
         let active = system.active_springs();
         let springs: Vec<usize> = (0..active.len())
             .filter(|&p| softening.options()[p] == Stiffness::Tension)

@@ -22,7 +22,7 @@ pub fn page(pairs: &[Pair], scenes: u64) -> String {
         "# Linear systems solved as exactly as the motion needs\n\n\
          Made by `cargo xtask exactness`: {scenes} random scenes of the [study](study.md), conjugate gradients with block Jacobi and with \
          multigrid, steps of fixed lengths and with error control. Every run is done twice: with residuals of {STRICT:e}, and as exactly as the \
-         error in time of each step is worth (a ten-thousandth of it, `src/integrate/exactness.rs`). Differences are those of positions at the \
+         error in time of each step is worth (a ten-thousandth of it, `src/integrate/linear_tolerance.rs`). Differences are those of positions at the \
          end, over the true error of the strict run. Runs that are wrong by more than {:.0} % anyway are counted and not compared.\n\n\
          | method | pairs | ended otherwise | wrong anyway | difference over error: median | 90 % | 99 % | largest | errors a tenth larger | iterations |\n\
          |---|---|---|---|---|---|---|---|---|---|\n",

@@ -81,7 +81,7 @@ impl Control {
         self.last_error = error;
         // A step shortened to land on a stop says nothing against the longer one.
         let is_full = h >= 0.9 * self.h;
-        let keeps = stepper.gains_by_equal_steps() && DEAD_BAND.contains(&factor);
+        let keeps = stepper.reuses_factorization() && DEAD_BAND.contains(&factor);
         if !keeps && (is_full || factor < 1.0) {
             let growth = if self.was_rejected { 1.0 } else { stepper.largest_growth() };
             self.h = (h * factor.clamp(SHRINKAGE, growth)).min(self.ceiling);

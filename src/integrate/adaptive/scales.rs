@@ -67,11 +67,11 @@ impl Scales {
             * far(self.speed * self.duration / length).powf(self.power)
     }
 
-    /// The error of a step of h seconds that takes a share of the kinetic energy from the motion, see [`AdaptiveStepper::braked`]: when all
+    /// The error of a step of h seconds that takes a share of the kinetic energy from the motion, see [`AdaptiveStepper::rotational_damping`]: when all
     /// steps of the run do, velocities are lower by half of what they take together at the end and by a quarter in the mean, and
     /// positions lag by as much of the way TV.
     ///
-    /// [`AdaptiveStepper::braked`]: super::AdaptiveStepper::braked
+    /// [`AdaptiveStepper::rotational_damping`]: super::AdaptiveStepper::rotational_damping
     pub fn lag(&self, share: f64, h: f64, state: &State) -> f64 {
         if share == 0.0 {
             return 0.0;

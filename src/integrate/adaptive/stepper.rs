@@ -55,12 +55,12 @@ pub trait AdaptiveStepper: TimeStepper {
 
     /// The share of the kinetic energy that linearising took from the motion in the step tried last, where springs turned; not known to the
     /// estimate, which compares formulas that linearise alike.
-    fn braked(&self) -> f64 {
+    fn rotational_damping(&self) -> f64 {
         0.0
     }
 
     /// Whether a step as long as the last one saves work, as a factorization.
-    fn gains_by_equal_steps(&self) -> bool {
+    fn reuses_factorization(&self) -> bool {
         false
     }
 

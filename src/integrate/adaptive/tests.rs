@@ -158,7 +158,7 @@ impl AdaptiveStepper for Still {
         self.order
     }
 
-    fn gains_by_equal_steps(&self) -> bool {
+    fn reuses_factorization(&self) -> bool {
         self.gains
     }
 

@@ -16,8 +16,7 @@ mod sums;
 pub use energy_balance::Balance;
 pub use indicators::{ErrorIndicators, INACCURATE, Warning, percent, threshold};
 
-use super::spring_visitor::SpringVisitor;
-use super::{CompletedStep, PropagatedError, StepFailure, TimeStepper};
+use super::{CompletedStep, PropagatedError, SpringVisitor, StepFailure, TimeStepper};
 use crate::error::Result;
 use crate::force::{Energy, actuation_power};
 use crate::memory;

@@ -28,7 +28,7 @@ use super::sums::{BLOCK, Block, Span, Sums};
 use crate::error::DegenerateSpring;
 use crate::force::batch::{BATCH, Coincident};
 use crate::force::{coincide, first_degenerate, set_other_forces, set_total_force};
-use crate::integrate::spring_visitor::SpringVisitor;
+use crate::integrate::SpringVisitor;
 use crate::spring::LawValues;
 use crate::system::{Axes, State, StateView, System};
 use nalgebra::Vector3;
