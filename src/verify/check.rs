@@ -1,7 +1,12 @@
 //! Claims, and the outcome of the checks that support them, as data.
 
-use super::Entry;
+use super::comparison::Entry;
+pub(super) use super::comparison::{ratio, worst};
+use crate::error::Error;
 use crate::figure::{Drawing, Plot};
+use crate::force::DegenerateSpring;
+use crate::integrate::StepFailure;
+use crate::linear::SolveFailure;
 use serde::Serialize;
 
 /// A statement about the program that a group of checks supports.
@@ -290,24 +295,20 @@ impl Check {
     }
 }
 
-/// The largest of some errors, NaN if any of them is NaN and NaN if there are none.
-///
-/// `fold(0.0, f64::max)` swallows NaN, and a check over nothing would pass: both must fail.
-///
-/// # Examples
-/// ```
-/// use sprung::verify::worst;
-///
-/// assert_eq!(worst([1.0, 3.0, 2.0]), 3.0);
-/// assert!(worst([1.0, f64::NAN]).is_nan());
-/// ```
-pub fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
-    values.into_iter().reduce(|a, b| if a.is_nan() || a > b { a } else { b }).unwrap_or(f64::NAN)
-}
+/// The checks of a family, or the failure that prevented them.
+pub(super) type Measured = Result<Vec<Check>, Unfinished>;
 
-/// `error/unit`; zero where there is no error, whatever the unit.
-pub(super) fn ratio(error: f64, unit: f64) -> f64 {
-    if error == 0.0 { 0.0 } else { error / unit }
+/// A failure that prevented a check.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Unfinished {
+    #[error(transparent)]
+    Input(#[from] Error),
+    #[error(transparent)]
+    Step(#[from] StepFailure),
+    #[error(transparent)]
+    Solve(#[from] SolveFailure),
+    #[error(transparent)]
+    Degenerate(#[from] DegenerateSpring),
 }
 
 /// The outcome of a suite: its checks, in the order in which they ran.

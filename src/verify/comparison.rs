@@ -1,11 +1,30 @@
 //! Compared entries of matrices and vectors, the worst ones in a table, with the difference in words.
 
-use super::check::worst;
 use super::force_error::ForceError;
 use crate::system::System;
 use nalgebra::{Matrix3, Vector3};
 use nalgebra_sparse::CscMatrix;
 use serde::Serialize;
+
+/// The largest of some errors, NaN if any of them is NaN and NaN if there are none.
+///
+/// `fold(0.0, f64::max)` swallows NaN, and a check over nothing would pass: both must fail.
+///
+/// # Examples
+/// ```
+/// use sprung::verify::worst;
+///
+/// assert_eq!(worst([1.0, 3.0, 2.0]), 3.0);
+/// assert!(worst([1.0, f64::NAN]).is_nan());
+/// ```
+pub fn worst(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().reduce(|a, b| if a.is_nan() || a > b { a } else { b }).unwrap_or(f64::NAN)
+}
+
+/// `error/unit`; zero where there is no error, whatever the unit.
+pub(super) fn ratio(error: f64, unit: f64) -> f64 {
+    if error == 0.0 { 0.0 } else { error / unit }
+}
 
 /// Number of entries in a table.
 const TABLE_ROWS: usize = 10;
@@ -148,7 +167,7 @@ impl WorstEntries {
         allowed: f64,
     ) {
         let error = (analytic - numeric).abs();
-        let ratio = if allowed.is_finite() { super::check::ratio(error, allowed) } else { f64::NAN };
+        let ratio = if allowed.is_finite() { ratio(error, allowed) } else { f64::NAN };
         self.worst = if self.compared == 0 { ratio } else { worst([self.worst, ratio]) };
         self.compared += 1;
         self.wrong += if ratio <= 1.0 { 0 } else { 1 };

@@ -5,13 +5,12 @@
 //! analytic far around the interval.
 
 use super::TestCase;
-use super::check::{Check, Claim, ratio, worst};
+use super::check::{Check, Claim, Measured, ratio, worst};
 use super::coloring::{ColumnGroups, evaluate_moved};
 use super::comparison::{WorstEntries, wrong_size};
-use super::derivatives::{random_vector, reduce};
 use super::force_error::{ForceError, SECOND, U, block_rounding};
+use super::free_coordinates::{random_vector, reduce};
 use super::reference::{self, Link, field};
-use super::suite::Measured;
 use crate::force::{Energy, SpringGeometry, add_elastic_force, add_weight};
 use crate::operator::LinearOperator;
 use crate::system::{Dof, State, System};

@@ -8,11 +8,10 @@
 //! compared with known motions.
 
 use super::TestCase;
-use super::check::{Check, Claim};
-use super::derivatives::reduce;
+use super::check::{Check, Claim, Measured};
 use super::force_error::U;
+use super::free_coordinates::reduce;
 use super::runs::{MethodVariant, direct};
-use super::suite::Measured;
 use crate::figure::{Guide, Plot, Series};
 use crate::linear::norm;
 use crate::system::State;

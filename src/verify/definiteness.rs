@@ -1,11 +1,10 @@
 //! The promises of the options about definiteness, and the verdicts of the factorizations.
 
 use super::TestCase;
-use super::check::{Check, Claim};
+use super::check::{Check, Claim, Measured, Unfinished};
 use super::force_error::U;
 use super::reference::{self, dense_step_matrix};
 use super::runs::{MethodVariant, differences, direct};
-use super::suite::{Measured, Unfinished};
 use crate::assembly::SymmetricMatrix;
 use crate::integrate::StepMatrices;
 use crate::linear::{Cholesky, Ldlt};

@@ -1,22 +1,16 @@
 //! The checks of forces, blocks and matrices against derivatives, on a scene.
-//!
-//! Derivatives are taken of functions of the free coordinates. Where the ends of a spring coincide the force does not exist: all of its
-//! components are NaN, and no comparison passes.
 
+use super::check::Measured;
 use super::consistency::{damping_dissipates, damping_entries, energy_slope};
 use super::dual::{damping_turns, force_against_energy};
+use super::free_coordinates::{damping_force, elastic_energy, elastic_force, reduce};
 use super::jacobian::{JacobianOptions, check_jacobian};
 use super::stiffness::{blocks_against_duals, spring_blocks, stiffness_against_duals, stiffness_entries};
-use super::suite::Measured;
 use super::v_curve::v_curve;
 use super::{Check, Claim, TestCase};
-use crate::force::{Energy, SpringGeometry, add_damping_force, add_elastic_force};
 use crate::integrate::StepMatrices;
 use crate::spring::{Extension, Spring, Stiffness};
-use crate::system::{State, System};
-use nalgebra::{Matrix3, Vector3};
-use rand::rngs::Xoshiro256PlusPlus;
-use rand::{RngExt, SeedableRng};
+use nalgebra::Matrix3;
 
 /// Free coordinates up to which every column is also measured on its own, trusting no pattern.
 const ONE_BY_ONE_LIMIT: usize = 120;
@@ -71,61 +65,4 @@ pub(super) fn consistency(case: &TestCase) -> Measured {
         checks.push(damping_turns(system, state, name));
     }
     Ok(checks)
-}
-
-/// The free coordinates of full-length vectors.
-pub fn reduce(system: &System, full: &[Vector3<f64>]) -> Vec<f64> {
-    let mut reduced = vec![0.0; system.dofs().len()];
-    system.dofs().gather(full, &mut reduced);
-    reduced
-}
-
-/// f_el as a function of the free coordinates, in N; prescribed coordinates stay as in `state`.
-pub fn elastic_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64], &mut [f64]) + use<'s> {
-    let mut positions = state.positions.clone();
-    let mut force = vec![Vector3::zeros(); system.particles()];
-    move |x, f| {
-        system.dofs().scatter(x, &mut positions);
-        match SpringGeometry::at(system, &positions) {
-            Ok(geometry) => {
-                force.fill(Vector3::zeros());
-                add_elastic_force(system, &geometry, &mut force);
-            }
-            Err(_) => force.fill(Vector3::repeat(f64::NAN)),
-        }
-        system.dofs().gather(&force, f);
-    }
-}
-
-/// f_d at the positions of `state` as a function of the free velocities, in N.
-pub fn damping_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64], &mut [f64]) + use<'s> {
-    let geometry = SpringGeometry::at(system, &state.positions);
-    let mut velocities = state.velocities.clone();
-    let mut force = vec![Vector3::zeros(); system.particles()];
-    move |v, f| {
-        system.dofs().scatter(v, &mut velocities);
-        match &geometry {
-            Ok(geometry) => {
-                force.fill(Vector3::zeros());
-                add_damping_force(system, geometry, &velocities, &mut force);
-            }
-            Err(_) => force.fill(Vector3::repeat(f64::NAN)),
-        }
-        system.dofs().gather(&force, f);
-    }
-}
-
-/// The elastic energy as a function of the free coordinates, in J.
-pub fn elastic_energy<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64]) -> f64 + use<'s> {
-    let mut state = state.clone();
-    move |x| {
-        system.dofs().scatter(x, &mut state.positions);
-        Energy::of(system, &state).elastic
-    }
-}
-
-/// A vector of numbers between −1 and 1, the same for the same seed on every machine.
-pub(super) fn random_vector(length: usize, seed: u64) -> Vec<f64> {
-    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
-    (0..length).map(|_| random.random_range(-1.0..1.0)).collect()
 }

@@ -6,8 +6,8 @@
 
 use super::check::{Check, Claim, ratio, worst};
 use super::comparison::WorstEntries;
-use super::derivatives::random_vector;
 use super::force_error::{U, force_rounding};
+use super::free_coordinates::random_vector;
 use crate::force::{SpringGeometry, add_damping_differential};
 use crate::spring::{Extension, Spring};
 use crate::system::{State, System};

@@ -14,12 +14,11 @@
 //! rest adds up from step to step. A wrong coefficient of a correction shows as z²/12 = 10⁻³ of a power. The imbalance is as small.
 
 use super::TestCase;
-use super::check::{Check, Claim, ratio, worst};
+use super::check::{Check, Claim, Measured, ratio, worst};
 use super::convergence;
 use super::force_error::U;
 use super::reference::{self, Link};
 use super::runs::{MethodVariant, direct};
-use super::suite::Measured;
 use crate::integrate::{Method, Monitor, MonitorOptions, StiffnessPolicy};
 use crate::system::{Dof, State, System};
 

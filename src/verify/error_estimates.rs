@@ -7,11 +7,10 @@
 //! wrong by 30 % must warn.
 
 use super::TestCase;
-use super::check::{Check, Claim};
+use super::check::{Check, Claim, Measured, Unfinished};
 use super::convergence::{coarsest, distance, is_soft};
 use super::reference;
 use super::runs::{MethodVariant, direct};
-use super::suite::{Measured, Unfinished};
 use crate::accuracy::extent;
 use crate::integrate::{
     ErrorIndicators, ImplicitOptions, Method, Monitor, MonitorOptions, Schedule, Status, StiffnessPolicy, run_monitored,

@@ -17,7 +17,7 @@
 //! and twice u of itself. With two more products the force is off by at most `13 u k max(1, l/l0)`, 15 u over lengths
 //! within l/8. Adding the forces of all springs at a particle adds u of their sum of magnitudes for every spring.
 
-use super::derivatives::random_vector;
+use super::free_coordinates::random_vector;
 use crate::force::SpringGeometry;
 use crate::spring::{Extension, Spring};
 use crate::system::System;

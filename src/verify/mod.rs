@@ -19,6 +19,7 @@ mod error_estimates;
 #[cfg(test)]
 mod fixtures;
 mod force_error;
+mod free_coordinates;
 mod jacobian;
 mod limits;
 mod momentum;
@@ -36,14 +37,14 @@ mod suite;
 mod test_case;
 mod v_curve;
 
-pub use check::{Check, Claim, Results, worst};
+pub use check::{Check, Claim, Results};
 pub use coloring::ColumnGroups;
-pub use comparison::Entry;
+pub use comparison::{Entry, worst};
 pub use consistency::{damping_dissipates, damping_entries, energy_slope};
 pub use convergence::{ErrorCurve, order_checks};
-pub use derivatives::{damping_force, elastic_energy, elastic_force, reduce};
 pub use dual::{damping_turns, dual_force, dual_stiffness_block, force_against_energy, hyper_dual_stiffness_block};
 pub use force_error::U;
+pub use free_coordinates::{damping_force, elastic_energy, elastic_force, reduce};
 pub use jacobian::{JacobianOptions, JacobianReport, check_jacobian};
 pub use products::{products_agree, refill_is_fresh};
 #[cfg(feature = "scene")]

@@ -11,11 +11,10 @@
 //! the method. Given one velocity to all particles and no constraints, all move by `dt v` a step.
 
 use super::TestCase;
-use super::check::{Check, Claim, ratio, worst};
+use super::check::{Check, Claim, Measured, ratio, worst};
 use super::force_error::U;
 use super::reference::{self, Link};
 use super::runs::{MethodVariant, each_run, worst_step};
-use super::suite::Measured;
 use crate::integrate::Method;
 use crate::spring::Stiffness;
 use crate::system::State;

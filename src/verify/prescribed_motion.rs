@@ -4,11 +4,10 @@
 //! computed here a second time, from the scene's numbers.
 
 use super::TestCase;
-use super::check::{Check, Claim, ratio, worst};
+use super::check::{Check, Claim, Measured, ratio, worst};
 use super::force_error::U;
 use super::limits::corners;
 use super::runs::{MethodVariant, each_run, worst_step};
-use super::suite::Measured;
 use crate::integrate::{Method, PositionUpdate};
 use crate::system::{Dof, Motion, SAME_TIME, State};
 

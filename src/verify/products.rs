@@ -13,12 +13,11 @@
 //! Prescribed coordinates take part: they contribute through the coupling to the right-hand side.
 
 use super::TestCase;
-use super::check::{Check, Claim};
+use super::check::{Check, Claim, Measured};
 use super::comparison::{Entry, WorstEntries};
-use super::derivatives::{random_vector, reduce};
 use super::force_error::U;
+use super::free_coordinates::{random_vector, reduce};
 use super::reference::{self, Link};
-use super::suite::Measured;
 use crate::assembly::{SpringPattern, SymmetricMatrix, SystemMatrix, assemble_afresh};
 use crate::force::SpringGeometry;
 use crate::operator::{Combination, LinearOperator, SystemOperator};
@@ -220,7 +219,7 @@ struct Products<'s> {
 }
 
 impl<'s> Products<'s> {
-    fn new(case: &'s TestCase, option: Stiffness, combination: Combination) -> Result<Self, super::suite::Unfinished> {
+    fn new(case: &'s TestCase, option: Stiffness, combination: Combination) -> Result<Self, super::check::Unfinished> {
         let geometry = SpringGeometry::at(&case.system, &case.state.positions)?;
         let operator = SystemOperator::new(&case.system, &geometry, option, combination);
         let matrix = SystemMatrix::assemble(Arc::new(SpringPattern::of_stiffness(&case.system)?), &operator);

@@ -7,12 +7,11 @@
 //! whose ends coincide is named.
 
 use super::TestCase;
-use super::check::{Check, Claim, ratio};
+use super::check::{Check, Claim, Measured, Unfinished, ratio};
 use super::definiteness::{Factored, is_small};
-use super::derivatives::reduce;
 use super::force_error::U;
+use super::free_coordinates::reduce;
 use super::reference::{self, dense_step_matrix, field};
-use super::suite::{Measured, Unfinished};
 use crate::force::{DegenerateSpring, SpringGeometry};
 use crate::integrate::{ImplicitOptions, LinearBackwardEuler, Status, StepFailure, StepMatrices, TimeStepper};
 use crate::linear::{

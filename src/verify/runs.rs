@@ -5,8 +5,7 @@
 //! the same operations and the same rounding.
 
 use super::TestCase;
-use super::check::{Check, Claim, worst};
-use super::suite::{Measured, Unfinished};
+use super::check::{Check, Claim, Measured, Unfinished, worst};
 use crate::error::Error;
 use crate::integrate::{Equations, ImplicitOptions, Method, Status, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions};

@@ -1,13 +1,12 @@
 //! Every solver on one step's system, against each other and against two independent libraries.
 
 use super::TestCase;
-use super::check::{Check, Claim};
+use super::check::{Check, Claim, Measured};
 use super::force_error::U;
 use super::solution::{
     Condition, Promise, Residual, Solved, backward_errors, condition_is_right, indefinite_backward_error, largest,
     solutions_agree, tolerance_is_met,
 };
-use super::suite::Measured;
 use crate::assembly::SymmetricMatrix;
 use crate::error::{Error, Result};
 use crate::force::SpringGeometry;

@@ -22,13 +22,12 @@
 //! others, the exact residual after the step is compared with that before it. Methods of several stages have known answers instead.
 
 use super::TestCase;
-use super::check::{Check, Claim, ratio, worst};
-use super::derivatives::reduce;
+use super::check::{Check, Claim, Measured, ratio, worst};
 use super::force_error::U;
+use super::free_coordinates::reduce;
 use super::limits::corners;
 use super::reference::{self, Link, damping_product, links, movers, stiffness_product};
 use super::runs::{MethodVariant, direct, each_run, worst_step};
-use super::suite::Measured;
 use crate::integrate::{Method, PositionUpdate, StiffnessPolicy};
 use crate::linear::{SolverChoice, SolverOptions, Tolerance, norm};
 use crate::spring::Stiffness;

@@ -3,9 +3,9 @@
 use super::check::{Check, Claim, worst};
 use super::coloring::{ColumnGroups, evaluate_moved};
 use super::comparison::{WorstEntries, explain_by_spring, wrong_size};
-use super::derivatives::reduce;
 use super::dual::{dual_stiffness_block, hyper_dual_stiffness_block};
 use super::force_error::{ForceError, Step, block_rounding, curvature, force_rounding, spring_error};
+use super::free_coordinates::reduce;
 use crate::figure::Drawing;
 use crate::force::SpringGeometry;
 use crate::spring::{Extension, Spring};

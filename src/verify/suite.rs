@@ -1,31 +1,12 @@
 //! All families of checks that run on any scene.
 
+use super::check::{Measured, Unfinished};
 use super::limits::{of_estimates, of_springs, of_steps};
 use super::{Check, Claim, Results, TestCase};
 use super::{
     consistency, convergence, definiteness, derivatives, energy_balance, error_estimates, momentum, prescribed_motion,
     products, refusals, runs, solvers, step_equations,
 };
-use crate::error::Error;
-use crate::force::DegenerateSpring;
-use crate::integrate::StepFailure;
-use crate::linear::SolveFailure;
-
-/// The checks of a family, or the failure that prevented them.
-pub(super) type Measured = Result<Vec<Check>, Unfinished>;
-
-/// A failure that prevented a check.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum Unfinished {
-    #[error(transparent)]
-    Input(#[from] Error),
-    #[error(transparent)]
-    Step(#[from] StepFailure),
-    #[error(transparent)]
-    Solve(#[from] SolveFailure),
-    #[error(transparent)]
-    Degenerate(#[from] DegenerateSpring),
-}
 
 type Condition = fn(&TestCase) -> bool;
 type Limit = fn(&TestCase) -> Option<String>;
@@ -153,6 +134,8 @@ fn is_flat(case: &TestCase) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Error;
+    use crate::integrate::StepFailure;
     use crate::spring::Spring;
     use crate::system::SystemBuilder;
     use crate::verify::fixtures::case;

@@ -13,9 +13,9 @@
 //! on a plateau of their size.
 
 use super::check::{Check, Claim, worst};
-use super::derivatives::reduce;
 use super::dual::dual_stiffness_block;
 use super::force_error::{ForceError, Link, SECOND, U, block_rounding, truncation};
+use super::free_coordinates::reduce;
 use super::reference;
 use super::stiffness::against_blocks;
 use crate::assembly::SymmetricMatrix;

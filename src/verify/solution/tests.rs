@@ -138,7 +138,7 @@ fn estimate(b: &DMatrix<f64>) -> f64 {
 fn the_estimate_is_a_lower_bound_within_a_factor_of_three() {
     for seed in 0..40 {
         let n = 1 + seed as usize % 9;
-        let b = DMatrix::from_vec(n, n, crate::verify::derivatives::random_vector(n * n, seed));
+        let b = DMatrix::from_vec(n, n, crate::verify::free_coordinates::random_vector(n * n, seed));
         let exact = b.column_iter().map(|column| column.lp_norm(1)).fold(0.0, f64::max);
         let found = estimate(&b);
         assert!(found <= exact * 1.000001 && found >= exact / 3.0, "{found} of {exact}");
