@@ -110,7 +110,7 @@ impl StepFailure {
     /// The outcome for all parts of a system: success if every part succeeds, else the failure of one of them. Solvers
     /// agree by themselves.
     pub(super) fn of_any(system: &System, here: Result<(), Self>) -> Result<(), Self> {
-        let Some(peers) = system.peers() else { return here };
+        let Some(peers) = system.communicator() else { return here };
         // The degenerate spring of the lowest number, as the largest of the negatives; −∞ where there is none.
         let spring = match here {
             Err(Self::DegenerateSpring(DegenerateSpring { spring, .. })) => -(peers.spring(spring) as f64),

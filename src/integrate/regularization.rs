@@ -84,7 +84,7 @@ impl Regularization {
         }
         let ends = std::mem::take(&mut self.ends);
         let particles = ends.chunk_by(|a, b| a.0 == b.0);
-        let dropped = match system.peers() {
+        let dropped = match system.communicator() {
             Some(peers) => self.choose_together(system, peers, extensions, combination.mass, &ends),
             None => particles.map(|ends| self.drop_terms(system, extensions, combination.mass, ends)).sum(),
         };
@@ -142,7 +142,7 @@ impl Regularization {
             let (taken, number) = (self.taken[position], number(position));
             let is_dropped = pair(position).into_iter().any(|end| drops(&first[end], taken, number));
             self.options[position] = if is_dropped { Stiffness::Tension } else { Stiffness::Full };
-            dropped += usize::from(is_dropped && system.counts(system.active_springs()[position] as usize));
+            dropped += usize::from(is_dropped && system.owns_spring(system.active_springs()[position] as usize));
         }
         let [dropped] = system.total([dropped as f64]);
         dropped as usize

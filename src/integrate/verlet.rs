@@ -117,7 +117,7 @@ impl<'s> Verlet<'s> {
                 *p = *v + kick;
             }
             prescribed.set_velocities(substep.middle(), &mut self.predicted);
-            self.system.refresh(&mut self.predicted);
+            self.system.halo_exchange(&mut self.predicted);
         } else {
             for ((x, v), (f, mass)) in moving {
                 *v += f * (0.5 * h / mass);
@@ -125,18 +125,18 @@ impl<'s> Verlet<'s> {
             }
         }
         prescribed.set_positions(substep.end, positions);
-        self.system.refresh(positions);
+        self.system.halo_exchange(positions);
         self.next.time = substep.end;
         if visit.is_some() && !self.is_damped {
             // The visitor sees prescribed velocities, and those of ghosts.
             prescribed.set_velocities(substep.middle(), &mut self.next.velocities);
-            self.system.refresh(&mut self.next.velocities);
+            self.system.halo_exchange(&mut self.next.velocities);
         }
         self.set_force(visit)?;
         for ((v, f), mass) in self.next.velocities.iter_mut().zip(&self.force).zip(masses) {
             *v += f * (0.5 * h / mass);
         }
-        self.system.refresh(&mut self.next.velocities);
+        self.system.halo_exchange(&mut self.next.velocities);
         self.knows_force = !substep.ends_at_kink;
         Ok(())
     }

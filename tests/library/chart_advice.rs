@@ -1,4 +1,4 @@
-//! What a chart recommends is never contradicted by its own table: tables made up at random, and advice found by looking at
+//! The advice of a chart is never contradicted by its own table: tables made up at random, and advice found by looking at
 //! every run and everything finer of its configuration.
 
 use proptest::prelude::*;
@@ -124,7 +124,7 @@ proptest! {
             let cost = |run: Option<&Run>| run.map_or(f64::INFINITY, |run| run.cost);
             prop_assert_eq!(cost(decision.cheapest), least(&mut enough()));
             prop_assert_eq!(cost(decision.notes), least(&mut enough().filter(|run| run.method == "linear-backward-euler")));
-            // Of every method that gets there the best option, once.
+            // The best option of every method that gets there, once.
             for run in &decision.methods {
                 prop_assert!(can_be_relied_on(run, &chart.runs) && run.error.unwrap() <= accuracy);
                 prop_assert_eq!(run.cost, least(&mut enough().filter(|other| other.way() == run.way())));

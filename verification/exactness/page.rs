@@ -1,4 +1,4 @@
-//! What is counted, and the page that is made of it.
+//! The counted differences, and their page.
 
 use super::pair::{METHODS, Pair, STRICT};
 use super::study::cases::WRONG;
@@ -7,7 +7,7 @@ use super::study::rows::{number, quantile, sorted};
 /// An error that grew by more than this part of itself.
 const GREW: f64 = 0.1;
 
-/// What is different is compared with no error below this, a thousandth of a millimetre on ten metres.
+/// The smallest error that differences are compared with, a thousandth of a millimetre on ten metres.
 const LEAST: f64 = 1e-7;
 
 /// Whether the error of the run as needed is larger by more than a tenth, where the strict run is right at all.

@@ -16,7 +16,7 @@ use sprung::{State, Stiffness, System};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What was found in one system; `None` where A's condition is beyond single precision.
+/// The outcome for one system; `None` where A's condition is beyond single precision.
 #[derive(Debug, Clone, Copy)]
 struct Found {
     condition: f64,

@@ -1,7 +1,6 @@
-//! Forces and energy as functions of reduced coordinates: what differences are taken of.
+//! Forces and energy as functions of the free coordinates, of which derivatives are taken.
 //!
-//! Where the ends of a spring coincide the force does not exist: all of its components are NaN, and no comparison
-//! passes.
+//! Where the ends of a spring coincide the force does not exist: all of its components are NaN, and no comparison passes.
 
 use crate::force::{Energy, SpringGeometry, add_damping_force, add_elastic_force};
 use crate::system::{State, System};
@@ -20,23 +19,14 @@ pub fn reduce(system: &System, full: &[Vector3<f64>]) -> Vec<f64> {
 pub fn elastic_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64], &mut [f64]) + use<'s> {
     let mut positions = state.positions.clone();
     let mut force = vec![Vector3::zeros(); system.particles()];
-    let mut extensions = SpringGeometry::at(system, &positions);
     move |x, f| {
         system.dofs().scatter(x, &mut positions);
-        let updated = match &mut extensions {
-            Ok(extensions) => extensions.update(system, &positions),
-            // Where even the first configuration was degenerate there is nothing yet to update.
-            Err(_) => {
-                extensions = SpringGeometry::at(system, &positions);
-                extensions.as_ref().map(|_| ()).map_err(|&degenerate| degenerate)
-            }
-        };
-        match (&extensions, updated) {
-            (Ok(extensions), Ok(())) => {
+        match SpringGeometry::at(system, &positions) {
+            Ok(geometry) => {
                 force.fill(Vector3::zeros());
-                add_elastic_force(system, extensions, &mut force);
+                add_elastic_force(system, &geometry, &mut force);
             }
-            _ => force.fill(Vector3::repeat(f64::NAN)),
+            Err(_) => force.fill(Vector3::repeat(f64::NAN)),
         }
         system.dofs().gather(&force, f);
     }
@@ -44,15 +34,15 @@ pub fn elastic_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64]
 
 /// f_d at the positions of `state` as a function of the free velocities, in N.
 pub fn damping_force<'s>(system: &'s System, state: &State) -> impl FnMut(&[f64], &mut [f64]) + use<'s> {
-    let extensions = SpringGeometry::at(system, &state.positions);
+    let geometry = SpringGeometry::at(system, &state.positions);
     let mut velocities = state.velocities.clone();
     let mut force = vec![Vector3::zeros(); system.particles()];
     move |v, f| {
         system.dofs().scatter(v, &mut velocities);
-        match &extensions {
-            Ok(extensions) => {
+        match &geometry {
+            Ok(geometry) => {
                 force.fill(Vector3::zeros());
-                add_damping_force(system, extensions, &velocities, &mut force);
+                add_damping_force(system, geometry, &velocities, &mut force);
             }
             Err(_) => force.fill(Vector3::repeat(f64::NAN)),
         }
