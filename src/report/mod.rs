@@ -1,37 +1,26 @@
-//! Turns results into something to read: HTML with plots and drawings, JSON, JUnit, a table for the terminal.
+//! Results as HTML with plots and drawings, as JSON, as JUnit, and as text for the terminal.
 //!
-//! Nothing here computes. All output is a function of the data alone: no clock, no host, no random identifiers, so the
-//! same results give the same bytes.
+//! All output is a function of the data alone, without clock, host or random identifiers: the same results give the same bytes.
 
 mod axis;
 mod bound_usage;
-mod canvas;
 mod chart_html;
 mod check_html;
 pub mod drawing;
-mod failure_lanes;
-mod faults;
-mod heading;
+mod formats;
 mod html;
 pub mod inspection;
-mod json;
-mod junit;
-mod label_placement;
 pub mod number;
 pub mod page;
-mod palette;
 pub mod plot;
-mod projection;
+mod sheet;
 pub mod spy;
-mod text;
 pub mod tiles;
 pub mod view;
 
 pub use chart_html::chart_html;
+pub use formats::{failure, json, junit, text};
 pub use html::html;
-pub use json::json;
-pub use junit::junit;
-pub use text::{failure, text};
 
 use crate::error::{Error, Result};
 use crate::verify::Results;
