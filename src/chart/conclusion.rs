@@ -20,7 +20,6 @@ impl WorkPrecision {
             "error" => self.longest_step(series),
             "energy" | "angular-momentum" => spread(series),
             "tolerance-error" => flat(series),
-            "tolerance-work" => growth(series),
             _ => None,
         }
     }
@@ -121,18 +120,6 @@ fn flat(series: &[Series]) -> Option<String> {
     };
     let each: Vec<String> = series.iter().filter_map(loosest).collect();
     (!each.is_empty()).then(|| format!("The tolerance adds less than a tenth to the error of {}.", each.join(", of ")))
-}
-
-/// The iterations of the tightest tolerance over those of the loosest.
-fn growth(series: &[Series]) -> Option<String> {
-    let factor = |series: &Series| {
-        let tight = series.points.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let loose = series.points.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(format!("{} times with {}", short(tight.1 / loose.1), series.name))
-    };
-    let each: Vec<String> = series.iter().filter_map(factor).collect();
-    (!each.is_empty())
-        .then(|| format!("From the loosest tolerance to the tightest iterations grow {}.", each.join(", ")))
 }
 
 #[cfg(test)]

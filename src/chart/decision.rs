@@ -20,7 +20,7 @@ pub struct Decision<'a> {
     pub fastest: Option<&'a Run>,
     /// The cheapest of linearised backward Euler, the method of the lecture notes.
     pub notes: Option<&'a Run>,
-    /// Of each method that gets there the cheapest, the least work first: its best stiffness option, solver and step.
+    /// The cheapest run of each method that is accurate enough, the least work first.
     pub methods: Vec<&'a Run>,
 }
 

@@ -114,7 +114,7 @@ impl WorkPrecision {
                 Some(run.quality?.angular_momentum_drift)
             }),
         ];
-        figures.extend(self.tolerance_figures());
+        figures.push(self.tolerances());
         figures.retain(|figure| figure.plot.series.iter().any(|series| !series.points.is_empty()));
         for figure in &mut figures {
             figure.plot.conclusion = self.conclusion(figure).unwrap_or_default();
@@ -163,8 +163,7 @@ impl WorkPrecision {
         let level = Guide::Level { y: self.reference.error_estimate, label: "error of the reference".into() };
         let mut caption = "Where a curve falls straight its slope is the order of its method.".to_owned();
         if has_failures(&plot) {
-            caption += " Crosses are runs of any of its configurations that failed, at their step, each cause in a lane of its own; \
-                the table below names them.";
+            caption += " Crosses are runs of any of its configurations that failed, at their step, each cause in a lane of its own.";
         }
         Figure { name: "error", caption, plot: plot.with_guide(level) }
     }
@@ -187,28 +186,19 @@ impl WorkPrecision {
         Figure { name, caption: caption.into(), plot }
     }
 
-    fn tolerance_figures(&self) -> [Figure; 2] {
-        let of_tolerance = |what: &str, title: &str, y: fn(&Run) -> Option<f64>| {
-            let title = format!("Tolerance of conjugate gradients and {title}: {}", self.scene);
-            let mut plot = Plot::log_log(title, "tolerance: ‖b − A δx‖ / ‖b‖", what);
-            for method in ["linear-backward-euler", "w2"] {
-                let runs = self.tolerances.iter().filter(|run| run.method == method);
-                let points = runs.filter_map(|run| Some((run.tolerance?, y(run)?))).collect();
-                plot = plot.with_series(Series::line(method, points).looking(look_of_method(method)));
-            }
-            plot
-        };
-        let errors = of_tolerance("relative position error at the end", "error", Run::useful_error);
-        let iterations = of_tolerance("iterations in all", "work", |run| Some(run.work.cg_iterations as f64));
+    fn tolerances(&self) -> Figure {
+        let title = format!("Tolerance of conjugate gradients and error: {}", self.scene);
+        let mut plot = Plot::log_log(title, "tolerance: ‖b − A δx‖ / ‖b‖", "relative position error at the end");
+        for method in ["linear-backward-euler", "w2"] {
+            let runs = self.tolerances.iter().filter(|run| run.method == method);
+            let points = runs.filter_map(|run| Some((run.tolerance?, run.useful_error()?))).collect();
+            plot = plot.with_series(Series::line(method, points).looking(look_of_method(method)));
+        }
         let step = self.tolerances.first().map_or(String::new(), |run| format!(", with steps of {} s", short(run.dt)));
-        let of_errors = format!(
+        let caption = format!(
             "Where the curve is flat the error of the step dominates and a looser tolerance costs no accuracy{step}."
         );
-        let of_iterations = format!("All iterations of the run together{step}.");
-        [
-            Figure { name: "tolerance-error", caption: of_errors, plot: errors },
-            Figure { name: "tolerance-work", caption: of_iterations, plot: iterations },
-        ]
+        Figure { name: "tolerance-error", caption, plot }
     }
 }
 

@@ -58,7 +58,7 @@ impl Deadline {
         Self { at: Instant::now() + time, interrupt }
     }
 
-    /// Whether there is more time than this.
+    /// True where there is more time than this.
     pub fn allows(self, time: Duration) -> bool {
         self.left() > time
     }

@@ -32,7 +32,7 @@ pub struct Run {
     pub rtol: Option<f64>,
     /// Time step, in s; of adaptive steps the mean.
     pub dt: f64,
-    /// How the run ended.
+    /// The status at its end.
     pub status: Status,
     /// The message of the failure.
     pub failure: Option<String>,
@@ -93,7 +93,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Of a state against the reference at the same time. s is the kinetic and elastic energy of the reference at its end and at
+    /// The errors of a state against the reference at the same time. s is the kinetic and elastic energy of the reference at its end and at
     /// the start, and the gravitational energy between.
     pub fn of(system: &System, state: &State, reference: &State, start: &State) -> Self {
         let [energy, ideal, initial] = [state, reference, start].map(|state| Energy::of(system, state));

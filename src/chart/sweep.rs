@@ -92,7 +92,7 @@ pub(super) fn sweep(
     Ok(runs)
 }
 
-/// Whether the run after one that took so long may be begun: half the step, twice the work, and a quarter of what is left must do for each.
+/// True where the run after one that took so long may begin: half the step, twice the work, and a quarter of what is left must do for each.
 fn fits(last: Option<Duration>, left: Duration) -> bool {
     !left.is_zero() && last.is_none_or(|last| 8 * last <= left)
 }

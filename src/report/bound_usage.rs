@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 const ROW: f64 = 46.0;
 /// Width of the claims' names.
 const NAMES: f64 = 214.0;
-/// Where the axis begins and ends: beside it are strips for shares of exactly 0 and for those that are infinite or NaN.
+/// The ends of the axis: beside it are strips for shares of exactly 0 and for those that are infinite or NaN.
 const LEFT: f64 = NAMES + STRIP;
 const RIGHT: f64 = WIDTH - STRIP;
 const STRIP: f64 = 108.0;
@@ -51,7 +51,7 @@ pub fn svg(results: &Results) -> String {
     sheet.finish(&format!("{title}. {conclusion}"), bottom + 96.0)
 }
 
-/// How many checks passed, and which is nearest to its bound or farthest beyond it.
+/// The number of checks that passed, and which is nearest to its bound or farthest beyond it.
 fn conclusion(results: &Results) -> String {
     let (all, failed) = (results.checks.len(), results.failed());
     let by_severity = |a: &&Check, b: &&Check| b.passed().cmp(&a.passed()).then(a.share().total_cmp(&b.share()));

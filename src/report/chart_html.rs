@@ -6,7 +6,6 @@ use super::{plot, tiles};
 use crate::chart::stability::{StabilityMap, Varied};
 use crate::chart::{Decision, Figure, Run, WorkPrecision};
 use maud::{Markup, html};
-use std::collections::BTreeMap;
 
 /// The chart as one HTML page without scripts and without anything to load.
 pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
@@ -29,11 +28,10 @@ pub fn chart_html(chart: &WorkPrecision, map: &StabilityMap) -> String {
                  all accuracies are drawn; for one accuracy another may cost less. Work is counted in force evaluations of this scene: it is the same as often as a run is repeated, time is not."
             }
             (named(&["time", "work", "solves", "error"]))
-            (failures(chart))
         }))
         (section("options", "Stiffness options and solvers", &named(&["options-euler", "options-w2"])))
         (section("drift", "What methods add or take away", &named(&["energy", "angular-momentum"])))
-        (section("solvers", "Linear solvers", &named(&["tolerance-error", "tolerance-work"])))
+        (section("solvers", "Linear solvers", &named(&["tolerance-error"])))
         @if !map.tiles.is_empty() { (section("stability", "Where methods are stable", &stability(map))) }
         (section("runs", "All runs", &page::folded(&number::count(chart.runs.len(), "run"), &runs(&chart.runs))))
     };
@@ -101,30 +99,6 @@ fn best(name: &str, decisions: &[Decision<'_>]) -> Markup {
         }));
     }
     page::table(name, "full cards", &columns, rows)
-}
-
-/// Failed runs by configuration and cause.
-fn failures(chart: &WorkPrecision) -> Markup {
-    use Column::{Named, Text};
-    let mut groups: BTreeMap<[String; 4], Vec<String>> = BTreeMap::new();
-    for run in &chart.runs {
-        if let Some(cause) = run.cause() {
-            let key = [run.method.into(), run.stiffness.into(), run.solver.into(), cause];
-            groups.entry(key).or_default().push(pretty(run.dt));
-        }
-    }
-    let columns =
-        [("method", Text), ("stiffness", Text), ("solver", Text), ("what failed", Text), ("at steps of", Named)];
-    let rows = groups.iter().map(|(key, steps)| {
-        let steps = format!("{} s", steps.join(", "));
-        Row::Cells(key.iter().chain([&steps]).map(text).collect())
-    });
-    html! {
-        @if !groups.is_empty() {
-            h3 { "Runs that failed" }
-            (page::table("Runs that failed", "full causes cards", &columns, rows))
-        }
-    }
 }
 
 fn stability(map: &StabilityMap) -> Markup {

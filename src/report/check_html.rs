@@ -9,24 +9,12 @@ use maud::{Markup, html};
 /// Checks, each with its place in the results.
 pub(super) type Numbered<'a> = Vec<(usize, &'a Check)>;
 
-/// The scenes of all checks without what was varied on them, by which a page is filtered.
-pub(super) struct Scenes(Vec<String>);
-
-impl Scenes {
-    pub fn of(checks: &[Check]) -> Self {
-        let mut names: Vec<String> = checks.iter().map(|check| base(&check.scene).to_owned()).collect();
-        names.sort_unstable();
-        names.dedup();
-        Self(names)
-    }
-
-    pub fn names(&self) -> &[String] {
-        &self.0
-    }
-
-    fn number(&self, scene: &str) -> Option<usize> {
-        self.0.binary_search_by(|name| name.as_str().cmp(base(scene))).ok()
-    }
+/// The scenes of all checks without what was varied on them, in their order, by which a page is filtered.
+pub(super) fn scenes(checks: &[Check]) -> Vec<String> {
+    let mut names: Vec<String> = checks.iter().map(|check| base(&check.scene).to_owned()).collect();
+    names.sort_unstable();
+    names.dedup();
+    names
 }
 
 /// `cloth` of `cloth, full, dt = 0.01`.
@@ -57,7 +45,7 @@ fn mark(passed: bool) -> Markup {
 }
 
 /// A claim with its checks, by name, the worst first.
-pub(super) fn claim_section(claim: Claim, checks: &[(usize, &Check)], scenes: &Scenes) -> Markup {
+pub(super) fn claim_section(claim: Claim, checks: &[(usize, &Check)], scenes: &[String]) -> Markup {
     let mut sorted = checks.to_vec();
     // Failed ones before passed ones, larger shares of the bound before smaller ones.
     sorted.sort_by(|(_, a), (_, b)| a.passed().cmp(&b.passed()).then(b.share().total_cmp(&a.share())));
@@ -87,7 +75,7 @@ pub(super) fn claim_section(claim: Claim, checks: &[(usize, &Check)], scenes: &S
 
 /// The same check on all its scenes, the worst first; what passed is folded away. Figures and worst entries are shown of all failed checks
 /// and of the `narrowest` passed ones nearest their bounds.
-fn group(name: &str, checks: Numbered<'_>, narrowest: usize, scenes: &Scenes) -> Markup {
+fn group(name: &str, checks: Numbered<'_>, narrowest: usize, scenes: &[String]) -> Markup {
     let worst = number::share(pretty, worst_share(&checks));
     let (failed, passed): (Numbered<'_>, Numbered<'_>) = checks.into_iter().partition(|(_, check)| !check.passed());
     let tables = passed.iter().filter(|(_, check)| !check.table.is_empty()).take(narrowest);
@@ -113,7 +101,7 @@ fn group(name: &str, checks: Numbered<'_>, narrowest: usize, scenes: &Scenes) ->
 }
 
 /// The numbers, those with the same reason for their bound together below it.
-fn values(name: &str, checks: &[(usize, &Check)], scenes: &Scenes) -> Markup {
+fn values(name: &str, checks: &[(usize, &Check)], scenes: &[String]) -> Markup {
     let mut reasons: Vec<&str> = Vec::new();
     for (_, check) in checks {
         if !reasons.contains(&check.why.as_str()) {
@@ -141,13 +129,14 @@ fn values(name: &str, checks: &[(usize, &Check)], scenes: &Scenes) -> Markup {
 
 /// A row, short since there are thousands: the style sheet knows its cells by their place, and adds the word to the mark. All digits
 /// are in `report.json`.
-fn value_row(index: usize, check: &Check, scenes: &Scenes) -> Markup {
+fn value_row(index: usize, check: &Check, scenes: &[String]) -> Markup {
     let [value, bound] = short_pair(check.value, check.bound);
     // A bar on a logarithmic scale from 1e-6 to 100 has the bound at 75 %; a NaN, which is beyond every bound, fills it.
     let length = 12.5 * (check.share().log10() + 6.0);
     let length = if length.is_nan() { 100.0 } else { length.clamp(0.0, 100.0) };
+    let scene = scenes.binary_search_by(|name| name.as_str().cmp(base(&check.scene))).ok();
     html! {
-        tr id=(anchor(index)) class=[(!check.passed()).then_some("failed-row")] data-s=[scenes.number(&check.scene)] {
+        tr id=(anchor(index)) class=[(!check.passed()).then_some("failed-row")] data-s=[scene] {
             td { (check.scene) }
             td { (value) }
             td { (bound) }

@@ -273,7 +273,7 @@ impl LabelPlacement {
     }
 }
 
-/// Whether a line passes through a rectangle around a point: the part of it between the rectangle's sides along one axis and the part between
+/// True where a line passes through a rectangle around a point: the part of it between the rectangle's sides along one axis and the part between
 /// those along the other overlap.
 fn meets([a, b]: &[Point; 2], centre: Point, half: Point) -> bool {
     let (mut from, mut to) = (0.0_f64, 1.0_f64);

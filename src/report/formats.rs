@@ -67,7 +67,7 @@ fn comparison(check: &Check) -> String {
 /// check has failed, and its `why` begins with what the number was.
 ///
 /// # Errors
-/// What the serializer reports; none is known for this data.
+/// An error of the serializer; none is known for this data.
 pub fn json(results: &Results) -> io::Result<String> {
     #[derive(Serialize)]
     struct Document<'a> {
@@ -112,7 +112,7 @@ impl<'a> Record<'a> {
 /// The results as a JUnit document: a suite per claim, a case per check; what could not be judged is skipped.
 ///
 /// # Errors
-/// What the serializer reports; none is known for this data.
+/// An error of the serializer; none is known for this data.
 pub fn junit(results: &Results) -> io::Result<String> {
     let case = |check: &Check, status| {
         let mut case = TestCase::new(format!("{} [{}]", check.name, check.scene), status);

@@ -1,6 +1,6 @@
 //! `report.html`: the results of a verification for people.
 
-use super::check_html::{Numbered, Scenes, anchor, claim_section, failed, worst_share};
+use super::check_html::{Numbered, anchor, claim_section, failed, scenes, worst_share};
 use super::number::{count, typeset};
 use super::page::{self, Column, Row};
 use super::{bound_usage, number};
@@ -20,7 +20,7 @@ pub fn html(results: &Results) -> String {
     }
     // The worst first: failed ones, then those nearest their bounds.
     claims.sort_by(|(_, a), (_, b)| failed(b).cmp(&failed(a)).then(worst_share(b).total_cmp(&worst_share(a))));
-    let scenes = Scenes::of(&results.checks);
+    let scenes = scenes(&results.checks);
     let body = html! {
         (banner(results))
         @if !claims.is_empty() { (filter(&claims, &scenes)) }
@@ -30,13 +30,13 @@ pub fn html(results: &Results) -> String {
         @for (claim, checks) in &claims { (claim_section(*claim, checks, &scenes)) }
         (faults())
     };
-    let [checks, scenes] = [count(results.checks.len(), "check"), count(scenes.names().len(), "scene")];
+    let [checks, scenes] = [count(results.checks.len(), "check"), count(scenes.len(), "scene")];
     let lead = format!("{checks} on {scenes}, for {}.", count(claims.len(), "claim"));
     page::page("Verification report", &lead, &body)
 }
 
 /// Choices of what is shown. Style rules do it: the page has no scripts.
-fn filter(claims: &[(Claim, Numbered<'_>)], scenes: &Scenes) -> Markup {
+fn filter(claims: &[(Claim, Numbered<'_>)], scenes: &[String]) -> Markup {
     let mut rules = String::new();
     let mut rule = |field: &str, value: &str, row: &str, shown: &str| {
         let chosen = format!("body:has(#{field} option[value=\"{value}\"]:checked)");
@@ -46,7 +46,7 @@ fn filter(claims: &[(Claim, Numbered<'_>)], scenes: &Scenes) -> Markup {
     };
     rule("verdict", "failed", "tr[id]", ".failed-row");
     rule("verdict", "passed", "tr[id]", ":not(.failed-row)");
-    for number in 0..scenes.names().len() {
+    for number in 0..scenes.len() {
         rule("scene", &number.to_string(), "", &format!("[data-s=\"{number}\"]"));
     }
     for (claim, _) in claims {
@@ -64,7 +64,7 @@ fn filter(claims: &[(Claim, Numbered<'_>)], scenes: &Scenes) -> Markup {
         }
     };
     let families = claims.iter().map(|(claim, _)| (claim.id().to_owned(), claim.title())).collect();
-    let scenes = scenes.names().iter().enumerate().map(|(i, name)| (i.to_string(), name.as_str())).collect();
+    let scenes = scenes.iter().enumerate().map(|(i, name)| (i.to_string(), name.as_str())).collect();
     html! {
         style { (PreEscaped(rules)) }
         form.filter aria-label="What is shown" {
@@ -195,7 +195,7 @@ struct Fault {
     by: Vec<(String, usize)>,
 }
 
-/// Which planted faults the suite catches: what its verdict is worth. `faults.json` is written by the program that plants them.
+/// The planted faults that the suite catches. `faults.json` is written by the program that plants them.
 fn faults() -> Markup {
     let faults: Vec<Fault> = serde_json::from_str(include_str!("faults.json")).unwrap_or_default();
     let survived = faults.iter().filter(|fault| fault.tests == 0).count();

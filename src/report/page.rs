@@ -50,7 +50,7 @@ pub fn formula(text: &str) -> Markup {
     html! { (first) @for (low, rest) in lowered { sub { (low) } (rest) } }
 }
 
-/// How a column of a table is set.
+/// The setting of a column of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Column {
     /// Text that needs no heading.

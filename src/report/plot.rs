@@ -85,7 +85,7 @@ impl<'a> Layout<'a> {
         LANE * self.lanes[side].len() as f64
     }
 
-    /// Where a point of a series stands: on the field, or in the lane of its cause.
+    /// The place of a point of a series: on the field, or in the lane of its cause.
     fn point(&self, index: usize, series: &Series, (x, y): (f64, f64)) -> Option<Point> {
         let field = &self.field;
         // Crosses of different series keep a little apart: they may stand at the same place.

@@ -137,7 +137,7 @@ fn steps(inspection: &Inspection, losses: Option<&FirstLosses>, pictures: &Pictu
     }
 }
 
-/// What the curves of λ_min show.
+/// The caption of the curves of λ_min.
 fn curves(inspection: &Inspection) -> String {
     let known = inspection.options.iter().filter(|option| option.critical != LargestStep::Unknown);
     let sentences = known.map(|option| match (option.option.name(), option.critical.dt()) {

@@ -79,7 +79,7 @@ impl OptionRecord {
 }
 
 impl<'a> InspectionRecord<'a> {
-    /// Of an inspection of a scene's state after `step` steps, at a time in s.
+    /// The record of a scene's state after `step` steps, at a time in s.
     pub fn new(scene: &'a str, step: u64, time: f64, inspection: &'a Inspection) -> Self {
         let [full, tension, axial] = inspection.options.each_ref().map(OptionRecord::of);
         let examined = inspection.examined();

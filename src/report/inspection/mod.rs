@@ -13,7 +13,7 @@ use crate::inspect::{Culprit, DropSet, FirstLosses, Inspection, LargestStep, Min
 use crate::integrate::Method;
 use crate::spring::Stiffness;
 
-/// How numbers are written: for a terminal or for a page.
+/// Writes a number for a terminal or for a page.
 type Form = fn(f64) -> String;
 
 /// In the place of what was not looked at.
@@ -36,7 +36,7 @@ fn left_out(inspection: &Inspection) -> Vec<String> {
     reasons.into_iter().filter_map(sentence).collect()
 }
 
-/// What is estimated, and what is proven of it all the same; `None` where all is proven.
+/// The estimated parts, and the proven bounds; `None` where all is proven.
 fn estimated(inspection: &Inspection, form: Form) -> Option<String> {
     let parts: Vec<String> = inspection.estimated.iter().copied().map(part).collect();
     let proven = |name: &str, [low, high]: [f64; 2]| match (low.is_finite(), high.is_finite()) {
@@ -110,7 +110,7 @@ fn turning(turn: &Turn, form: Form) -> [String; 2] {
     ]
 }
 
-/// How small a set of terms to drop is, and how small it could be.
+/// The size of a set of terms to drop, and how small it could be.
 fn smallness(set: &DropSet) -> String {
     let fewer = match set.at_least {
         _ if set.is_smallest() => return "are enough, and no fewer are".into(),
@@ -123,7 +123,7 @@ fn smallness(set: &DropSet) -> String {
     }
 }
 
-/// What a run lost first, in the order of its steps: what it is, and where and how.
+/// The first losses of a run, in the order of its steps: a name, and where and how.
 fn lost(losses: &FirstLosses, form: Form) -> Vec<(&'static str, String)> {
     let mut all: Vec<(u64, f64, &'static str, String)> = Vec::new();
     if let Some(loss) = &losses.definite {
