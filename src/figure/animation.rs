@@ -105,7 +105,7 @@ impl Animation {
     }
 
     /// The shown part of the scene.
-    pub fn topology(&self) -> &SceneTopology {
+    pub fn cast(&self) -> &SceneTopology {
         self.shown.as_ref().unwrap_or(&self.whole)
     }
 
@@ -123,7 +123,7 @@ impl Animation {
 
     /// The largest distance of a shown particle from its place in the first frame, in m.
     pub fn farthest(&self) -> f64 {
-        let n = self.topology().bindings.len().max(1);
+        let n = self.cast().bindings.len().max(1);
         let start = self.positions.get(..n).unwrap_or_default();
         let frames = self.positions.chunks(n);
         let distances = frames.flat_map(|frame| frame.iter().zip(start).map(|(x, x0)| (x - x0).norm()));

@@ -120,7 +120,7 @@ fn large_scenes_are_thinned() {
     let whole = SceneTopology::of(&system, &[[0, 1, 40], [0, 39, 1599]]);
     let mut animation = Animation::with_limits("large", whole, 200, 600);
     animation.push(0.0, &at(3));
-    let topology = animation.topology();
+    let topology = animation.cast();
     assert!((40..=200).contains(&topology.bindings.len()), "{}", topology.bindings.len());
     assert!(topology.pairs.len() <= 600 && topology.pairs.len() >= topology.bindings.len(), "{}", topology.pairs.len());
     let founders = &animation.decimation().unwrap().founders;

@@ -101,7 +101,7 @@ pub(super) fn encode(animation: &Animation, limit: usize) -> Encoded {
 }
 
 fn with_frames(animation: &Animation, every: usize) -> Encoded {
-    let topology = animation.topology();
+    let topology = animation.cast();
     let [particles, springs] = [topology.bindings.len(), topology.pairs.len()];
     let kept: Vec<usize> = (0..animation.times.len()).step_by(every).collect();
     let frames = kept.len();

@@ -119,7 +119,7 @@ fn notes(animation: &Animation, encoded: &Encoded) -> Vec<String> {
     let mut notes = Vec::new();
     if animation.decimation().is_some() {
         let [particles, springs] = animation.whole();
-        let topology = animation.topology();
+        let topology = animation.cast();
         notes.push(format!(
             "Thinned: {} of {particles} particles are shown, each for its neighbourhood, and {} lines for {springs} springs, each with \
              the mean strain of the springs from one neighbourhood to the next. The curves below are of all springs.",
@@ -138,7 +138,7 @@ fn notes(animation: &Animation, encoded: &Encoded) -> Vec<String> {
 }
 
 fn stage(animation: &Animation, encoded: &Encoded) -> Markup {
-    let has = |binding| animation.topology().bindings.contains(&binding);
+    let has = |binding| animation.cast().bindings.contains(&binding);
     let strain = &encoded.about.strain;
     let shown = percent(strain.shown);
     // Beyond the ends of the map colours are the same.
@@ -191,7 +191,7 @@ fn switches(animation: &Animation) -> Markup {
         div.switches {
             label { input id="springs" type="checkbox" checked; "springs" }
             label { input id="particles" type="checkbox" checked; "particles" }
-            @if !animation.topology().triangles.is_empty() { label { input id="surface" type="checkbox" checked; "surface" } }
+            @if !animation.cast().triangles.is_empty() { label { input id="surface" type="checkbox" checked; "surface" } }
             button id="fit" type="button" { "fit" }
         }
     }
