@@ -8,7 +8,7 @@ use super::{Exit, Stop, interrupt};
 use indicatif::ProgressBar;
 use serde::Serialize;
 use sprung::Result;
-use sprung::chart::{Deadline, Reference, Run, SizeRun, StabilityMap, SweepOptions, WorkPrecision};
+use sprung::chart::{Deadline, Reference, Run, StabilityMap, SweepOptions, WorkPrecision};
 use sprung::integrate::{Method, Monitor, Schedule, Status, StiffnessPolicy, percent};
 use sprung::linear::SolverChoice;
 use sprung::output::AtomicFile;
@@ -67,7 +67,6 @@ struct Report<'a> {
     reference: &'a Reference,
     runs: &'a [Run],
     tolerances: &'a [Run],
-    sizes: &'a [SizeRun],
     stability: &'a StabilityMap,
 }
 
@@ -124,7 +123,6 @@ impl Chart {
             reference: &chart.reference,
             runs: &chart.runs,
             tolerances: &chart.tolerances,
-            sizes: &chart.sizes,
             stability: &map,
         };
         write(&folder, &report, &chart, &map).map_err(Stop::Broken)?;

@@ -1,13 +1,14 @@
-//! Sparsity patterns.
+//! Fields of cells: sparsity patterns, and cells of classes.
 
+use super::{Axis, Series};
 use serde::Serialize;
 
-/// Which entries of a square matrix are not zero, counted in square cells.
+/// The nonzero entries of a square matrix, counted in square cells.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Spy {
-    /// What the matrix is.
+    /// The name of the matrix.
     pub title: String,
-    /// What the pattern says, in a sentence; empty where it is left to speak.
+    /// The conclusion, in a sentence; may be empty.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub conclusion: String,
     /// The order of the matrix.
@@ -54,4 +55,27 @@ impl Spy {
         let area = if row == column { side(row) * (side(row) + 1) / 2 } else { side(row) * side(column) };
         f64::from(count) / area.max(1) as f64
     }
+}
+
+/// Cells in columns and rows, each of one class, and curves over them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Tiles {
+    /// The title, in a few words.
+    pub title: String,
+    /// The conclusion, in a sentence.
+    pub conclusion: String,
+    /// The horizontal axis, of the columns.
+    pub x: Axis,
+    /// The vertical axis, of the rows.
+    pub y: Axis,
+    /// Centres of the columns, ascending.
+    pub columns: Vec<f64>,
+    /// Centres of the rows, ascending.
+    pub rows: Vec<f64>,
+    /// Row by row, an index into `classes`.
+    pub cells: Vec<Vec<usize>>,
+    /// Names of the classes for the legend; the first is the one in which nothing is wrong.
+    pub classes: Vec<String>,
+    /// Lines over the cells, for example limits from theory.
+    pub curves: Vec<Series>,
 }
