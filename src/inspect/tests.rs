@@ -225,9 +225,9 @@ fn estimates_are_near_and_proofs_hold() {
         let values = eigenvalues(free, rest_length, dt);
         let (low, high) = (values[0], values[2 * free - 1]);
         let mut seen = Vec::new();
-        let mut onlooker = |_: f64, found: &Inspection| seen.push(found.first.as_ref().map(|first| first.definite));
+        let mut observer = |_: f64, found: &Inspection| seen.push(found.first.as_ref().map(|first| first.definite));
         let found =
-            Inspection::estimated(&system, &state, dt, Stiffness::Full, SkipReason::TooMuchMemory, &mut onlooker)
+            Inspection::estimated(&system, &state, dt, Stiffness::Full, SkipReason::TooMuchMemory, &mut observer)
                 .unwrap();
         let first = found.first.as_ref().unwrap();
         assert_eq!((first.definite, first.is_proven), (definite, is_proven), "{rest_length} {inertia}");

@@ -242,7 +242,7 @@ impl AdaptiveStepper for Bdf2<'_> {
         if self.ratio > 0.0 { 2 } else { 1 }
     }
 
-    fn caution(&self) -> f64 {
+    fn safety_factor(&self) -> f64 {
         SAFETY_FACTOR
     }
 

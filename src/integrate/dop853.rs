@@ -387,7 +387,7 @@ impl AdaptiveStepper for Dop853<'_> {
     }
 
     /// Where stability bounds the step errors of fast vibrations are of the size of the tolerance all the time.
-    fn caution(&self) -> f64 {
+    fn safety_factor(&self) -> f64 {
         3.0
     }
 

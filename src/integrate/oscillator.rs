@@ -18,7 +18,7 @@ const GRAVITY: f64 = 0.9;
 /// When the path has kinks, and where it is then.
 const PATH: [(f64, f64); 4] = [(0.0, 0.0), (1.0, 0.5), (2.0, 0.2), (3.0, 1.0)];
 
-/// Which way it swings.
+/// The direction in which it swings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Way {
     Along,

@@ -350,11 +350,11 @@ impl AdaptiveStepper for WMethod<'_> {
 
     /// Measured on random scenes that magnify errors up to a hundredfold, of which none may end twenty tolerances off: methods of higher order
     /// stay far below their tolerance on ordinary scenes, this one does not.
-    fn caution(&self) -> f64 {
+    fn safety_factor(&self) -> f64 {
         3.0
     }
 
-    fn gains_by_equal_steps(&self) -> bool {
+    fn reuses_factorization(&self) -> bool {
         true
     }
 

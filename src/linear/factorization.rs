@@ -182,13 +182,6 @@ impl<K: FactorKind> Factorization<K> {
         Ok(factorization)
     }
 
-    /// What is known of the pattern, without memory for a factor: for [`sharing`](Self::sharing), and for what the pattern alone tells.
-    pub(crate) fn analysis_alone(&self) -> Self {
-        let analysis = self.analysis.shared();
-        let kind = K::of_order(analysis.symbolic.nrows());
-        Self { analysis, kind }
-    }
-
     /// Entries and operations of a numeric factorization.
     pub fn size(&self) -> FactorSize {
         self.analysis.size()

@@ -29,12 +29,12 @@ impl AdaptiveStepper for Rodas4<'_> {
         3
     }
 
-    fn braked(&self) -> f64 {
+    fn rotational_damping(&self) -> f64 {
         braked(self.linear.system, &self.linear.extensions, &self.base.velocities, self.next.time - self.base.time)
     }
 
     /// Measured on stiff rods, which end with up to thirty times the error at the coarsest tolerances without it.
-    fn caution(&self) -> f64 {
+    fn safety_factor(&self) -> f64 {
         5.0
     }
 

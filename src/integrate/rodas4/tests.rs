@@ -194,7 +194,7 @@ fn turning_springs_brake_by_what_they_take() {
     let mut stepper = Rodas4::new(&system, &state, &ImplicitOptions::default()).unwrap();
     state.time = 8.0;
     stepper.try_step(&state, h).unwrap();
-    assert!((stepper.braked() / found - 1.0).abs() < 1e-12, "{} {found}", stepper.braked());
+    assert!((stepper.rotational_damping() / found - 1.0).abs() < 1e-12, "{} {found}", stepper.rotational_damping());
     // Along springs nothing turns, and where nothing moves there is nothing to take from.
     state.velocities = vec![Vector3::x(), Vector3::zeros(), Vector3::zeros()];
     assert_eq!(braked(&system, &extensions, &state.velocities, h), 0.0);

@@ -1,6 +1,6 @@
 //! Counts of small matrices that are known by hand, by every factorization.
 
-use super::{Inertia, InertiaCounter, InertiaMethod, definite_by_blocks, dense_signs, equilibrated};
+use super::inertia::{Inertia, InertiaCounter, InertiaMethod, definite_by_blocks, dense_signs, equilibrated};
 use crate::assembly::SymmetricMatrix;
 use crate::force::SpringGeometry;
 use crate::inspect::tests::chain;

@@ -1,6 +1,6 @@
 //! Searches whose every trial is known by hand: particles that move along one axis each.
 
-use super::{Bound, CriticalSteps, Known, LargestStep};
+use super::critical::{Bound, CriticalSteps, Known, LargestStep};
 use crate::inspect::Property::{Definite, Stable};
 use crate::inspect::fixtures::{Pin, pin, pinned};
 use crate::inspect::tests::chain;
