@@ -95,20 +95,6 @@ fn a_bracket_that_is_narrow_enough_is_not_narrowed() {
     assert_eq!(found.work.factorizations, 1);
 }
 
-/// A stiff spring elsewhere hides what is finer than 4·10⁻⁷ from a factorization. Along (1, η) the root is short of 2 by 3/8 η² of it, which is
-/// less: the search ends there.
-#[test]
-fn a_search_ends_where_a_factorization_tells_no_more() {
-    let held = pinned(&[pin(5.0, 20.0), pin(5.0, 5.0), pin(1.0, -1e10)]);
-    let mut steps = steps(&held);
-    let eta: f64 = 5e-7;
-    let [dt, refused] = limit(steps.definite_knowing(known(&[1.0, eta, 0.0], None)));
-    let short = refused / 0.5 - 1.0;
-    assert!((short / (0.375 * eta * eta) - 1.0).abs() < 0.02, "{short:e}");
-    assert!((1e-7..4e-7).contains(&(1.0 - dt / 0.5)), "{dt}");
-    assert_eq!((steps.work.factorizations, steps.work.solves), (1, 0));
-}
-
 /// A direction that belongs to another eigenvalue, exactly: the factorization that refuses a step beyond its root finds the right one, and the
 /// next proves it.
 #[test]

@@ -117,7 +117,7 @@ const FIRST_SHIFT: f64 = 32.0;
 const STABLE: f64 = 64.0;
 
 /// The largest order of a dense factorization.
-const LARGEST_DENSE: usize = 2000;
+const LARGEST_DENSE_FACTOR: usize = 2000;
 
 /// Gaussian vectors that measure a factorization: its error is underestimated with probability 10⁻⁶.
 const PROBES: usize = 6;
@@ -206,7 +206,7 @@ impl InertiaCounter {
         shifted.shift(shift);
         let mut count = Count { signs: PivotSigns::default(), error: f64::INFINITY, method: first };
         for method in [InertiaMethod::Sparse, InertiaMethod::Pivoted, InertiaMethod::Dense] {
-            let affordable = method != InertiaMethod::Dense || c.order() <= LARGEST_DENSE;
+            let affordable = method != InertiaMethod::Dense || c.order() <= LARGEST_DENSE_FACTOR;
             let is_good = count.error <= f64::max(tolerance / 2.0, STABLE * unit(c.order()));
             if method < first || !affordable || is_good {
                 continue;

@@ -269,11 +269,6 @@ mod tests {
     }
 
     #[test]
-    fn curves_of_what_is_diagonalised_have_more_points() {
-        assert_eq!([1, 240, 241].map(points_of_curve), [49, 49, 17]);
-    }
-
-    #[test]
     fn the_low_end_is_no_longer_than_forty() {
         let mut found = inspected(&chain(1, 1.25), 0.1);
         let pair = |value| Eigenpair { value, vector: Vec::new(), residual: 0.0 };

@@ -505,13 +505,6 @@ mod tests {
         assert!(matches!(limit(&state), LargestStep::UpTo { dt, refused } if 0.0 < dt && dt < refused));
     }
 
-    #[test]
-    fn forces_are_evaluated_once() {
-        let (system, state) = chain(1, 1.0);
-        let turning = RotationLimit::new(&system, &state, Par::Seq).unwrap();
-        assert_eq!((turning.work.force_evaluations, turning.work.symbolic_factorizations), (1, 1));
-    }
-
     /// Wind that pushes as gravity would limits steps as gravity does.
     #[test]
     fn external_forces_turn_springs_too() {

@@ -338,11 +338,3 @@ fn the_centre_of_mass_of_a_free_scene_is_known_by_itself() {
         assert_eq!(monitor.indicators(&state).exchanged, expected.0);
     }
 }
-
-/// A hundred bytes for each of two springs, four hundred and fifty for each of three particles.
-#[test]
-fn memory_is_asked_for_springs_and_particles() {
-    let (system, state) = crate::system::fixtures::row(3);
-    let new = || Monitor::new(&system, &state, MonitorOptions::default()).unwrap();
-    assert_eq!(crate::memory::watch::asked("what accompanies a run", new).1, 2 * 100 + 3 * 450);
-}

@@ -54,35 +54,6 @@ fn unresolved_springs_dissipate_what_is_certain() {
     }
 }
 
-/// A spring between a held particle and one that is led straight away from it: T = κ(l − l0) + b u, and the work is
-/// `∫ T u dt`, elastic energy gained and dissipation.
-#[test]
-fn a_led_particle_does_the_work_that_its_spring_takes() {
-    let mut builder = SystemBuilder::new();
-    builder.particle([0.0; 3], 2.0);
-    builder.particle([1.0, 0.0, 0.0], 3.0);
-    builder.spring(0, 1, Spring { stiffness: 6.0, rest_length: 0.5, damping: 0.7 });
-    builder.hold(0);
-    let motion = Motion::Velocity(Vector3::new(0.3, 0.0, 0.0));
-    builder.constrain(Constraint { particles: vec![1], axes: Axes::of(&[0]), motion });
-    let (system, mut state) = builder.build().unwrap();
-    state.prescribe(&system);
-    let mut drive = Work::new(&system, &state);
-    assert_eq!(drive.driven().collect::<Vec<_>>(), [0]);
-    approx::assert_relative_eq!(drive.energy(&state).kinetic, 0.5 * 3.0 * 0.09, max_relative = 1e-14);
-    let h = 0.05;
-    state.time = h;
-    // What the state says of the velocity after the step is another matter.
-    state.prescribe(&system);
-    state.velocities[1].x = 99.0;
-    let exchange = drive.enter(&state, h);
-    let elastic = |l: f64| 0.5 * 12.0 * (l - 0.5) * (l - 0.5);
-    let dissipated = 0.7 * 0.09 * h;
-    approx::assert_relative_eq!(exchange.dissipated, dissipated, max_relative = 1e-12);
-    approx::assert_relative_eq!(exchange.certain, dissipated, max_relative = 1e-12);
-    approx::assert_relative_eq!(exchange.work, elastic(1.015) - elastic(1.0) + dissipated, max_relative = 1e-12);
-}
-
 /// Every spring counts in its own block, by its own number: so many side by side, each by a newton harder than the last, all twice
 /// their length at rest of a half.
 #[test]
