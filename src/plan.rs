@@ -228,7 +228,7 @@ impl Plan {
 
 /// A stepper with steps as scheduled, or with steps that keep an error within a tolerance.
 pub enum Stepper<'s> {
-    /// As scheduled.
+    /// Scheduled steps.
     Scheduled(Box<dyn TimeStepper + 's>),
     /// With error control.
     Adaptive {

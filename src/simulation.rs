@@ -68,7 +68,7 @@ pub struct SimulationResult {
 }
 
 impl<'s> Simulation<'s> {
-    /// Of a system from a state.
+    /// A run of a system from a state.
     pub fn new(system: &'s System, state: State) -> Self {
         let options = RunOptions::default();
         Self { system, state, options, dt: None, stops_unstable: true, estimates_error: true }

@@ -133,7 +133,7 @@ mod tests {
         assert!(relative_position_error(&x, &[Vector3::zeros()], &[Vector3::zeros()]).is_nan());
     }
 
-    /// Where nothing has a length it is 1 m; where the spread is rounding it is the way.
+    /// 1 m where nothing has a length; a spread by rounding is none.
     #[test]
     fn extents_that_are_rounding_are_none() {
         let pair = |x: f64, apart: f64| [Vector3::new(x, 0.0, 0.0), Vector3::new(x + apart, 0.0, 0.0)];

@@ -76,7 +76,7 @@ pub struct Answer<R> {
     pub solver: SolverReport,
     /// Estimated relative position error; `None` where nothing is known of it.
     pub estimated_error: Option<f64>,
-    /// Whether it has the accuracy required.
+    /// The verdict on its accuracy.
     pub verdict: Verdict,
     /// The time, in s, until which positions are predictable to the accuracy, where that is before the end.
     pub predictable_until: Option<f64>,
@@ -88,7 +88,7 @@ pub struct Answer<R> {
     pub total_cost: f64,
     /// Number of runs, this one included.
     pub runs: u32,
-    /// What was recorded of the run.
+    /// The records of the run.
     pub records: R,
 }
 

@@ -89,7 +89,7 @@ impl End {
         }
     }
 
-    /// Whether one value is wanted before another.
+    /// One value is wanted before another.
     pub fn is_before(self, value: f64, other: f64) -> bool {
         self.rank(value) < self.rank(other)
     }

@@ -63,7 +63,7 @@ pub(crate) struct Accuracy {
 }
 
 impl Accuracy {
-    /// As many digits as there are, vectors too.
+    /// Full precision, vectors too.
     pub const FULL: Self = Self { tolerance: Tolerance { of_value: 1e-9, of_norm: 1e-13 }, edge: [1e-9, 1e-6] };
     /// A value certified to half a millionth of ‖A‖ and a thousandth of itself; the error of a Rayleigh quotient is of the order of the
     /// square of the tolerance.
@@ -75,7 +75,7 @@ impl Accuracy {
 pub struct Lowest {
     /// The pairs, ascending.
     pub pairs: Vec<Eigenpair>,
-    /// Whether a count of the eigenvalues below `counted_below` proves that none is missing.
+    /// A count of the eigenvalues below `counted_below` proves that none is missing.
     pub complete: bool,
     /// A value just below the last one.
     pub counted_below: f64,
@@ -128,7 +128,7 @@ pub(crate) struct ShiftInvert<'a> {
     norm: f64,
     /// Proven bounds of the spectrum.
     pub within: [f64; 2],
-    /// Whether the factorization is that of A itself, and positive definite.
+    /// The factorization is that of A itself, and positive definite.
     pub is_factored: bool,
     /// The τ that proves the pairs found last to be complete.
     pub edge: Option<f64>,
@@ -230,7 +230,7 @@ impl<'a> ShiftInvert<'a> {
         Some(below)
     }
 
-    /// As [`below`](Self::below): whether σ lies beyond that end.
+    /// As [`below`](Self::below): σ lies beyond that end.
     fn lies_outside(&mut self, shift: f64, outwards: f64) -> bool {
         let all = if outwards < 0.0 { 0 } else { self.order() };
         let is_outside = self.below(shift) == Some(all);

@@ -273,7 +273,7 @@ pub struct CriticalSteps<'s> {
 /// Facts about A under `Full` before a search for its limit.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Known {
-    /// Whether −K has negative eigenvalues.
+    /// −K has negative eigenvalues; `None` where not counted.
     pub curves_downwards: Option<bool>,
     /// A direction, not necessarily a good one.
     pub direction: Option<Vec<f64>>,
@@ -429,7 +429,7 @@ impl<'s> CriticalSteps<'s> {
         self.factorization.factor(self.matrix.matrix()).is_ok() && self.factorization.is_positive()
     }
 
-    /// Whether C has negative eigenvalues, where no direction is known.
+    /// C has negative eigenvalues, by a count.
     pub(super) fn curves_downwards(&mut self, requirement: Property, option: Stiffness) -> bool {
         self.pencil.set(requirement, option, 0.0);
         self.matrix.refill(self.pencil.operator());

@@ -76,7 +76,7 @@ fn what_is_pressed_by_rounding_alone_limits_no_step() {
     }
 }
 
-/// What is known of A at the limit s = 2, the direction of its lowest eigenvalue, and an s that was proven.
+/// Facts about A at the limit s = 2: a direction, and an s that was proven.
 fn known(direction: &[f64], definite_from: Option<f64>) -> Known {
     Known { curves_downwards: Some(true), direction: Some(direction.to_vec()), definite_from }
 }
@@ -89,7 +89,7 @@ fn a_bracket_that_is_narrow_enough_is_not_narrowed() {
     let proven = 2.0 * (1.0 + 2.0 * f64::EPSILON);
     assert_eq!(limit(found.definite_knowing(known(&[1.0], Some(proven)))), [1.0 / proven, 0.5]);
     assert_eq!(found.work.factorizations, 0);
-    // A factor of 1 + 10⁻⁶ is wide: the limit itself is looked for.
+    // A bracket of 1 + 10⁻⁶ is wide.
     let [dt, refused] = limit(found.definite_knowing(known(&[1.0], None)));
     assert!(dt < 0.5 && refused == 0.5 && 0.5 - dt < 1e-15, "{dt} {refused}");
     assert_eq!(found.work.factorizations, 1);

@@ -181,7 +181,7 @@ fn proven_ceiling(a: &SystemOperator<'_>) -> f64 {
     largest_at_particle(a, |mass| a.mass_factor() * mass, |block| block.norm(), highest, |sum, _| sum)
 }
 
-/// Whether the blocks prove that A is positive definite.
+/// The blocks prove that A is positive definite.
 fn proves_definite(a: &SystemOperator<'_>) -> bool {
     let floor = proven_floor(a);
     floor > ROUNDING * proven_ceiling(a) && floor.is_finite()

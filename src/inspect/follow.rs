@@ -81,7 +81,7 @@ impl<'s> DefinitenessWatch<'s> {
         Ok(Self { system, property, option, dt, pencil, matrix, factorization, direction })
     }
 
-    /// Whether the matrix can be factored at a state, and is positive definite.
+    /// At a state: the matrix can be factored, and is positive definite.
     fn factor(&mut self, state: &State) -> Result<[bool; 2], DegenerateSpring> {
         self.pencil.update(state)?;
         self.pencil.set(self.property, self.option, self.dt.recip());

@@ -103,7 +103,7 @@ impl Inertia {
         Self { negative: 0, zero: 0, positive: n, band: 0.0, factorization_error, method }
     }
 
-    /// Whether every eigenvalue is positive.
+    /// Every eigenvalue is positive.
     pub fn is_definite(&self) -> bool {
         self.negative == 0 && self.zero == 0
     }
@@ -257,7 +257,7 @@ fn unit(n: usize) -> f64 {
     (n as f64).sqrt() * f64::EPSILON / 2.0
 }
 
-/// Where no spring's block has a negative eigenvalue, `λ_min(A) ≥ min mᵢ·mass` without any factorization, for A assembled from an
+/// If no spring's block has a negative eigenvalue, `λ_min(A) ≥ min mᵢ·mass` without any factorization, for A assembled from an
 /// operator with this coefficient of the masses. `None` where a block has one, or where that bound is below 10⁻⁹ ‖A‖, near the band
 /// of a count.
 pub(super) fn definite_by_blocks(operator: &SystemOperator<'_>, a: &SymmetricMatrix, mass: f64) -> Option<Inertia> {

@@ -66,7 +66,7 @@ fn what_lies_in_the_band_is_neither_negative_nor_positive() {
     }
 }
 
-/// The larger of both factorizations' errors is told, and both are far below what the band allows.
+/// The error is the larger of both factorizations'.
 #[test]
 fn the_error_is_that_of_the_worse_factorization() {
     for particles in 2..12 {
@@ -176,7 +176,7 @@ fn a_pivot_of_zero_is_not_positive() {
     assert_eq!((found.negative, found.zero, found.positive, work.factorizations), (1, 1, 34, 2));
 }
 
-/// Where no factorization is left that could be trusted the band is doubled four times after the first, and then nothing is decided.
+/// Without a factorization to trust the band is doubled four times, and then nothing is decided.
 #[test]
 fn a_count_ends_undecided() {
     let a = six(|row, column| (row == column) as u8 as f64);
@@ -188,7 +188,7 @@ fn a_count_ends_undecided() {
     assert_eq!(work, Work::default());
 }
 
-/// 2 kg at a step that gives the masses exactly a billionth of ‖A‖: that might not be told from zero.
+/// 2 kg at a step that gives the masses exactly a billionth of ‖A‖.
 #[test]
 fn what_the_masses_give_must_be_visible() {
     let (system, state) = chain(1, 0.5);

@@ -19,7 +19,7 @@ use faer::Par;
 /// A part of an inspection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
-    /// Whether A is positive definite under the examined option, and the spring that spoils it most.
+    /// A quick check: is A positive definite under the examined option, and which spring spoils it most?
     FirstAnswer,
     /// The signs of the eigenvalues of A.
     Signs(Stiffness),
@@ -142,7 +142,7 @@ pub struct Inspection {
     pub clusters: Vec<Cluster>,
     /// The spring that a step of this length rotates worst, under the option; `None` where it rotates none.
     pub turn: Option<Turn>,
-    /// Where A under `Full` is not positive definite: the transverse terms that must go.
+    /// The transverse terms that must go, if A under `Full` is not positive definite.
     pub smallest_set: Option<DropSet>,
     /// The parts that were skipped.
     pub skipped: Vec<Skipped>,
@@ -214,7 +214,7 @@ impl Inspection {
         self
     }
 
-    /// Whether a part was skipped.
+    /// A part was skipped.
     pub fn lacks(&self, part: Part) -> bool {
         self.skipped.iter().any(|skipped| skipped.part == part)
     }
@@ -235,7 +235,7 @@ impl Inspection {
         (fold > 1).then(|| format!("{}{fold}-fold", if more { "at least " } else { "" }))
     }
 
-    /// Whether A is positive definite, by the count of signs or, where there is none, by the quick check.
+    /// A is positive definite, by the count of signs or, where there is none, by the quick check.
     pub fn is_definite(&self) -> bool {
         match self.lacks(Part::Signs(self.option)) {
             true => self.first.as_ref().is_some_and(|first| first.definite),
@@ -243,7 +243,7 @@ impl Inspection {
         }
     }
 
-    /// Whether [`is_definite`](Self::is_definite) is proven.
+    /// [`is_definite`](Self::is_definite) is proven.
     pub fn is_proven(&self) -> bool {
         !self.lacks(Part::Signs(self.option)) || self.first.as_ref().is_some_and(|first| first.is_proven)
     }
@@ -266,9 +266,9 @@ pub(super) fn index_of(option: Stiffness) -> usize {
 /// The answer of a quick check: whether A is positive definite, with a direction of low curvature.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FirstAnswer {
-    /// Whether A is positive definite: by a factorization where it is, by the direction where it is not.
+    /// A is positive definite, by a factorization; not so by the direction.
     pub definite: bool,
-    /// Whether that is proven. Where A is not factored it may only be that no direction of negative curvature was found.
+    /// That is proven. Where A is not factored it may only be that no direction of negative curvature was found.
     pub is_proven: bool,
     /// u, with `uᵀAu` for its eigenvalue: an upper bound for λ_min, negative where A is indefinite.
     pub direction: Direction,

@@ -50,7 +50,7 @@ pub struct DropSet {
 }
 
 impl DropSet {
-    /// Whether no smaller set is sufficient.
+    /// No smaller set is sufficient, proven.
     pub fn is_smallest(&self) -> bool {
         self.springs.len() <= self.at_least
     }
@@ -121,7 +121,7 @@ pub(super) fn smallest_set_with(
     }
 }
 
-/// Whether a search among so many springs is affordable, with a factor of so many entries: always for a few, and never where the
+/// A search among so many springs is affordable, with a factor of so many entries: always for a few, and never where the
 /// dense matrix is too large.
 fn is_affordable(springs: usize, entries: usize) -> bool {
     springs <= ((MOST_MULTIPLICATIONS / (4.0 * entries as f64)) as usize).clamp(32, 500)
@@ -398,7 +398,7 @@ mod tests {
         (set, [work.symbolic_factorizations, work.assemblies, work.factorizations, work.solves])
     }
 
-    /// Where 10 N/m outweigh the mass, every spring is necessary; where 20 do, one of two; where not even these do, none.
+    /// Every spring is necessary if 10 N/m outweigh the mass, one of two if 20 do, else none.
     #[test]
     fn sets_and_their_work_are_those_by_hand() {
         let irredundant = Minimality::Irredundant;

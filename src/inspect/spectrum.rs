@@ -63,7 +63,7 @@ pub fn spectrum(a: &SymmetricMatrix, inertia: &Inertia, wanted: usize, par: Par,
 pub(super) struct Known<'a> {
     /// A, by its fastest products.
     pub products: &'a dyn LinearOperator,
-    /// Whether the factorization is that of A, and positive definite, before and after.
+    /// The factorization is that of A, and positive definite, before and after.
     pub is_factored: bool,
     /// A proven lower bound for λ_min.
     pub floor: f64,

@@ -126,9 +126,9 @@ pub enum OutputTimes {
 /// An estimate of the local error of a step, full-length; zero where coordinates are prescribed.
 #[derive(Debug, Clone, Copy)]
 pub struct ErrorEstimate<'a> {
-    /// Of the positions, in m.
+    /// Errors of the positions, in m.
     pub positions: &'a [Vector3<f64>],
-    /// Of the velocities, in m/s.
+    /// Errors of the velocities, in m/s.
     pub velocities: &'a [Vector3<f64>],
 }
 
@@ -175,12 +175,12 @@ pub trait AdaptiveStepper: TimeStepper {
         0.0
     }
 
-    /// Whether a step as long as the last one saves work, as a factorization.
+    /// A step as long as the last one saves work, as a factorization.
     fn reuses_factorization(&self) -> bool {
         false
     }
 
-    /// Whether stability bounds the steps, as those of explicit methods.
+    /// Stability bounds the steps, as those of explicit methods.
     fn is_bounded_by_stability(&self) -> bool {
         false
     }

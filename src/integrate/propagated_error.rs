@@ -146,7 +146,7 @@ impl PropagatedError {
         }
     }
 
-    /// Whether it belongs to a system with as many particles.
+    /// It belongs to a system with as many particles.
     pub(super) fn fits(&self, system: &System) -> bool {
         let lists = [
             &self.positions,
@@ -476,7 +476,7 @@ mod tests {
         builder.build().unwrap()
     }
 
-    /// What is known of the error changes no bit of the motion, whatever a solver keeps from one solve to the next.
+    /// The propagated error changes no bit of the motion, whatever state a solver has.
     #[test]
     fn the_motion_does_not_depend_on_the_estimate() {
         let scene = tangle();

@@ -33,7 +33,7 @@ const DIVIDES: f64 = 1e-9;
 /// The most steps of a run, 2⁵³: as many as a double counts one by one.
 const MOST_STEPS: f64 = 9_007_199_254_740_992.0;
 
-/// Whether a time is the end of a run, given by its start and end, up to the rounding of times and of a step that divides it.
+/// A time is the end of a run, given by its start and end, up to the rounding of times and of a step that divides it.
 pub(crate) fn is_end(time: f64, [start, end]: [f64; 2]) -> bool {
     end - time <= DIVIDES * (end - start) + 4.0 * f64::EPSILON * end.abs()
 }
@@ -103,7 +103,7 @@ impl Schedule {
         self.last
     }
 
-    /// Whether there is nothing to do.
+    /// There is no step.
     pub fn is_empty(&self) -> bool {
         self.first >= self.last
     }
@@ -113,7 +113,7 @@ impl Schedule {
         self.dt
     }
 
-    /// Whether its last step is as long as all others and ends, to the bit, when that of a longer schedule does.
+    /// The last step is as long as all others and ends, to the bit, when that of a longer schedule does.
     pub fn ends_with_whole_step(&self) -> bool {
         self.remainder.is_none() && self.duration == self.whole_steps as f64 * self.dt
     }

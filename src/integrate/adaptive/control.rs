@@ -208,7 +208,7 @@ mod tests {
         }
     }
 
-    /// What could not be done is not proposed again at once, but in time.
+    /// A step that failed is not proposed again at once, but in time.
     #[test]
     fn steps_come_back_slowly_to_one_that_failed() {
         let mut control = control(0.1);

@@ -25,7 +25,7 @@ pub(super) struct Scales {
 
 impl Scales {
     /// At the start of a run by a method of order q whose estimate falls as h^(p + 1), with the number of force evaluations.
-    /// Where forces are undefined the first step fails; here they count as zero.
+    /// Undefined forces count as zero here; the first step fails.
     pub fn at_start(system: &System, state: &State, options: &AdaptiveOptions, [q, p]: [u32; 2]) -> (Self, u64) {
         let (rtol, duration) = (options.rtol, options.part_of.unwrap_or(options.duration));
         let power = f64::from(p + 1) / f64::from(q);
@@ -278,7 +278,7 @@ mod tests {
         }
     }
 
-    /// Where nothing moves or pulls the whole run is tried; where forces are undefined too, and the step says why.
+    /// Without motion and forces the whole run is tried.
     #[test]
     fn first_steps_exist_everywhere() {
         let (system, state) = particles(&[0.0, 1.0], 0.0);
@@ -348,7 +348,7 @@ mod tests {
         assert!((step / (0.01 / change).sqrt() - 1.0).abs() < 1e-9 && forces == 2, "{step}");
     }
 
-    /// Where the probe finds forces beyond all numbers the step is that of the probe.
+    /// If the probe overflows its step is the first.
     #[test]
     fn probes_that_leave_all_numbers_are_the_first_step() {
         let mut builder = SystemBuilder::new();

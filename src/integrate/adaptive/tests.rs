@@ -105,7 +105,7 @@ impl Still {
         Self { order, gains, ..Self::new(&[]) }
     }
 
-    /// Of a method whose steps stability bounds.
+    /// A method whose steps stability bounds.
     pub fn bounded(order: u32) -> Self {
         Self { bounded: true, ..Self::of(order, false) }
     }

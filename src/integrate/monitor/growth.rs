@@ -204,7 +204,7 @@ impl Growth {
         if record.above >= PATIENCE { Err(StepFailure::Unstable { gained, exchanged }) } else { Ok(()) }
     }
 
-    /// Whether the state entered last shows too much growth.
+    /// The state entered last shows too much growth.
     pub fn is_above(&self) -> bool {
         self.record.above > 0
     }

@@ -15,7 +15,7 @@ fn particle() -> (System, State) {
     builder.build().unwrap()
 }
 
-/// What a scene has at a state, in J: of a start as of any other.
+/// The energies of a scene at a state, in J.
 #[derive(Clone, Copy, Default)]
 struct Has {
     kinetic: f64,
@@ -75,7 +75,7 @@ fn growth_is_what_the_exchange_does_not_explain() {
     assert_eq!((growth.record.gained, growth.exchanged()), (1.75, 8.5));
 }
 
-/// Whether energy that grows from 1 J, all that the motion exchanges, to more is too much. Rounding counts for 1e-10 of it.
+/// Energy that grows from 1 J, all that the motion exchanges; rounding is 1e-10 of it.
 #[test]
 fn four_times_what_was_exchanged_is_too_much() {
     let (system, state) = particle();
@@ -193,7 +193,7 @@ fn rounded_positions_hold_energy() {
     }
 }
 
-/// Of large numbers that nearly cancel rounding counts by the start's, and by the present ones as far as the motion reaches.
+/// Rounding is relative to the energies at the start, and to the present ones up to the energy exchanged.
 #[test]
 fn rounding_is_relative_to_what_is_added_up() {
     let (system, state) = particle();

@@ -94,7 +94,7 @@ pub fn percent(error: f64) -> String {
 }
 
 impl ErrorIndicators {
-    /// Whether the estimate is above the threshold, for adaptive steps that of their tolerance.
+    /// The estimate is above the threshold, for adaptive steps that of their tolerance.
     pub fn is_inaccurate(&self, rtol: Option<f64>) -> bool {
         self.estimate.is_some_and(|estimate| estimate > threshold(rtol))
     }

@@ -29,7 +29,7 @@ use work::Work;
 pub struct MonitorOptions {
     /// The relative position error up to which positions count as predictable; `None` where no errors are propagated.
     pub threshold: Option<f64>,
-    /// Whether energy from nowhere ends the run.
+    /// Energy from nowhere ends the run.
     pub stops_unstable: bool,
 }
 
@@ -86,7 +86,7 @@ pub struct Monitor<'s> {
     options: MonitorOptions,
     springs: Springs<'s>,
     work: Work<'s>,
-    /// Whether nothing holds the scene.
+    /// Nothing holds the scene.
     is_loose: bool,
     balance: EnergyBalance,
     /// The balance at the state before, and the times of both.
@@ -196,7 +196,7 @@ impl<'s> Monitor<'s> {
         self.growth.doubt(energy);
     }
 
-    /// Whether the energy of the state entered last, or that exchanged until then, is not finite.
+    /// The energy of the state entered last, or that exchanged until then, is not finite.
     pub(super) fn has_overflowed(&self) -> bool {
         let Balance { work, dissipated, imbalance } = self.balance();
         ![self.balance.energy.total(), work, dissipated, imbalance].into_iter().all(f64::is_finite)

@@ -55,7 +55,7 @@ fn energy_from_nowhere_ends_a_run() {
     }
 }
 
-/// What is in doubt by the method's own estimate is no growth.
+/// Energy in doubt by the method's own estimate is no growth.
 #[test]
 fn doubted_energy_is_no_growth() {
     let (system, start) = free();
@@ -244,7 +244,7 @@ impl TimeStepper for Doubling {
     }
 }
 
-/// Where a step fails while energy grows the growth is the cause, and the state is one from before; else it is the last one.
+/// If a step fails while energy grows, growth is the cause, and the state is one from before; else it is the last one.
 #[test]
 fn failures_of_growing_runs_are_reported_as_growth() {
     let (system, start) = free();

@@ -180,7 +180,7 @@ pub(super) struct End {
 }
 
 impl End {
-    /// Of a spring whose ends are d apart and move at the relative velocity v; without length it has no direction.
+    /// A spring whose ends are d apart and move at the relative velocity v; without length it has no direction.
     pub fn new(d: &Vector3<f64>, v: &Vector3<f64>) -> Self {
         let length = d.norm();
         let n = if length > 0.0 { d / length } else { Vector3::zeros() };

@@ -40,7 +40,7 @@ fn a_rate_that_is_a_parabola_is_integrated_exactly() {
     assert!(sums.certain < sums.dissipated);
 }
 
-/// Where steps do not resolve a spring only what is certain counts. Its own times: 1/sqrt(k/(l0 μ)) and μ/b, μ = 6/5 kg.
+/// Steps that do not resolve a spring count its certain dissipation alone. Its own times: 1/sqrt(k/(l0 μ)) and μ/b, μ = 6/5 kg.
 #[test]
 fn unresolved_springs_dissipate_what_is_certain() {
     let (system, start) = pair(0.7);
@@ -71,7 +71,7 @@ fn blocks_follow_one_another() {
     assert_eq!(sums.elastic, (count * (count + 1) / 2) as f64 / 4.0);
 }
 
-/// Where the ends of a spring meet it has no direction, and no rate.
+/// A spring without length has no direction, and no rate.
 #[test]
 fn springs_without_length_have_no_rate() {
     let (system, start) = pair(0.5);
@@ -236,7 +236,7 @@ fn a_spring_that_is_drawn_takes_its_tension_times_the_way() {
     }
 }
 
-/// What moves along x has the kinetic energy and the weight of that alone.
+/// A coordinate led along x has kinetic energy and weight along x alone.
 #[test]
 fn led_coordinates_have_energy_of_their_own() {
     let (system, mut state) = led();
