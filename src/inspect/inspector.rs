@@ -27,7 +27,7 @@ pub const AFFORDABLE: f64 = 1e12;
 
 /// Rows from which nothing is factored by default: one factorization of a cloth of that size takes seconds, of a solid minutes, and
 /// the ordering before it as long.
-pub const LARGEST_FACTORED: usize = 500_000;
+const LARGEST_FACTORED: usize = 500_000;
 
 /// Rows from which fewer eigenpairs are computed, less exactly.
 const LARGE: usize = 10_000;

@@ -27,7 +27,7 @@ pub use culprits::{Cluster, Culprit, Direction, Mover, clusters, direction};
 pub use follow::{DefinitenessWatch, FirstLosses, Follower, Gain, Loss, Passed};
 pub use inertia::{Inertia, InertiaCounter, InertiaMethod};
 pub use inspection::{FirstAnswer, Inspection, OptionInspection, Part, SkipReason, Skipped};
-pub use inspector::{AFFORDABLE, LARGEST_FACTORED};
+pub use inspector::AFFORDABLE;
 pub use picture::Pictures;
 pub use rotation_limit::{MOST_BRAKED, MOST_STRETCHED, RotationLimit, Turn};
 pub use smallest_set::{DropSet, Minimality, smallest_set};
