@@ -245,7 +245,7 @@ impl AdaptiveStepper for Bdf2<'_> {
 
     /// Errors of the formula have the same sign throughout a vibration, and add up where those of other methods cancel; estimates do not see
     /// what it damps. Fitted to random scenes that magnify errors up to a hundredfold, so that none ends twenty tolerances off.
-    fn caution(&self) -> f64 {
+    fn safety_factor(&self) -> f64 {
         36.0
     }
 

@@ -340,7 +340,7 @@ impl AdaptiveStepper for Dop853<'_> {
     }
 
     /// Where stability bounds the steps, errors of fast vibrations are as large as the tolerance all the time.
-    fn caution(&self) -> f64 {
+    fn safety_factor(&self) -> f64 {
         3.0
     }
 

@@ -349,7 +349,8 @@ impl<'s> LinearSystem<'s> {
 /// The number of compressed springs in all parts of a system. (Numbers below 2⁵³ are added without rounding.)
 fn compressed(system: &System, extensions: &SpringGeometry) -> usize {
     let springs = extensions.springs(system);
-    let compressed = springs.filter(|((number, _, spring), at)| spring.is_compressed(at) && system.owns_spring(*number));
+    let compressed =
+        springs.filter(|((number, _, spring), at)| spring.is_compressed(at) && system.owns_spring(*number));
     let [all] = system.total([compressed.count() as f64]);
     all as usize
 }

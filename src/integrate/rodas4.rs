@@ -455,7 +455,7 @@ impl AdaptiveStepper for Rodas4<'_> {
     }
 
     /// Fitted to stiff rods, which end with up to thirty times the error at the coarsest tolerances without it.
-    fn caution(&self) -> f64 {
+    fn safety_factor(&self) -> f64 {
         5.0
     }
 

@@ -285,7 +285,7 @@ fn methods_with_estimates_have_orders_and_limits() {
         let mut stepper = stepper.unwrap();
         let name = method.name();
         assert_eq!([stepper.order(), stepper.estimate_order()], orders, "{name}");
-        assert_eq!((stepper.caution(), stepper.largest_growth()), (caution, growth), "{name}");
+        assert_eq!((stepper.safety_factor(), stepper.largest_growth()), (caution, growth), "{name}");
         assert_eq!((stepper.reuses_factorization(), stepper.rotational_damping()), (reuses, 0.0), "{name}");
         assert_eq!(stepper.is_bounded_by_stability(), method == Method::Dop853, "{name}");
         stepper.statistics_mut().rejected_steps = 7;

@@ -314,7 +314,7 @@ impl AdaptiveStepper for WMethod<'_> {
 
     /// Fitted to random scenes that magnify errors up to a hundredfold, so that none ends twenty tolerances off. (Methods of higher order
     /// stay far below their tolerance on ordinary scenes, this one does not.)
-    fn caution(&self) -> f64 {
+    fn safety_factor(&self) -> f64 {
         3.0
     }
 

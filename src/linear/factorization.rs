@@ -172,11 +172,6 @@ impl<K: FactorKind> Factorization<K> {
         Self::with_analysis(analysed.analysis.shared()).allocate()
     }
 
-    /// The analysis without memory for a factor, for [`sharing`](Self::sharing).
-    pub(crate) fn analysis_alone(&self) -> Self {
-        Self::with_analysis(self.analysis.shared())
-    }
-
     /// Entries and operations of a numeric factorization.
     pub fn size(&self) -> FactorSize {
         self.analysis.size()
