@@ -1,7 +1,7 @@
 //! `energy.csv`: the energies over time.
 
 use super::AtomicFile;
-use super::checksum::{Checksum, Tally};
+use super::checkpoint::{Checksum, Tally};
 use crate::error::{Error, Result};
 use crate::force::Energy;
 use crate::integrate::Balance;
@@ -9,16 +9,16 @@ use serde::{Deserialize, Serialize};
 use std::io;
 use std::path::PathBuf;
 
-/// `energy.csv` while a run is under way: header `time,kinetic,elastic,gravitational,total,work,dissipated,imbalance`, one row
-/// per recorded step, time in s and energies in J, the last three since the start of the run. An energy that is not finite is
-/// left empty. The file appears at [`finish`](Self::finish); memory does not grow with the number of rows.
+/// `energy.csv` during a run: header `time,kinetic,elastic,gravitational,total,work,dissipated,imbalance`, one row per recorded step,
+/// time in s and energies in J, the last three since the start of the run. An energy that is not finite is left empty. The file
+/// appears at [`finish`](Self::finish).
 #[derive(Debug)]
 pub struct EnergyLog {
     target: PathBuf,
     rows: csv::Writer<Tally<AtomicFile>>,
 }
 
-/// How far an `energy.csv` is that a checkpoint goes on with.
+/// The position in an `energy.csv` that a checkpoint continues.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogPosition {
     /// Its length.
@@ -50,7 +50,7 @@ impl EnergyLog {
         Ok(Self { target, rows })
     }
 
-    /// Starts a file that a later process can go on with.
+    /// Starts a file that a later process can continue.
     ///
     /// # Errors
     /// [`Error::Io`] when its folder cannot be written.
@@ -60,23 +60,21 @@ impl EnergyLog {
         Ok(Self { target, rows })
     }
 
-    /// Goes on with a file behind a position.
+    /// Continues a file after a position.
     ///
     /// # Errors
-    /// [`Error::Io`] when it is not there, or has other bytes.
+    /// [`Error::Io`] when it does not exist, or has other bytes.
     pub fn resume(target: impl Into<PathBuf>, position: &LogPosition) -> Result<Self> {
         let target = target.into();
-        let mut sum = Checksum::default();
-        let file =
-            AtomicFile::resume(&target, position.bytes, |bytes| Checksum::of(bytes).text() == position.checksum)?;
+        let is_right = |bytes: &[u8]| Checksum::of(bytes).text() == position.checksum;
+        let file = AtomicFile::resume(&target, position.bytes, is_right)?;
         let before = std::fs::read(file.unfinished()).map_err(|source| Error::io(&target, source))?;
-        sum.add(&before);
-        let rows = Tally::after(file, position.bytes, sum);
+        let rows = Tally::after(file, position.bytes, Checksum::of(&before));
         let rows = csv::WriterBuilder::new().has_headers(position.bytes == 0).from_writer(rows);
         Ok(Self { target, rows })
     }
 
-    /// Where it is: everything before that is in the file, whatever happens to the process.
+    /// The position up to which everything is in the file, whatever happens to the process.
     ///
     /// # Errors
     /// [`Error::Io`] when it cannot be written.
@@ -86,7 +84,7 @@ impl EnergyLog {
         Ok(LogPosition { bytes, checksum: checksum.text() })
     }
 
-    /// Adds the row of a time, in s: the energy of the state, and where it went since the start.
+    /// Adds the row of a time, in s: the energy of the state, and the balance since the start.
     ///
     /// # Errors
     /// [`Error::Io`] when it cannot be written.
@@ -119,7 +117,6 @@ impl EnergyLog {
 mod tests {
     use super::*;
 
-    /// What a position says is in the file, should the process end there.
     #[test]
     fn positions_are_on_disk() {
         let folder = tempfile::tempdir().unwrap();
@@ -134,9 +131,9 @@ mod tests {
         }
     }
 
-    /// From the first row, from the head alone, and from nothing: the bytes are those of a log that was never interrupted.
+    /// Continued after the first row or from nothing, the bytes are those of a log that was never interrupted.
     #[test]
-    fn a_log_goes_on_where_it_was() {
+    fn logs_continue() {
         let folder = tempfile::tempdir().unwrap();
         let energy = Energy { kinetic: 1.0, elastic: 0.25, gravitational: -2.0 };
         let balance = Balance { work: 0.5, dissipated: 0.125, imbalance: f64::NAN };

@@ -1,13 +1,14 @@
-//! `sprung new`: print a ready scene.
+//! Commands that print: `sprung new`, `sprung completions` and `sprung man`.
 
+use super::common::size;
 use super::console::{Console, print};
-use super::values::size;
-use super::{Exit, Stop};
+use super::{Arguments, Exit, Stop};
+use clap::CommandFactory;
+use clap_complete::{Shell, generate};
 use sprung::output::AtomicFile;
 use sprung::scene::{Kind, builtin, refined};
 use sprung::{Error, Scene};
 use std::ffi::OsStr;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Print a ready scene as TOML (with --json: as JSON), or write it to a file
@@ -49,13 +50,58 @@ impl New {
     }
 }
 
-/// Writes a scene, whole or not at all.
 fn write(scene: &Scene, file: &Path) -> Result<(), Error> {
-    let ending = file.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase);
-    match ending.as_deref() {
-        Some("toml") => AtomicFile::write(file, |out| out.write_all(scene.to_toml().as_bytes())),
-        Some("json") => AtomicFile::write(file, |out| out.write_all(scene.to_json().as_bytes())),
+    let extension = file.extension().and_then(OsStr::to_str).map(str::to_ascii_lowercase);
+    match extension.as_deref() {
+        Some("toml") => AtomicFile::write_text(file, &scene.to_toml()),
+        Some("json") => AtomicFile::write_text(file, &scene.to_json()),
         Some("npz") => AtomicFile::write(file, |out| scene.write_npz(out)),
         _ => Err(Error::Usage(format!("{}: a scene file must end in .toml, .json or .npz", file.display()))),
+    }
+}
+
+/// Print a script that completes commands and options in a shell
+///
+/// For example `sprung completions bash > ~/.local/share/bash-completion/completions/sprung`, or
+/// `sprung completions zsh > "${fpath[1]}/_sprung"`.
+#[derive(Debug, clap::Args)]
+pub struct Completions {
+    /// The shell
+    #[arg(value_name = "SHELL")]
+    shell: Shell,
+}
+
+impl Completions {
+    pub fn execute(&self) -> Result<Exit, Stop> {
+        let mut script = Vec::new();
+        generate(self.shell, &mut Arguments::command(), "sprung", &mut script);
+        print(String::from_utf8_lossy(&script).trim_end())?;
+        Ok(Exit::Done)
+    }
+}
+
+/// Print the manual page of the program, or of one of its commands
+///
+/// For example `sprung man run | man -l -`, or `sprung man > ~/.local/share/man/man1/sprung.1`.
+#[derive(Debug, clap::Args)]
+pub struct Man {
+    /// The command [default: the program]
+    #[arg(value_name = "COMMAND")]
+    command: Option<String>,
+}
+
+impl Man {
+    pub fn execute(&self) -> Result<Exit, Stop> {
+        let mut command = Arguments::command();
+        command.build();
+        if let Some(name) = &self.command {
+            let unknown = || Error::Usage(format!("there is no command {name}: see sprung help"));
+            command = command.find_subcommand(name).cloned().ok_or_else(unknown)?;
+        }
+        let mut page = Vec::new();
+        let written = clap_mangen::Man::new(command).render(&mut page);
+        written.map_err(|source| Stop::Broken(Error::io("the manual page", source)))?;
+        print(String::from_utf8_lossy(&page).trim_end())?;
+        Ok(Exit::Done)
     }
 }
