@@ -10,9 +10,9 @@ use sprung::plan::{DEFAULT_STEP, Plan, RunOptions};
 use sprung::scene::{Built, Scene, TimeSettings};
 use sprung::{Error, Result, State, System};
 use std::io::{self, Read};
-use std::num::NonZeroU64;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 /// The scene that a command works on.
 #[derive(Debug, clap::Args)]
@@ -192,13 +192,8 @@ pub fn whole(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| "must be a whole number, not negative".to_owned())
 }
 
-/// A whole number above zero.
-pub fn positive_count(text: &str) -> Result<NonZeroU64, String> {
-    text.parse().map_err(|_| "must be a whole number above zero".to_owned())
-}
-
-/// A size of a ready scene; the library checks its range.
-pub fn size(text: &str) -> Result<usize, String> {
+/// A whole number above zero. The library checks that of sizes.
+pub fn positive_count<T: FromStr>(text: &str) -> Result<T, String> {
     text.parse().map_err(|_| "must be a whole number above zero".to_owned())
 }
 

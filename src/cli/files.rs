@@ -24,7 +24,7 @@ pub const PAGE: &str = "view.html";
 pub struct Files {
     /// Write every Nth step as a VTK file, from the initial state on, frames.pvd, which opens them as a time series, and
     /// trajectory.npz, all of them in one file for Python
-    #[arg(long, value_name = "N", value_parser = positive_count)]
+    #[arg(long, value_name = "N", value_parser = positive_count::<NonZeroU64>)]
     pub frames: Option<NonZeroU64>,
 
     /// Write view.html, a page that plays the motion in any browser; without --frames, of about 300 frames, or as many as take a

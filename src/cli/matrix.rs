@@ -4,7 +4,7 @@ use super::common::{At, LoadedScene, SceneFile, advance, choice, claim, positive
 use super::console::{Console, number};
 use super::threads::{Threads, end_in_order, is_interrupted};
 use super::{Exit, Stop};
-use serde::Serialize;
+use serde_json::json;
 use sprung::assembly::SymmetricMatrix;
 use sprung::integrate::{Outcome, StepMatrices};
 use sprung::output::{write_dofs, write_symmetric, write_vector};
@@ -55,30 +55,6 @@ const STIFFNESSES: [(Stiffness, &str); 3] = [
 ];
 
 const FILES: [&str; 6] = ["A.mtx", "M.mtx", "G.mtx", "K.mtx", "b.mtx", "dofs.csv"];
-
-/// The result as JSON.
-#[derive(Serialize)]
-struct Report<'a> {
-    scene: &'a str,
-    time: f64,
-    dt: f64,
-    stiffness: &'static str,
-    particles: usize,
-    springs: usize,
-    dofs: usize,
-    /// Nonzero entries of the lower triangles.
-    entries: Entries,
-    out: &'a Path,
-}
-
-#[derive(Serialize)]
-#[serde(rename_all = "UPPERCASE")]
-struct Entries {
-    a: usize,
-    m: usize,
-    g: usize,
-    k: usize,
-}
 
 impl Matrix {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {
@@ -138,30 +114,25 @@ impl Matrix {
         dt: f64,
         folder: &Path,
     ) -> Result<(), Stop> {
-        let entries = |matrix: &SymmetricMatrix| nonzeros(matrix).count();
-        let report = Report {
-            scene: &scene.name,
-            time: scene.state.time,
-            dt,
-            stiffness: self.stiffness.name(),
-            particles: scene.system.particles(),
-            springs: scene.system.springs().len(),
-            dofs: scene.system.dofs().len(),
-            entries: Entries {
-                a: entries(&matrices.a),
-                m: matrices.m.len(),
-                g: entries(&matrices.g),
-                k: entries(&matrices.k),
-            },
-            out: folder,
-        };
+        let LoadedScene { name, system, state, .. } = scene;
+        let [a, g, k] = [&matrices.a, &matrices.g, &matrices.k].map(|matrix| nonzeros(matrix).count());
+        let report = json!({
+            "scene": name,
+            "time": state.time,
+            "dt": dt,
+            "stiffness": self.stiffness.name(),
+            "particles": system.particles(),
+            "springs": system.springs().len(),
+            "dofs": system.dofs().len(),
+            // Nonzero entries of the lower triangles.
+            "entries": {"A": a, "M": matrices.m.len(), "G": g, "K": k},
+            "out": folder.display().to_string(),
+        });
         let text = format!(
-            "{} at t = {} s: {} degrees of freedom, {} entries in the lower triangle of A\n\
+            "{name} at t = {} s: {} degrees of freedom, {a} entries in the lower triangle of A\n\
              A.mtx, M.mtx, G.mtx, K.mtx, b.mtx and dofs.csv are in {}",
-            report.scene,
-            number(report.time),
-            report.dofs,
-            report.entries.a,
+            number(state.time),
+            system.dofs().len(),
             folder.display(),
         );
         console.result(&report, text)

@@ -45,17 +45,6 @@ pub struct Ended<'s> {
     pub wall_seconds: f64,
 }
 
-/// The position in a run.
-#[derive(Default)]
-struct Reached {
-    /// Steps of the schedule.
-    steps: u64,
-    /// Accepted steps, where they are adaptive.
-    accepted: u64,
-    statistics: Statistics,
-    wall_seconds: f64,
-}
-
 impl<'s> Parts<'s> {
     /// The reason why the run cannot continue from a checkpoint, if it cannot.
     fn obstacle(&self, found: &Checkpoint) -> Option<&'static str> {
@@ -96,21 +85,16 @@ impl<'s> Parts<'s> {
     /// Runs from the beginning or a checkpoint to the end, a failure or an interruption, with the monitor and the stepper of the first part.
     pub fn run(
         &self,
-        from: Option<Checkpoint>,
+        mut from: Option<Checkpoint>,
         (mut monitor, mut stepper): (Monitor<'s>, Stepper<'s>),
         state: &mut State,
         recorder: &mut Recorder,
     ) -> Result<Ended<'s>> {
         let Self { system, schedule, plan, .. } = *self;
-        let clock = Instant::now();
-        let mut reached = from.map_or_else(Reached::default, |checkpoint| Reached {
-            steps: checkpoint.reached,
-            accepted: checkpoint.steps,
-            statistics: checkpoint.statistics,
-            wall_seconds: checkpoint.wall_seconds,
-        });
+        let mut clock = Instant::now();
         loop {
-            let part = self.checkpoints.as_ref().map_or(*schedule, |c| schedule.part(reached.steps, c.every.get()));
+            let reached = from.as_ref().map_or(0, |checkpoint| checkpoint.reached);
+            let part = self.checkpoints.as_ref().map_or(*schedule, |c| schedule.part(reached, c.every.get()));
             let mut unwritten = None;
             let mut outcome = stepper.run(system, state, &part, &mut monitor, |number, state, monitor| {
                 unwritten = recorder.record(system, state, number, monitor).err();
@@ -120,15 +104,19 @@ impl<'s> Parts<'s> {
             if let Some(error) = unwritten {
                 return Err(error);
             }
-            if plan.rtol.is_some() {
-                outcome.steps += reached.accepted;
-                if let Err(failed) = &mut outcome.end {
-                    failed.step += reached.accepted;
+            let (mut statistics, mut wall_seconds) = (*stepper.get().statistics(), clock.elapsed().as_secs_f64());
+            clock = Instant::now();
+            if let Some(before) = &from {
+                statistics.add(&before.statistics);
+                wall_seconds += before.wall_seconds;
+                // Adaptive steps are counted anew in every part.
+                if plan.rtol.is_some() {
+                    outcome.steps += before.steps;
+                    if let Err(failed) = &mut outcome.end {
+                        failed.step += before.steps;
+                    }
                 }
             }
-            let mut statistics = *stepper.get().statistics();
-            statistics.add(&reached.statistics);
-            let wall_seconds = reached.wall_seconds + clock.elapsed().as_secs_f64();
             let is_last = part.len() >= schedule.len();
             let is_due = |c: &&Checkpoints| {
                 outcome.status() == Status::Completed && (!is_last || self.ends_on_longer_runs(c.every))
@@ -136,14 +124,13 @@ impl<'s> Parts<'s> {
             let Some(checkpoints) = self.checkpoints.as_ref().filter(is_due) else {
                 return Ok(Ended { stepper, monitor, outcome, statistics, wall_seconds });
             };
-            reached = Reached { steps: part.len(), accepted: outcome.steps, statistics, ..reached };
             let (energies, frames) = recorder.position()?;
             let checkpoint = Checkpoint {
                 run: checkpoints.run.clone(),
                 length: checkpoints.length.clone(),
                 every: checkpoints.every.get(),
-                reached: reached.steps,
-                steps: reached.accepted,
+                reached: part.len(),
+                steps: outcome.steps,
                 time: state.time,
                 positions: rows(&state.positions),
                 velocities: rows(&state.velocities),
@@ -160,9 +147,10 @@ impl<'s> Parts<'s> {
             (monitor, stepper) = self.begin(Some(&checkpoint), state)?;
             // An interruption in the last step ends the run here, with everything in the checkpoint.
             if is_interrupted() {
-                let outcome = Outcome { steps: reached.accepted, end: Ok(ControlFlow::Break(())) };
+                let outcome = Outcome { steps: checkpoint.steps, end: Ok(ControlFlow::Break(())) };
                 return Ok(Ended { stepper, monitor, outcome, statistics, wall_seconds });
             }
+            from = Some(checkpoint);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Commands that print: `sprung new`, `sprung completions` and `sprung man`.
 
-use super::common::size;
+use super::common::positive_count;
 use super::console::{Console, print};
 use super::{Arguments, Exit, Stop};
 use clap::CommandFactory;
@@ -25,7 +25,7 @@ pub struct New {
 
     /// How large: the number of particles or links along the scene, as far apart as ever (but for a string, which is 1 m long), so
     /// that a cloth of twice the size has twice the width [default: one that shows what the kind is about]
-    #[arg(long, value_name = "N", value_parser = size)]
+    #[arg(long, value_name = "N", value_parser = positive_count::<usize>)]
     size: Option<usize>,
 
     /// With --size: a mesh of so many particles of the scene of the default size, of the same extent, mass and elasticity

@@ -66,7 +66,7 @@ pub struct Run {
     no_error_estimate: bool,
 
     /// Write a checkpoint every N steps, from which --resume goes on. Solvers forget what they have learnt at each of them
-    #[arg(long, value_name = "N", value_parser = positive_count)]
+    #[arg(long, value_name = "N", value_parser = positive_count::<NonZeroU64>)]
     checkpoint: Option<NonZeroU64>,
 
     /// Go on in the output folder from its last checkpoint: every file in the end is that of a run that nothing interrupted, with

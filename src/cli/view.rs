@@ -4,7 +4,7 @@ use super::common::{At, SceneFile, folder_of};
 use super::console::{Console, number};
 use super::files::PAGE;
 use super::{Exit, Stop};
-use serde::Serialize;
+use serde_json::json;
 use sprung::figure::{Animation, SceneTopology};
 use sprung::output::{AtomicFile, TRAJECTORY, playback};
 use sprung::report::view::html;
@@ -28,14 +28,6 @@ pub struct View {
 
     #[command(flatten)]
     at: At,
-}
-
-/// The result as JSON.
-#[derive(Serialize)]
-struct Written<'a> {
-    page: &'a Path,
-    frames: usize,
-    bytes: usize,
 }
 
 impl View {
@@ -65,7 +57,8 @@ impl View {
         };
         let megabytes = bytes as f64 / 1e6;
         let text = format!("{}: {contents}, {megabytes:.1} MB\nopen {}", animation.title, page.display());
-        console.result(&Written { page: &page, frames, bytes }, text)?;
+        let report = json!({"page": page.display().to_string(), "frames": frames, "bytes": bytes});
+        console.result(&report, text)?;
         Ok(Exit::Done)
     }
 }

@@ -57,9 +57,6 @@ pub struct Checkpoint {
 
 impl Checkpoint {
     /// Writes the file, replacing an older one atomically.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         AtomicFile::write(folder.join(CHECKPOINT), |file| self.write_to(file))
     }
@@ -86,33 +83,21 @@ impl Checkpoint {
     }
 
     /// Reads the last checkpoint of a finished run; `None` where there is none.
-    ///
-    /// # Errors
-    /// As for [`read`](Self::read).
     pub fn read_finished(folder: &Path) -> Result<Option<Self>> {
         Self::read_file(folder.join(FINISHED))
     }
 
     /// Marks the checkpoint of a folder, if there is one, as that of a finished run.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be renamed.
     pub fn finish(folder: &OutputFolder) -> Result<()> {
         folder.rename(CHECKPOINT, FINISHED)
     }
 
     /// Marks the checkpoint of a finished run, if there is one, as that of a run under way.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be renamed.
     pub fn reopen(folder: &OutputFolder) -> Result<()> {
         folder.rename(FINISHED, CHECKPOINT)
     }
 
     /// Removes the checkpoints of an earlier run.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when one cannot be removed.
     pub fn forget(folder: &OutputFolder) -> Result<()> {
         folder.remove(CHECKPOINT)?;
         folder.remove(FINISHED)

@@ -41,9 +41,6 @@ struct Row {
 
 impl EnergyLog {
     /// Starts the file.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when its folder cannot be written.
     pub fn create(target: impl Into<PathBuf>) -> Result<Self> {
         let target = target.into();
         let rows = csv::Writer::from_writer(Tally::new(AtomicFile::create(&target)?));
@@ -51,9 +48,6 @@ impl EnergyLog {
     }
 
     /// Starts a file that a later process can continue.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when its folder cannot be written.
     pub fn create_resumable(target: impl Into<PathBuf>) -> Result<Self> {
         let target = target.into();
         let rows = csv::Writer::from_writer(Tally::new(AtomicFile::create_resumable(&target)?));
@@ -75,9 +69,6 @@ impl EnergyLog {
     }
 
     /// The position up to which everything is in the file, whatever happens to the process.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written.
     pub fn position(&mut self) -> Result<LogPosition> {
         self.rows.flush().map_err(|source| Error::io(&self.target, source))?;
         let (bytes, checksum) = self.rows.get_ref().so_far();
@@ -85,9 +76,6 @@ impl EnergyLog {
     }
 
     /// Adds the row of a time, in s: the energy of the state, and the balance since the start.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written.
     pub fn push(&mut self, time: f64, energy: &Energy, balance: &Balance) -> Result<()> {
         let finite = |value: f64| value.is_finite().then_some(value);
         let row = Row {
@@ -104,9 +92,6 @@ impl EnergyLog {
     }
 
     /// Completes the file.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written or renamed.
     pub fn finish(self) -> Result<()> {
         let Self { target, rows } = self;
         rows.into_inner().map_err(|failed| Error::io(target, failed.into_error()))?.into_inner().commit()

@@ -35,9 +35,6 @@ impl AtomicFile {
 
     /// As [`create`](Self::create), with a fixed name as long as the file is unfinished: it stays when the process ends early, and
     /// [`resume`](Self::resume) can continue it.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written.
     pub fn create_resumable(target: impl Into<PathBuf>) -> Result<Self> {
         // Checks the folder and the name.
         let Self { target, .. } = Self::create(target)?;
@@ -84,17 +81,11 @@ impl AtomicFile {
     }
 
     /// Writes a whole file of text.
-    ///
-    /// # Errors
-    /// As for [`write`](Self::write).
     pub fn write_text(target: impl Into<PathBuf>, text: &str) -> Result<()> {
         Self::write(target, |file| file.write_all(text.as_bytes()))
     }
 
     /// Writes a whole file of JSON in one line.
-    ///
-    /// # Errors
-    /// As for [`write`](Self::write).
     pub fn write_json(target: impl Into<PathBuf>, value: &impl Serialize) -> Result<()> {
         Self::write(target, |file| {
             serde_json::to_writer(&mut *file, value).map_err(io::Error::from)?;
@@ -103,9 +94,6 @@ impl AtomicFile {
     }
 
     /// Writes a whole file of indented JSON.
-    ///
-    /// # Errors
-    /// As for [`write`](Self::write).
     pub fn write_indented_json(target: impl Into<PathBuf>, value: &impl Serialize) -> Result<()> {
         Self::write(target, |file| {
             serde_json::to_writer_pretty(&mut *file, value).map_err(io::Error::from)?;
@@ -124,9 +112,6 @@ impl AtomicFile {
     }
 
     /// Completes the file: it takes its name, replacing an older file atomically.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when the last bytes cannot be written or the file cannot be renamed.
     pub fn commit(self) -> Result<()> {
         let Self { target, file } = self;
         let outcome = file.into_inner().map_err(io::IntoInnerError::into_error);
@@ -250,27 +235,18 @@ impl OutputFolder {
     }
 
     /// Removes a file of an earlier command, if it exists.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be removed.
     pub fn remove(&self, name: impl AsRef<Path>) -> Result<()> {
         let file = self.path.join(name);
         or_absent(std::fs::remove_file(&file)).map_err(|source| Error::io(file, source))
     }
 
     /// Renames a file, if it exists, replacing one of that name.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be renamed.
     pub fn rename(&self, from: &str, to: &str) -> Result<()> {
         let file = self.path.join(from);
         or_absent(std::fs::rename(&file, self.path.join(to))).map_err(|source| Error::io(file, source))
     }
 
     /// Removes the files of an inner folder whose names a test accepts, and the folder if it is then empty.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when a file cannot be removed.
     pub fn remove_inside(&self, folder: &str, is_ours: impl Fn(&str) -> bool) -> Result<()> {
         let path = self.path.join(folder);
         for name in names(&path).iter().filter(|name| is_ours(name)) {

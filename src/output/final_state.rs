@@ -7,7 +7,7 @@ use crate::memory;
 use crate::scene::{Row, json_table};
 use crate::system::{State, System, check_length};
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Writes `{"scene", "time", "steps", "positions", "velocities", "reactions"}`, time in s, positions in m, velocities in m/s, one
@@ -15,9 +15,6 @@ use std::path::{Path, PathBuf};
 ///
 /// `"reactions"` is `{"particles": […], "forces": [[…]…]}`: for every particle with a prescribed coordinate the
 /// [force](Reactions::at) of its constraint in N, zero along free axes; null where the ends of a spring coincide.
-///
-/// # Errors
-/// [`Error::Io`] when the file cannot be written.
 pub fn write_final_state(
     target: impl Into<PathBuf>,
     scene: &str,
@@ -25,7 +22,7 @@ pub fn write_final_state(
     steps: u64,
     state: &State,
 ) -> Result<()> {
-    let rows = |rows| Rows { rows, dimension: system.dimension() };
+    let rows = |vectors: &[Vector3<f64>]| vectors.iter().map(|x| Row::of(x, system.dimension())).collect();
     let reactions = Reactions::at(system, state).ok();
     let reactions = reactions.as_ref();
     let content = FinalState {
@@ -102,25 +99,13 @@ struct FinalState<'a> {
     scene: &'a str,
     time: f64,
     steps: u64,
-    positions: Rows<'a>,
-    velocities: Rows<'a>,
+    positions: Vec<Row>,
+    velocities: Vec<Row>,
     reactions: Option<ReactionRows<'a>>,
 }
 
 #[derive(Serialize)]
 struct ReactionRows<'a> {
     particles: &'a [usize],
-    forces: Rows<'a>,
-}
-
-/// 3-vectors as rows of the first `dimension` components.
-struct Rows<'a> {
-    rows: &'a [Vector3<f64>],
-    dimension: usize,
-}
-
-impl Serialize for Rows<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_seq(self.rows.iter().map(|row| &row.as_slice()[..self.dimension.min(3)]))
-    }
+    forces: Vec<Row>,
 }

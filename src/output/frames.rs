@@ -31,9 +31,6 @@ pub struct Frames {
 
 impl Frames {
     /// Frames of the steps that `every` divides, in an output folder, which is created. [`clear_frames`] removes those of an earlier run.
-    ///
-    /// # Errors
-    /// [`Error::Io`](crate::Error::Io) when the folder cannot be written.
     pub fn create(folder: impl Into<PathBuf>, every: NonZeroU64) -> Result<Self> {
         let folder = folder.into();
         let trajectory = Trajectory::create(&folder)?;
@@ -62,9 +59,6 @@ impl Frames {
     }
 
     /// Time, in s, and step of every frame so far, all of which are in files, whatever happens to the process.
-    ///
-    /// # Errors
-    /// [`Error::Io`](crate::Error::Io) when they cannot be written.
     pub fn position(&mut self) -> Result<Vec<(f64, u64)>> {
         self.trajectory.flush()?;
         Ok(self.series.clone())
@@ -81,9 +75,6 @@ impl Frames {
     }
 
     /// Writes the state after `step` steps as a frame, if `every` divides the step.
-    ///
-    /// # Errors
-    /// [`Error::Io`](crate::Error::Io) when a file cannot be written.
     pub fn record(&mut self, system: &System, state: &State, step: u64) -> Result<()> {
         if !step.is_multiple_of(self.every.get()) {
             return Ok(());
@@ -104,9 +95,6 @@ impl Frames {
     }
 
     /// Writes the complete list of frames and the trajectory.
-    ///
-    /// # Errors
-    /// [`Error::Io`](crate::Error::Io) when one of them cannot be written.
     pub fn finish(self, system: &System) -> Result<()> {
         if self.vtk {
             self.write_list()?;
@@ -131,18 +119,12 @@ fn name(step: u64) -> String {
 }
 
 /// Removes the frames of an earlier run, and their list.
-///
-/// # Errors
-/// [`Error::Io`](crate::Error::Io) when a file cannot be removed.
 pub fn clear_frames(folder: &OutputFolder) -> Result<()> {
     folder.remove("frames.pvd")?;
     folder.remove_inside("frames", |name| name.starts_with("frame_") && name.ends_with(".vtp"))
 }
 
 /// Removes the frames after a step, before a run continues from there.
-///
-/// # Errors
-/// [`Error::Io`](crate::Error::Io) when a file cannot be removed.
 pub fn clear_frames_after(folder: &OutputFolder, step: u64) -> Result<()> {
     let number = |name: &str| name.strip_prefix("frame_")?.strip_suffix(".vtp")?.parse().ok();
     folder.remove_inside("frames", |name| number(name).is_some_and(|number: u64| number > step))
@@ -151,9 +133,6 @@ pub fn clear_frames_after(folder: &OutputFolder, step: u64) -> Result<()> {
 /// Writes a state as `.vtp`: particles are points in m with the data `velocity` in m/s; springs are lines, `triangles` of a mesh are
 /// polygons, both with the strain `l/l0 − 1` as `strain`, a triangle with the mean of those of its sides that are springs.
 /// Units are in the file as VTK's `UNITS_LABEL`. Coordinates along axes that a scene does not model are zero.
-///
-/// # Errors
-/// [`Error::Io`](crate::Error::Io) when the file cannot be written.
 pub fn write_frame(target: impl Into<PathBuf>, system: &System, state: &State, triangles: &[[u32; 3]]) -> Result<()> {
     let pairs = system.pairs();
     let mut strains: Vec<f64> = (0..pairs.len()).map(|spring| strain(system, state, spring)).collect();

@@ -67,9 +67,6 @@ pub fn write_symmetric(
 }
 
 /// Writes a vector as `array real general` with one column.
-///
-/// # Errors
-/// [`Error::Io`] when the file cannot be written.
 pub fn write_vector(target: impl Into<PathBuf>, comment: &str, vector: &[f64]) -> Result<()> {
     AtomicFile::write(target, |file| {
         head(file, "array real general", comment)?;
@@ -84,9 +81,6 @@ fn head(file: &mut AtomicFile, kind: &str, comment: &str) -> io::Result<()> {
 }
 
 /// Writes the coordinate of each row, as CSV with the header `row,particle,axis`; rows and particles count from 0, the axis is a letter.
-///
-/// # Errors
-/// [`Error::Io`] when the file cannot be written.
 pub fn write_dofs(target: impl Into<PathBuf>, dofs: &DofMap) -> Result<()> {
     let target = target.into();
     let mut rows = csv::Writer::from_writer(AtomicFile::create(&target)?);

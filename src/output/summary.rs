@@ -68,9 +68,6 @@ pub struct Summary {
 
 impl Summary {
     /// Writes the summary as JSON.
-    ///
-    /// # Errors
-    /// [`Error::Io`](crate::Error::Io) when the file cannot be written.
     pub fn write(&self, target: impl Into<PathBuf>) -> Result<()> {
         AtomicFile::write_indented_json(target, self)
     }

@@ -27,6 +27,7 @@ use npyz::NpyFile;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use tempfile::TempPath;
 use zip::ZipArchive;
 use zip::read::ZipFile;
 
@@ -40,39 +41,27 @@ pub const WAITING: &str = ".sprung-trajectory.part";
 #[derive(Debug)]
 pub struct Trajectory {
     target: PathBuf,
-    waiting: Waiting,
+    /// The temporary file: of every frame positions, then velocities, in little-endian doubles. Removed when dropped, unless kept.
+    file: BufWriter<File>,
+    path: TempPath,
     times: Vec<f64>,
     steps: Vec<u64>,
 }
 
-/// The temporary file of frames, removed when dropped unless `is_kept`: positions, then velocities, in little-endian doubles.
-#[derive(Debug)]
-struct Waiting {
-    path: PathBuf,
-    file: BufWriter<File>,
-    is_kept: bool,
-}
-
-impl Drop for Waiting {
-    fn drop(&mut self) {
-        if !self.is_kept {
-            let _ = std::fs::remove_file(&self.path);
-        }
-    }
-}
-
 impl Trajectory {
     /// Starts the trajectory of a run in an output folder, which is created.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when the folder or a file in it cannot be written.
     pub fn create(folder: &Path) -> Result<Self> {
         std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, source))?;
         let path = folder.join(WAITING);
         let file = File::options().read(true).write(true).create(true).truncate(true).open(&path);
-        let file = BufWriter::with_capacity(1 << 18, file.map_err(|source| Error::io(&path, source))?);
-        let waiting = Waiting { path, file, is_kept: false };
-        Ok(Self { target: folder.join(TRAJECTORY), waiting, times: Vec::new(), steps: Vec::new() })
+        Self::new(folder, file, path, Vec::new(), Vec::new())
+    }
+
+    fn new(folder: &Path, file: io::Result<File>, path: PathBuf, times: Vec<f64>, steps: Vec<u64>) -> Result<Self> {
+        let failed = |source| Error::io(&path, source);
+        let file = BufWriter::with_capacity(1 << 18, file.map_err(failed)?);
+        let path = TempPath::try_from_path(&path).map_err(failed)?;
+        Ok(Self { target: folder.join(TRAJECTORY), file, path, times, steps })
     }
 
     /// Continues after frames of these times and steps, from the temporary file or from the trajectory of a finished run.
@@ -87,37 +76,28 @@ impl Trajectory {
             let target = folder.join(TRAJECTORY);
             restore(&target, &path, frames, system).map_err(|source| Error::io(target, source))?;
         }
-        let file = truncated(&path, length).map_err(|source| Error::io(&path, source))?;
-        let file = BufWriter::with_capacity(1 << 18, file);
-        let waiting = Waiting { path, file, is_kept: true };
         let (times, steps) = frames.iter().copied().unzip();
-        Ok(Self { target: folder.join(TRAJECTORY), waiting, times, steps })
+        let mut trajectory = Self::new(folder, truncated(&path, length), path, times, steps)?;
+        trajectory.keep();
+        Ok(trajectory)
     }
 
     /// Keeps the temporary file for a later process.
     pub fn keep(&mut self) {
-        self.waiting.is_kept = true;
+        self.path.disable_cleanup(true);
     }
 
     /// Writes all frames to the file.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when they cannot be written.
     pub fn flush(&mut self) -> Result<()> {
-        let Waiting { path, file, .. } = &mut self.waiting;
-        file.flush().map_err(|source| Error::io(&*path, source))
+        self.file.flush().map_err(|source| Error::io(&self.path, source))
     }
 
     /// Adds the state after `step` steps.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written.
     pub fn push(&mut self, system: &System, state: &State, step: u64) -> Result<()> {
         let axes = system.dimension();
-        let Waiting { path, file, .. } = &mut self.waiting;
         for row in state.positions.iter().chain(&state.velocities) {
             for value in row.iter().take(axes) {
-                file.write_all(&value.to_le_bytes()).map_err(|source| Error::io(&*path, source))?;
+                self.file.write_all(&value.to_le_bytes()).map_err(|source| Error::io(&self.path, source))?;
             }
         }
         self.times.push(state.time);
@@ -126,16 +106,12 @@ impl Trajectory {
     }
 
     /// Writes `trajectory.npz`.
-    ///
-    /// # Errors
-    /// [`Error::Io`] when it cannot be written.
     pub fn finish(mut self, system: &System, triangles: &[[u32; 3]]) -> Result<()> {
-        let target = self.target.clone();
-        self.waiting.file.flush().map_err(|source| Error::io(&self.waiting.path, source))?;
-        let mut frames = BufReader::with_capacity(1 << 18, self.waiting.file.get_ref());
+        self.flush()?;
+        let mut frames = BufReader::with_capacity(1 << 18, self.file.get_ref());
         let [n, axes, count] = [system.particles(), system.dimension(), self.times.len()];
         let springs = system.springs();
-        AtomicFile::write(&target, |file| {
+        AtomicFile::write(&self.target, |file| {
             let mut npz = NpzWriter::new(file);
             npz.put("times", &[count], self.times.iter().copied())?;
             npz.put("steps", &[count], self.steps.iter().copied())?;

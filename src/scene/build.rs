@@ -34,17 +34,11 @@ impl Scene {
     }
 
     /// As [`build`](Self::build), with the triangles of the mesh for display.
-    ///
-    /// # Errors
-    /// As for [`build`](Self::build).
     pub fn build_with_triangles(&self) -> Result<(System, State, Vec<[u32; 3]>)> {
         self.build_with_notes().map(|Built { system, state, triangles, .. }| (system, state, triangles))
     }
 
     /// As [`build`](Self::build), with the triangles of the mesh and notes on it.
-    ///
-    /// # Errors
-    /// As for [`build`](Self::build).
     pub fn build_with_notes(&self) -> Result<Built> {
         let built = self.parts().and_then(|(builder, triangles, notes)| {
             let (behaviour, loads) = (self.behaviour(builder.pairs.len())?, self.loads(&builder)?);
@@ -60,9 +54,6 @@ impl Scene {
 
     /// The description of the system, with meshes read, single numbers spread and absent values filled in, but without loads, drag,
     /// gravity in time, actuation and `tension_only`.
-    ///
-    /// # Errors
-    /// As for [`build`](Self::build), without the checks that the builder makes.
     pub fn builder(&self) -> Result<SystemBuilder> {
         self.parts().map(|(builder, ..)| builder)
     }

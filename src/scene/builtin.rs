@@ -1,6 +1,7 @@
 //! Ready scenes of any size, made by formula.
 //!
-//! All use SI units, start at rest unless they say otherwise, and have no time step. The vertical axis is y.
+//! All use SI units, start at rest unless they say otherwise, and have no time step. The vertical axis is y. A size outside
+//! [`Kind::sizes`] is an [`Error::Scene`].
 
 use super::{ConstraintEntry, Particles, Row, Scene, Springs, TimeSettings, Values};
 use crate::error::{Error, Result};
@@ -147,9 +148,6 @@ fn links(count: usize) -> Vec<[u32; 2]> {
 /// A chain of `size` links of 5 cm and 10 g, held at one end and let go from the horizontal.
 ///
 /// k = 100 N, so that a link stretches by 0.1 % for each link below it; b = 0.02 N·s/m; for 2 s.
-///
-/// # Errors
-/// [`Error::Scene`] for a size outside [`Kind::sizes`].
 pub fn chain(size: usize) -> Result<Scene> {
     Kind::Chain.check_size(size)?;
     let positions = (0..=size).map(|i| [i as f64 / 20.0, 0.0, 0.0].into());
@@ -161,9 +159,6 @@ pub fn chain(size: usize) -> Result<Scene> {
 /// Structural springs join neighbours, shear springs the diagonals, bend springs every second particle. All are of
 /// the same thread, k = 1250 N, with b = 0.05 N·s/m; 0.2 kg/m² make 0.5 g a particle. For 2 s; (k/l0)·dt²/m is
 /// 5000 for the structural springs and steps of 10 ms. Particle (row, column) has number row·size + column.
-///
-/// # Errors
-/// [`Error::Scene`] for a size outside [`Kind::sizes`].
 pub fn cloth(size: usize) -> Result<Scene> {
     Kind::Cloth.check_size(size)?;
     let particle = |[row, column]: [usize; 2]| (row < size && column < size).then_some((row * size + column) as u32);
@@ -190,9 +185,6 @@ pub fn cloth(size: usize) -> Result<Scene> {
 ///
 /// Structural springs join neighbours, others the diagonals of the faces of every cell. All have k = 4 N and
 /// b = 0.002 N·s/m; 1000 kg/m³ make 1 g a particle. For 1 s. Particle (i, j, l) has number (i·size + j)·size + l.
-///
-/// # Errors
-/// [`Error::Scene`] for a size outside [`Kind::sizes`].
 pub fn lattice(size: usize) -> Result<Scene> {
     /// Half of the neighbours: the others follow by symmetry.
     const OFFSETS: [[isize; 3]; 9] =
@@ -220,9 +212,6 @@ pub fn lattice(size: usize) -> Result<Scene> {
 ///
 /// With c = k (1/l − 1/l0) = 526 N/m the matrix with the whole stiffness is definite up to about
 /// dt = sqrt(m/(c (2 + 2 cos(π/(size + 1))))) ≥ 6.9 ms and indefinite beyond. For 0.5 s.
-///
-/// # Errors
-/// [`Error::Scene`] for a size outside [`Kind::sizes`].
 pub fn column(size: usize) -> Result<Scene> {
     Kind::Column.check_size(size)?;
     let last = size + 1;
@@ -241,9 +230,6 @@ pub fn column(size: usize) -> Result<Scene> {
 ///
 /// The rods are 1 m long with k = 10⁴ N and undamped, a bob has 1 kg: the axial mode of one bob, ω = sqrt(k/(l0 m)) =
 /// 100 rad/s, is 32 times as fast as the swing, sqrt(g/l) = 3.1 rad/s. For 4 s.
-///
-/// # Errors
-/// [`Error::Scene`] for a size outside [`Kind::sizes`].
 pub fn pendulum(size: usize) -> Result<Scene> {
     Kind::Pendulum.check_size(size)?;
     let positions = (0..=size).map(|i| [i as f64, 0.0].into());
@@ -257,9 +243,6 @@ pub fn pendulum(size: usize) -> Result<Scene> {
 /// It is 1 m long with 10 g/m and k = 10 N, which makes a tension of 1 N and waves of 10 m/s: a period of 0.2 s. There
 /// is no gravity and no damping. The initial velocity is 0.5 m/s·sin(πs) across the string, which deflects it by
 /// 16 mm. For two periods.
-///
-/// # Errors
-/// [`Error::Scene`] for a size outside [`Kind::sizes`].
 pub fn string(size: usize) -> Result<Scene> {
     Kind::String.check_size(size)?;
     let last = size + 1;
@@ -279,9 +262,6 @@ pub fn string(size: usize) -> Result<Scene> {
 /// A spring joins each two particles nearer than the radius within which 10 others are expected. Masses are 5 g to
 /// 15 g, stiffnesses 20 N to 60 N, dampings up to 0.05 N·s/m, and the springs are up to 10 % shorter or longer than at rest.
 /// Parts may be disconnected, and fall. The same seed gives the same scene. For 1 s.
-///
-/// # Errors
-/// [`Error::Scene`] for a size outside [`Kind::sizes`].
 pub fn network(size: usize, seed: u64) -> Result<Scene> {
     Kind::Network.check_size(size)?;
     let mut random = ChaCha8Rng::seed_from_u64(seed);

@@ -44,28 +44,20 @@ impl Scene {
         Self { file: Some(path.into()), ..scene }.complete(&stem).map_err(|invalid| Error::from(invalid).in_file(path))
     }
 
-    /// Reads a scene from TOML. Without a name in the text it is called `scene`.
-    ///
-    /// # Errors
-    /// As for [`load`](Self::load), with the name of the format in place of a file's.
+    /// Reads a scene from TOML, with the errors of [`load`](Self::load). Without a name in the text it is called `scene`.
     pub fn from_toml(text: &str) -> Result<Self> {
         let scene = parse_toml(text).map_err(|message| Error::Format { file: "TOML".into(), message })?;
         Ok(scene.complete("scene")?)
     }
 
-    /// Reads a scene from JSON. Without a name in the text it is called `scene`.
-    ///
-    /// # Errors
-    /// As for [`load`](Self::load), with the name of the format in place of a file's.
+    /// Reads a scene from JSON, with the errors of [`load`](Self::load). Without a name in the text it is called `scene`.
     pub fn from_json(text: &str) -> Result<Self> {
         let scene = parse_json(text).map_err(|message| Error::Format { file: "JSON".into(), message })?;
         Ok(scene.complete("scene")?)
     }
 
-    /// Reads a scene from [arrays](Self::write_npz). Without a name in its text it is called `scene`.
-    ///
-    /// # Errors
-    /// As for [`load`](Self::load), with the name of the format in place of a file's.
+    /// Reads a scene from [arrays](Self::write_npz), with the errors of [`load`](Self::load). Without a name in its text it is called
+    /// `scene`.
     pub fn from_npz(file: impl std::io::Read + std::io::Seek) -> Result<Self> {
         Ok(npz::read(file, Path::new("NPZ"))?.complete("scene")?)
     }

@@ -50,9 +50,6 @@ impl MeshGeometry {
     }
 
     /// As [`load`](Self::load), from the bytes of a file; errors call it by `path`.
-    ///
-    /// # Errors
-    /// As for [`load`](Self::load).
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self> {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let raw = read(bytes).map_err(|Fault(message)| Error::Format { file: path.into(), message })?;
@@ -214,13 +211,6 @@ struct Raw {
     /// Faces that name a vertex twice: their number, and the place of the first.
     repeated: Option<(usize, u32)>,
 }
-
-/// The edges of solid elements between their corners, numbered as in VTK and Gmsh.
-const TETRAHEDRON: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]];
-const HEXAHEDRON: &[[usize; 2]] =
-    &[[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
-const WEDGE: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]];
-const PYRAMID: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 3], [3, 0], [0, 4], [1, 4], [2, 4], [3, 4]];
 
 impl Raw {
     fn new(unit: &'static str, first: u32) -> Self {

@@ -39,21 +39,12 @@ impl Row {
     }
 }
 
-impl From<[f64; 1]> for Row {
-    fn from([x]: [f64; 1]) -> Self {
-        Self { dimension: 1, entries: [x, 0.0, 0.0] }
-    }
-}
-
-impl From<[f64; 2]> for Row {
-    fn from([x, y]: [f64; 2]) -> Self {
-        Self { dimension: 2, entries: [x, y, 0.0] }
-    }
-}
-
-impl From<[f64; 3]> for Row {
-    fn from(entries: [f64; 3]) -> Self {
-        Self { dimension: 3, entries }
+impl<const N: usize> From<[f64; N]> for Row {
+    fn from(row: [f64; N]) -> Self {
+        const { assert!(N >= 1 && N <= 3, "a row has 1, 2 or 3 numbers") };
+        let mut entries = [0.0; 3];
+        entries[..N].copy_from_slice(&row);
+        Self { dimension: N as u8, entries }
     }
 }
 

@@ -1,7 +1,8 @@
 //! Gmsh MSH files, versions 2, 4.0 and 4.1, as text and, but for 4.0, binary.
 
 use super::cursor::{Cursor, Kind, Order, whole};
-use super::{Fault, HEXAHEDRON, PYRAMID, Raw, TETRAHEDRON, WEDGE};
+use super::vtk::add_cell;
+use super::{Fault, Raw};
 use std::collections::HashMap;
 
 struct Reader<'a> {
@@ -188,14 +189,16 @@ impl Reader<'_> {
 
     /// The corners of an element after its number.
     fn element(&mut self, element: u64, kind: u32) -> Result<(), Fault> {
-        let count = match kind {
-            15 => 1,
-            1 => 2,
-            2 => 3,
-            3 | 4 => 4,
-            7 => 5,
-            6 => 6,
-            5 => 8,
+        // The VTK type, whose corners are in the same order.
+        let (vtk_type, count) = match kind {
+            15 => (1, 1),
+            1 => (3, 2),
+            2 => (5, 3),
+            3 => (9, 4),
+            4 => (10, 4),
+            5 => (12, 8),
+            6 => (13, 6),
+            7 => (14, 5),
             _ => {
                 let message =
                     format!("element {element} is of type {kind}: only elements with straight edges are read");
@@ -203,23 +206,11 @@ impl Reader<'_> {
             }
         };
         let mut corners = [0; 8];
-        let corners = &mut corners[..count];
-        for corner in &mut *corners {
+        for corner in &mut corners[..count] {
             let node = self.count()?;
             let missing = || Fault(format!("element {element} names node {node}, which there is not"));
             *corner = *self.nodes.get(&node).ok_or_else(missing)?;
         }
-        let (raw, place) = (&mut self.raw, element.min(u64::from(u32::MAX)) as u32);
-        match kind {
-            1 => raw.add_line(corners, place),
-            2 | 3 => raw.add_face(corners, place),
-            4 => raw.add_solid(corners, TETRAHEDRON, place),
-            5 => raw.add_solid(corners, HEXAHEDRON, place),
-            6 => raw.add_solid(corners, WEDGE, place),
-            7 => raw.add_solid(corners, PYRAMID, place),
-            // A point.
-            _ => {}
-        }
-        Ok(())
+        add_cell(&mut self.raw, vtk_type, &corners[..count], element.min(u64::from(u32::MAX)) as u32)
     }
 }

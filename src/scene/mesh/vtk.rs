@@ -1,7 +1,7 @@
 //! Legacy VTK files, of unstructured grids and polygons, as text and binary, versions 1 to 5.
 
 use super::cursor::{Cursor, Kind, Order, whole};
-use super::{Fault, HEXAHEDRON, PYRAMID, Raw, TETRAHEDRON, WEDGE};
+use super::{Fault, Raw};
 
 /// Cells as consecutive corners, and the end of each.
 #[derive(Debug, Default)]
@@ -28,13 +28,21 @@ impl Cells {
         if types.len() != self.ends.len() {
             return Err(Fault(format!("has {} cells and {} types", self.ends.len(), types.len())));
         }
-        self.each().zip(types).try_for_each(|((number, corners), &kind)| add_cell(raw, kind, corners, number))
+        self.each()
+            .zip(types)
+            .try_for_each(|((number, corners), &kind)| add_cell(raw, whole(kind).unwrap_or(u32::MAX), corners, number))
     }
 }
 
+/// The edges of solid elements between their corners.
+const TETRAHEDRON: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]];
+const HEXAHEDRON: &[[usize; 2]] =
+    &[[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
+const WEDGE: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]];
+const PYRAMID: &[[usize; 2]] = &[[0, 1], [1, 2], [2, 3], [3, 0], [0, 4], [1, 4], [2, 4], [3, 4]];
+
 /// Adds a cell by its VTK type.
-fn add_cell(raw: &mut Raw, kind: f64, corners: &[u32], number: u32) -> Result<(), Fault> {
-    let kind = whole(kind).unwrap_or(u32::MAX);
+pub fn add_cell(raw: &mut Raw, kind: u32, corners: &[u32], number: u32) -> Result<(), Fault> {
     let count = match kind {
         5 => 3,
         8..=10 => 4,

@@ -45,6 +45,7 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
     };
     let mut raw = Raw::new("cell", 0);
     let mut reader = Reader::from_reader(xml);
+    reader.config_mut().expand_empty_elements = true;
     let (mut parents, mut piece) = (Vec::<String>::new(), Vec::<Array>::new());
     let mut is_vtk = false;
     loop {
@@ -60,9 +61,6 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
                     _ => {}
                 }
                 parents.push(name);
-            }
-            Event::Empty(element) if element.name().as_ref() == b"DataArray" => {
-                piece.push(array(&element, parents.last()));
             }
             Event::Text(text) if parents.last().is_some_and(|parent| parent == "DataArray") => {
                 if let Some(array) = piece.last_mut() {
