@@ -2,7 +2,7 @@
 
 use super::common::{LoadedScene, positive_count};
 use super::console::number;
-use super::view::write_page;
+use super::view::{PAGE, write_page};
 use indicatif::ProgressBar;
 use sprung::integrate::{Monitor, Schedule};
 use sprung::output::{
@@ -15,9 +15,6 @@ use std::path::Path;
 
 /// Files that every run writes.
 pub const FILES: [&str; 3] = ["summary.json", "final.json", "energy.csv"];
-
-/// The page of a run's motion.
-pub const PAGE: &str = "view.html";
 
 /// Optional files of a run.
 #[derive(Debug, clap::Args)]

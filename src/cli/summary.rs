@@ -1,7 +1,7 @@
 //! The summary of a run for people.
 
 use super::console::{count, number, time_span};
-use super::files::PAGE;
+use super::view::PAGE;
 use sprung::integrate::{Balance, percent};
 use sprung::output::{ErrorKind, Summary};
 use std::fmt::{self, Display};

@@ -2,7 +2,6 @@
 
 use super::common::{At, SceneFile, folder_of};
 use super::console::{Console, number};
-use super::files::PAGE;
 use super::{Exit, Stop};
 use serde_json::json;
 use sprung::figure::{Animation, SceneTopology};
@@ -29,6 +28,9 @@ pub struct View {
     #[command(flatten)]
     at: At,
 }
+
+/// The name of the page in an output folder.
+pub const PAGE: &str = "view.html";
 
 impl View {
     pub fn execute(&self, console: &Console) -> Result<Exit, Stop> {

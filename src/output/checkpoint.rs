@@ -4,6 +4,7 @@
 //! interrupted or not, and starts again from the state alone: so both have the same bits. Numbers are written in the shortest form
 //! that reads back to the same bits.
 
+use super::energy::{Checksum, Tally};
 use super::{AtomicFile, LogPosition, OutputFolder};
 use crate::error::{Error, Result};
 use crate::integrate::{MonitorCheckpoint, Statistics};
@@ -173,76 +174,6 @@ pub fn fingerprint(system: &System, start: &State, how: &str) -> String {
     sum.text()
 }
 
-/// FNV-1a of 64 bits, which detects damaged files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Checksum(u64);
-
-impl Default for Checksum {
-    fn default() -> Self {
-        Self(0xcbf2_9ce4_8422_2325)
-    }
-}
-
-impl Checksum {
-    pub fn of(bytes: &[u8]) -> Self {
-        let mut checksum = Self::default();
-        checksum.add(bytes);
-        checksum
-    }
-
-    pub fn add(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-        }
-    }
-
-    /// Sixteen hexadecimal digits.
-    pub fn text(self) -> String {
-        format!("{:016x}", self.0)
-    }
-}
-
-/// A writer that counts its bytes and sums them up.
-#[derive(Debug)]
-pub struct Tally<W> {
-    inner: W,
-    bytes: u64,
-    checksum: Checksum,
-}
-
-impl<W> Tally<W> {
-    /// Continues after so many bytes with this checksum.
-    pub fn after(inner: W, bytes: u64, checksum: Checksum) -> Self {
-        Self { inner, bytes, checksum }
-    }
-
-    pub fn new(inner: W) -> Self {
-        Self::after(inner, 0, Checksum::default())
-    }
-
-    /// Bytes so far, and their checksum.
-    pub fn so_far(&self) -> (u64, Checksum) {
-        (self.bytes, self.checksum)
-    }
-
-    pub fn into_inner(self) -> W {
-        self.inner
-    }
-}
-
-impl<W: Write> Write for Tally<W> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.inner.write(bytes)?;
-        self.bytes += written as u64;
-        self.checksum.add(bytes.get(..written).unwrap_or(bytes));
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.inner.flush()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -360,23 +291,5 @@ mod tests {
         ];
         let all: std::collections::BTreeSet<&String> = others.iter().chain([&same]).collect();
         assert_eq!(all.len(), 13, "{others:?}");
-    }
-
-    /// The published values of FNV-1a.
-    #[test]
-    fn checksums_are_the_published_ones() {
-        for (text, sum) in [("", "cbf29ce484222325"), ("a", "af63dc4c8601ec8c"), ("foobar", "85944171f73967e8")] {
-            assert_eq!(Checksum::of(text.as_bytes()).text(), sum);
-        }
-    }
-
-    #[test]
-    fn tallies_continue_others() {
-        let mut whole = Tally::new(Vec::new());
-        whole.write_all(b"foobar").unwrap();
-        let mut second = Tally::after(Vec::new(), 3, Checksum::of(b"foo"));
-        second.write_all(b"bar").unwrap();
-        assert_eq!(whole.so_far(), second.so_far());
-        assert_eq!((whole.into_inner(), second.into_inner()), (b"foobar".to_vec(), b"bar".to_vec()));
     }
 }

@@ -1,12 +1,10 @@
 //! From text to a [`Scene`], with errors that give key, line and column in a scene file's words.
 
+use super::values::{check_name, table};
 use super::{Scene, npz};
 use crate::error::{Error, Invalid, Result};
 use crate::memory;
-use serde::de::value::MapAccessDeserializer;
-use serde::de::{self, Deserialize, DeserializeOwned, Deserializer, MapAccess, Visitor};
-use std::fmt;
-use std::marker::PhantomData;
+use serde::de::{Deserialize, DeserializeOwned, Deserializer};
 use std::path::Path;
 
 impl Scene {
@@ -34,7 +32,7 @@ impl Scene {
             Some("json") => from_text(parse_json, 8)?,
             Some("npz") => {
                 let file = std::fs::File::open(path).map_err(|source| Error::io(path, source))?;
-                npz::read(std::io::BufReader::new(file), path)?
+                npz::read(std::io::BufReader::new(file), path, parse_json)?
             }
             _ => {
                 return Err(Error::Scene(format!("{}: a scene file must end in .toml, .json or .npz", path.display())));
@@ -59,7 +57,7 @@ impl Scene {
     /// Reads a scene from [arrays](Self::write_npz), with the errors of [`load`](Self::load). Without a name in its text it is called
     /// `scene`.
     pub fn from_npz(file: impl std::io::Read + std::io::Seek) -> Result<Self> {
-        Ok(npz::read(file, Path::new("NPZ"))?.complete("scene")?)
+        Ok(npz::read(file, Path::new("NPZ"), parse_json)?.complete("scene")?)
     }
 
     fn complete(mut self, default_name: &str) -> Result<Self, Invalid> {
@@ -86,7 +84,7 @@ fn parse_toml(text: &str) -> Result<Scene, String> {
     with_key(deserializer, positioned)
 }
 
-pub(super) fn parse_json(text: &str) -> Result<Scene, String> {
+fn parse_json(text: &str) -> Result<Scene, String> {
     // Tracking keys takes longer than parsing: only a text with an error is parsed with it.
     let mut deserializer = serde_json::Deserializer::from_str(without_byte_order_mark(text));
     match table(&mut deserializer) {
@@ -118,67 +116,6 @@ fn with_key<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
 
 fn without_byte_order_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
-}
-
-/// A name that can be the name of a folder.
-pub(super) fn name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
-    let name = String::deserialize(deserializer)?;
-    match check_name(&name) {
-        Ok(()) => Ok(name),
-        Err(rule) => Err(de::Error::custom(format!("{name:?} {rule}"))),
-    }
-}
-
-fn check_name(name: &str) -> Result<(), &'static str> {
-    if name.trim().is_empty() {
-        return Err("must not be empty");
-    }
-    if matches!(name, "." | "..") || name.contains(['/', '\\']) || name.chars().any(char::is_control) {
-        return Err("must do as a folder's name: no path separators, no control characters, not \".\" or \"..\"");
-    }
-    Ok(())
-}
-
-/// An optional value that is present. Null is rejected: programs write it for NaN.
-pub(super) fn some<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {
-    T::deserialize(deserializer).map(Some)
-}
-
-/// A table by its keys. Derived implementations also accept a list of the values in order.
-struct Table<T>(T);
-
-impl<'de, T: Deserialize<'de>> Deserialize<'de> for Table<T> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct TableVisitor<T>(PhantomData<T>);
-
-        impl<'de, T: Deserialize<'de>> Visitor<'de> for TableVisitor<T> {
-            type Value = T;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a table")
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<T, A::Error> {
-                T::deserialize(MapAccessDeserializer::new(map))
-            }
-        }
-
-        deserializer.deserialize_map(TableVisitor(PhantomData)).map(Self)
-    }
-}
-
-pub(super) fn table<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<T, D::Error> {
-    Table::deserialize(deserializer).map(|Table(table)| table)
-}
-
-pub(super) fn optional_table<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
-    deserializer: D,
-) -> Result<Option<T>, D::Error> {
-    table(deserializer).map(Some)
-}
-
-pub(super) fn tables<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
-    Ok(Vec::<Table<T>>::deserialize(deserializer)?.into_iter().map(|Table(entry)| entry).collect())
 }
 
 /// Names the known key or value that is most like an unknown one. serde lists the known ones between backticks.

@@ -21,7 +21,6 @@
 //!
 //! A key that is in the text too, or an array of another name, is rejected. Arrays may be in C or Fortran order.
 
-use super::load::parse_json;
 use super::{Particles, Row, Scene, Springs, Values};
 use crate::error::{Error, Result};
 use crate::memory;
@@ -47,11 +46,11 @@ const ARRAYS: [&str; 7] = [
     "springs.damping",
 ];
 
-/// Reads a scene from arrays; errors call the file `name`.
+/// Reads a scene from arrays, and its text with `parse`; errors call the file `name`.
 ///
 /// # Errors
 /// [`Error::Format`] with the array's name, [`Error::TooLarge`].
-pub(super) fn read(file: impl Read + Seek, name: &Path) -> Result<Scene> {
+pub(super) fn read(file: impl Read + Seek, name: &Path, parse: fn(&str) -> Result<Scene, String>) -> Result<Scene> {
     let wrong = |message: String| Error::Format { file: name.into(), message };
     let mut zip = ZipArchive::new(file).map_err(|error| wrong(error.to_string()))?;
     let text = match zip.index_for_name(&format!("{TEXT}.npy")) {
@@ -60,7 +59,7 @@ pub(super) fn read(file: impl Read + Seek, name: &Path) -> Result<Scene> {
         }
         None => "{}".to_owned(),
     };
-    let mut scene = parse_json(&text).map_err(|message| wrong(format!("{TEXT}: {message}")))?;
+    let mut scene = parse(&text).map_err(|message| wrong(format!("{TEXT}: {message}")))?;
     for index in 0..zip.len() {
         let size = zip.by_index_raw(index).map_or(0, |entry| entry.size());
         // The numbers as stored and as rows of three.

@@ -2,8 +2,7 @@
 //!
 //! The types define what a file may contain; the values are checked when a [`Scene`] is [built](Scene::build).
 
-use super::load::{name, optional_table, some, table, tables};
-use super::values::pairs;
+use super::values::{name, optional_table, pairs, some, table, tables};
 use super::{Flags, Row, Values};
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};

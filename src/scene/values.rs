@@ -1,8 +1,8 @@
-//! Vectors, and quantities of every particle or spring, as a scene file has them.
+//! The values of a scene file: names, vectors, tables, and quantities of every particle or spring.
 
 use nalgebra::Vector3;
-use serde::de::value::SeqAccessDeserializer;
-use serde::de::{self, Deserialize, Deserializer, SeqAccess, Unexpected, Visitor};
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{self, Deserialize, Deserializer, MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Serialize, Serializer};
 use std::fmt;
 use std::marker::PhantomData;
@@ -225,6 +225,65 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for PerItemVisitor<T> {
     fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<PerItem<T>, A::Error> {
         Vec::deserialize(SeqAccessDeserializer::new(list)).map(PerItem::Each)
     }
+}
+
+/// A name that can be the name of a folder.
+pub fn name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    let name = String::deserialize(deserializer)?;
+    match check_name(&name) {
+        Ok(()) => Ok(name),
+        Err(rule) => Err(de::Error::custom(format!("{name:?} {rule}"))),
+    }
+}
+
+pub fn check_name(name: &str) -> Result<(), &'static str> {
+    if name.trim().is_empty() {
+        return Err("must not be empty");
+    }
+    if matches!(name, "." | "..") || name.contains(['/', '\\']) || name.chars().any(char::is_control) {
+        return Err("must do as a folder's name: no path separators, no control characters, not \".\" or \"..\"");
+    }
+    Ok(())
+}
+
+/// An optional value that is present. Null is rejected: programs write it for NaN.
+pub fn some<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {
+    T::deserialize(deserializer).map(Some)
+}
+
+/// A table by its keys. Derived implementations also accept a list of the values in order.
+struct Table<T>(T);
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Table<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct TableVisitor<T>(PhantomData<T>);
+
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for TableVisitor<T> {
+            type Value = T;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a table")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<T, A::Error> {
+                T::deserialize(MapAccessDeserializer::new(map))
+            }
+        }
+
+        deserializer.deserialize_map(TableVisitor(PhantomData)).map(Self)
+    }
+}
+
+pub fn table<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<T, D::Error> {
+    Table::deserialize(deserializer).map(|Table(table)| table)
+}
+
+pub fn optional_table<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {
+    table(deserializer).map(Some)
+}
+
+pub fn tables<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
+    Ok(Vec::<Table<T>>::deserialize(deserializer)?.into_iter().map(|Table(entry)| entry).collect())
 }
 
 #[cfg(test)]
