@@ -5,7 +5,7 @@
 use super::values::{name, optional_table, pairs, some, table, tables};
 use super::{Flags, Row, Values};
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::PathBuf;
@@ -147,8 +147,8 @@ pub struct Path {
 }
 
 /// A coordinate axis by its letter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase", try_from = "String")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum AxisName {
     /// The first coordinate.
     X,
@@ -173,12 +173,24 @@ impl AxisName {
     }
 }
 
-impl TryFrom<String> for AxisName {
-    type Error = String;
+impl<'de> Deserialize<'de> for AxisName {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct AxisVisitor;
 
-    fn try_from(letter: String) -> Result<Self, String> {
-        let axis = Self::ALL.into_iter().find(|axis| axis.letter() == letter);
-        axis.ok_or_else(|| format!("is the text {letter:?}, must be \"x\", \"y\" or \"z\""))
+        impl Visitor<'_> for AxisVisitor {
+            type Value = AxisName;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("\"x\", \"y\" or \"z\"")
+            }
+
+            fn visit_str<E: de::Error>(self, letter: &str) -> Result<AxisName, E> {
+                let axis = AxisName::ALL.into_iter().find(|axis| axis.letter() == letter);
+                axis.ok_or_else(|| E::invalid_value(de::Unexpected::Str(letter), &self))
+            }
+        }
+
+        deserializer.deserialize_str(AxisVisitor)
     }
 }
 

@@ -125,7 +125,8 @@ impl Reader<'_> {
         } else {
             for _ in 0..count {
                 // The entity and its dimension.
-                (self.int()?, self.int()?);
+                self.int()?;
+                self.int()?;
                 if self.int()? != 0.0 {
                     return Err(self.cursor.fault("nodes with parametric coordinates are not read"));
                 }
@@ -170,7 +171,8 @@ impl Reader<'_> {
                 }
                 (true, Some(_)) => (self.int_count()?, self.int_count()?.into(), self.int_count()?),
                 (false, _) => {
-                    (self.int()?, self.int()?);
+                    self.int()?;
+                    self.int()?;
                     (self.int_count()?, self.count()?, 0)
                 }
             };

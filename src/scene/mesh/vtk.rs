@@ -123,8 +123,11 @@ pub fn read(bytes: &[u8]) -> Result<Raw, Fault> {
             "POLYGONS" => reader.cells()?.add(&mut raw, Raw::add_face),
             "TRIANGLE_STRIPS" => reader.cells()?.add(&mut raw, Raw::add_strip),
             "VERTICES" => drop(reader.cells()?),
-            // Up to an empty line.
-            "METADATA" => while !reader.cursor.rest().is_empty() && !reader.cursor.rest_of_line().trim().is_empty() {},
+            "METADATA" => {
+                // Up to an empty line.
+                reader.cursor.rest_of_line();
+                while !reader.cursor.rest_of_line().trim().is_empty() {}
+            }
             "FIELD" => reader.skip_field()?,
             // Attributes come last.
             "POINT_DATA" | "CELL_DATA" => break,
