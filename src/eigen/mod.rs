@@ -172,7 +172,7 @@ impl<'m> BlockLanczos<'m> {
 
     /// Adds a block of random vectors, making room first.
     pub fn refresh(&mut self, apply: &mut Product<'_>) {
-        if self.size > self.block && self.size + self.block > self.basis.ncols() {
+        if self.size > self.block && self.is_full_with(self.block) {
             let (values, vectors) = self.ritz_pairs();
             self.compress(&values, &vectors);
         }
@@ -206,7 +206,7 @@ impl<'m> BlockLanczos<'m> {
             let mut has_grown = false;
             if (0..self.wanted.min(count)).any(|k| is_open(&k)) && self.size < self.n && step < longest {
                 let open: Vec<usize> = (0..count).filter(is_open).take(self.block).collect();
-                if self.size + open.len() > self.basis.ncols() {
+                if self.is_full_with(open.len()) {
                     self.compress(&values, &y);
                 }
                 let mut added = residuals.select_columns(&open);
@@ -229,6 +229,11 @@ impl<'m> BlockLanczos<'m> {
             }
         }
         Vec::new()
+    }
+
+    /// Whether the basis has to shrink before so many vectors join. One with room for a whole basis of the space never has to.
+    fn is_full_with(&self, added: usize) -> bool {
+        self.size + added > self.basis.ncols() && self.basis.ncols() < self.n
     }
 
     /// `MX`, where M is not the identity.
